@@ -1,0 +1,1 @@
+"""Hardware abstraction: backends, twin, safety guard and control loop."""

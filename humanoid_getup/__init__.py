@@ -1,0 +1,1 @@
+"""Getting up: motion database, planner, dynamics filter and command line."""

@@ -1,0 +1,94 @@
+"""Servos: what a servo model can do, and how one servo sits on its joint."""
+
+import math
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+TICKS_PER_TURN = 4096
+RAD_PER_TICK = 2.0 * math.pi / TICKS_PER_TURN
+
+PWM_FULL_SCALE = 885  # counts at 100 % of the supply (e-manual, PWM limit)
+GAIN_DIVISOR = 128  # register value of the P gain per PWM count and tick (e-manual)
+DEFAULT_P_GAIN = 800  # position P gain as shipped
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoModel:
+    """A servo type's figures at its nominal voltage."""
+
+    name: str
+    nominal_voltage: float
+    """Supply at which the figures hold [V]."""
+    stall_torque: float
+    """[N·m]"""
+    stall_current: float
+    """[A]"""
+    no_load_speed: float
+    """[rad/s]"""
+    armature: float
+    """Rotor inertia seen at the horn [kg·m²]."""
+    friction: float
+    """Dry friction at the horn [N·m]."""
+    min_voltage: float
+    """[V]"""
+    max_voltage: float
+    """[V]"""
+
+    @property
+    def motor_constant(self) -> float:
+        """Return volts per rad/s, which is also N·m per ampere of the ideal motor."""
+        return self.nominal_voltage / self.no_load_speed
+
+    @property
+    def resistance(self) -> float:
+        """Return the winding resistance of the ideal motor [ohm]."""
+        return self.motor_constant * self.nominal_voltage / self.stall_torque
+
+    @property
+    def torque_speed_slope(self) -> float:
+        """Return the torque lost per speed to back-EMF [N·m·s/rad]."""
+        return self.stall_torque / self.no_load_speed
+
+    def position_gain(self, p_gain: int = DEFAULT_P_GAIN) -> float:
+        """Compute the stiffness of position mode at nominal voltage [N·m/rad].
+
+        The servo drives ``p_gain / 128`` PWM counts per tick of error, and full
+        PWM gives the stall torque at standstill.
+        """
+        counts_per_rad = p_gain / GAIN_DIVISOR / RAD_PER_TICK
+        return counts_per_rad / PWM_FULL_SCALE * self.stall_torque
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo:
+    """One servo on the bus and how its ticks map to its joint's angle."""
+
+    id: int
+    model: ServoModel
+    sign: int
+    """+1 when more ticks turn the joint in its positive direction, else -1."""
+    zero_ticks: int
+    """Ticks at joint angle 0."""
+
+    def __post_init__(self) -> None:
+        if self.sign not in (-1, 1):
+            raise ValueError(f"servo {self.id}: sign is {self.sign}, allowed -1 or 1")
+        if not 0 <= self.id <= 252:
+            raise ValueError(f"servo id is {self.id}, allowed 0 to 252")
+
+    def to_rad(self, ticks: int) -> float:
+        """Convert encoder ticks to the joint angle [rad]."""
+        return self.sign * (ticks - self.zero_ticks) * RAD_PER_TICK
+
+    def to_ticks(self, angle: float) -> int:
+        """Convert a joint angle [rad] to the nearest encoder tick."""
+        return round(self.sign * angle / RAD_PER_TICK) + self.zero_ticks
+
+
+@cache
+def servo_models() -> dict[str, ServoModel]:
+    """Load the servo types that the package knows, by name."""
+    table = tomllib.loads(files("robots").joinpath("servos.toml").read_text("utf-8"))
+    return {name: ServoModel(name=name, **figures) for name, figures in table.items()}

@@ -1,0 +1,1 @@
+"""Learning and calibration of get-up policies."""

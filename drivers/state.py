@@ -1,0 +1,90 @@
+"""What a robot measures and what it is told, once a control period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots import Robot
+from robots.rotation import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """A measurement: only what a real robot can know."""
+
+    time: float
+    """When it was taken, on the backend's own clock [s]."""
+    joint_pos: Array
+    """Joint angles from the encoders [rad], shape (n,), in the robot's joint order."""
+    joint_vel: Array
+    """Joint speeds [rad/s], shape (n,)."""
+    joint_current: Array
+    """Motor currents, positive when they push in the joint's positive direction [A], shape (n,)."""
+    gyro: Array
+    """Angular velocity in the IMU frame [rad/s], shape (3,)."""
+    orientation: Array
+    """IMU frame to world, unit quaternion w x y z, shape (4,); its yaw is free and drifts."""
+    temperature: Array
+    """Servo temperatures [°C], shape (n,)."""
+    voltage: float
+    """Supply at the servos [V]."""
+
+    @property
+    def is_finite(self) -> bool:
+        """Tell whether every number of the measurement is a number."""
+        return bool(np.isfinite(self._numbers()).all())
+
+    def _numbers(self) -> Array:
+        joints = (self.joint_pos, self.joint_vel, self.joint_current, self.temperature)
+        return np.concatenate(
+            (*joints, self.gyro, self.orientation, (self.time, self.voltage)), dtype=float
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Command:
+    """What every joint shall do for one control period.
+
+    A command may hold anything, NaN too: the guard judges it, not its constructor.
+    """
+
+    joint_pos: Array
+    """Target angles [rad], shape (n,), in the robot's joint order."""
+    gain_scale: Array
+    """Share of each servo's position gain, 0 to 1, shape (n,)."""
+    torque_limit: Array
+    """Largest torque of each servo [N·m], shape (n,); 0 releases the joint."""
+
+    @property
+    def n(self) -> int:
+        """Return the number of joints the command speaks to."""
+        return len(self.joint_pos)
+
+    @property
+    def is_limp(self) -> bool:
+        """Tell whether every joint is released."""
+        return not np.any(self.torque_limit)
+
+    @staticmethod
+    def limp(n: int) -> Command:
+        """Release every joint."""
+        return Command(joint_pos=np.zeros(n), gain_scale=np.ones(n), torque_limit=np.zeros(n))
+
+    @staticmethod
+    def position(
+        robot: Robot, joint_pos: Array, torque_limit: Array | float | None = None
+    ) -> Command:
+        """Send joints to angles with full gain.
+
+        Args:
+            robot: Robot whose servos move.
+            joint_pos: Target angles [rad], shape (n,).
+            torque_limit: Largest torque [N·m], shape (n,) or one for all, never above
+                what the servos have; ``None`` for all that they have.
+        """
+        limit = robot.max_torque
+        if torque_limit is not None:
+            limit = np.minimum(limit, torque_limit)
+        return Command(joint_pos=joint_pos, gain_scale=np.ones(robot.n), torque_limit=limit)

@@ -1,0 +1,168 @@
+"""Building the motion database: from authored key postures to verified motions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.choreography import Choreography, load_choreographies
+from humanoid_getup.improve import Improver
+from humanoid_getup.lying import read_posture
+from humanoid_getup.motion import Motion
+from humanoid_getup.rehearsal import Conditions, Rehearsal, Stage, Trace, place
+from humanoid_getup.scene import load_scene
+from humanoid_getup.standing import HOLD_TIME, is_upright, judge
+from robots import Posture, Robot, rotation
+from robots.rotation import Array
+
+CHOREOGRAPHIES = "choreographies.toml"
+SETTLE_TIME = 1.5  # s
+ENTRY_STRIDE = 12  # frames between the entries that are tried
+ENTRY_BLEND = 0.24  # s in which an entry takes over the motion's load on the servos
+ENTRY_BATCH = 32
+
+ATTITUDES = {
+    "supine": ((0.0, 1.0, 0.0), -math.pi / 2),
+    "prone": ((0.0, 1.0, 0.0), math.pi / 2),
+    "left": ((1.0, 0.0, 0.0), -math.pi / 2),
+    "right": ((1.0, 0.0, 0.0), math.pi / 2),
+    "squat": ((1.0, 0.0, 0.0), 0.0),
+}
+"""Axis and angle of the torso before it settles, by start class."""
+
+
+def build_motion(
+    robot: Robot,
+    choreography: Choreography,
+    *,
+    generations: int,
+    seed: int,
+    report: Callable[[int, float, float], None] = lambda *_: None,
+) -> tuple[Motion, Choreography]:
+    """Improve one choreography and record it as a motion that stands.
+
+    Raises:
+        RuntimeError: if the improved motion does not end in a held stand.
+    """
+    stage = Stage.build(robot, load_scene("flat").build(robot))
+    start = settle(stage, choreography)
+    improver = Improver(stage, start)
+    improved, robust = improver.improve(choreography, generations, seed, report)
+    provenance = {
+        "program": "getup motions build",
+        "seed": seed,
+        "generations": generations,
+        "disturbed_success": robust,
+        "torque_limit": choreography.torque_limit,
+    }
+    return record(stage, improved, start, provenance), improved
+
+
+def settle(stage: Stage, choreography: Choreography) -> Array:
+    """Lay the robot down in the first key posture and wait; return positions (nq,)."""
+    robot, model = stage.robot, stage.model
+    axis, angle = ATTITUDES[choreography.start_class]
+    posture = Posture(
+        position=np.array([0.0, 0.0, 1.0]),
+        orientation=rotation.from_axis_angle(np.array(axis), angle),
+        joint_pos=choreography.keys[0],
+    )
+    qpos = place(robot, model, posture)
+    qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(stage, qpos)
+    cycles = round(SETTLE_TIME / robot.control_period)
+    targets = np.tile(choreography.keys[0], (1, cycles, 1))
+    trace = Rehearsal(stage, 1).play(qpos[None], targets, Conditions.nominal(robot, 1))
+    return trace.qpos[0, -1]
+
+
+def lowest_point(stage: Stage, qpos: Array) -> float:
+    """Measure the height of the robot's lowest point [m]."""
+    model, data = stage.model, mujoco.MjData(stage.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    own = model.geom_bodyid != 0
+    box = model.geom_aabb[own]  # centre and half size in the geom's frame
+    rows = data.geom_xmat[own][:, 6:9]
+    centre = data.geom_xpos[own][:, 2] + np.sum(rows * box[:, :3], axis=1)
+    return float(np.min(centre - np.sum(np.abs(rows) * box[:, 3:], axis=1)))
+
+
+def record(
+    stage: Stage, choreography: Choreography, start: Array, provenance: dict[str, str | float | int]
+) -> Motion:
+    """Play a choreography once, undisturbed at full torque, and keep what happened.
+
+    Raises:
+        RuntimeError: if it does not end in a held stand.
+    """
+    robot, period = stage.robot, stage.robot.control_period
+    targets = choreography.targets(robot, HOLD_TIME + 1.0)
+    trace = Rehearsal(stage, 1).play(start[None], targets[None], Conditions.nominal(robot, 1))
+    stand = judge(is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)[0], period)
+    if not stand.stood:
+        raise RuntimeError(f"motion '{choreography.name}' does not end in a held stand")
+    moving = len(targets) - round((HOLD_TIME + 0.5) / period)
+    postures = [read_posture(robot, stage.model, q) for q in trace.qpos[0, :moving]]
+    motion = Motion(
+        name=choreography.name,
+        robot=robot.name,
+        start_class=choreography.start_class,  # type: ignore[arg-type]
+        strategy=choreography.strategy,
+        time=np.arange(moving) * period,
+        position=np.array([p.position for p in postures]),
+        orientation=np.array([p.orientation for p in postures]),
+        joint_pos=np.array([p.joint_pos for p in postures]),
+        joint_target=targets[:moving],
+        provenance={**provenance, "stand_time_s": stand.start_time},
+    )
+    return with_entries(stage, motion)
+
+
+def with_entries(stage: Stage, motion: Motion) -> Motion:
+    """Mark the frames from which the rest of a motion, started at rest, still stands."""
+    frames = np.arange(0, len(motion.time), ENTRY_STRIDE)
+    entry = np.zeros(len(motion.time), dtype=bool)
+    for first in range(0, len(frames), ENTRY_BATCH):
+        some = frames[first : first + ENTRY_BATCH]
+        entry[some] = _stands_from(stage, motion, some)
+    fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
+    return Motion(**{**fields, "entry": entry})
+
+
+def _stands_from(stage: Stage, motion: Motion, frames: np.ndarray) -> np.ndarray:
+    robot, period = stage.robot, stage.robot.control_period
+    plays = [enter(motion, int(frame), period) for frame in frames]
+    length = max(map(len, plays)) + round(HOLD_TIME / period)
+    targets = np.array([np.concatenate([p, np.repeat(p[-1:], length - len(p), 0)]) for p in plays])
+    starts = np.array([place(robot, stage.model, motion.posture(int(f))) for f in frames])
+    limits = Conditions.nominal(robot, len(frames))
+    trace: Trace = Rehearsal(stage, len(frames)).play(starts, targets, limits)
+    upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+    return np.array([judge(u, period).stood for u in upright])
+
+
+def enter(motion: Motion, frame: int, period: float) -> Array:
+    """Compute the targets that join a motion at a frame from rest there, (T, n).
+
+    The load that the motion puts on the servos there, its targets' lead over its
+    angles, comes in smoothly.
+    """
+    time = np.arange(motion.time[frame], motion.time[-1] + 0.5 * period, period)
+    share = np.clip((time - time[0]) / ENTRY_BLEND, 0.0, 1.0)[:, None]
+    share = share * share * (3.0 - 2.0 * share)
+    lead = motion.joint_target[frame] - motion.joint_pos[frame]
+    return motion.sample(time) - (1.0 - share) * lead
+
+
+def load_authored(robot: Robot) -> list[Choreography]:
+    """Load the choreographies of a robot's folder."""
+    return load_choreographies(robot.folder / CHOREOGRAPHIES, robot)
+
+
+def motion_file(folder: Path, name: str) -> Path:
+    """Return where a motion of a robot is kept."""
+    return folder / "motions" / f"{name}.npz"

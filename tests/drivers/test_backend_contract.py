@@ -1,0 +1,149 @@
+"""What every backend promises. A new backend joins ``BACKENDS`` and passes it all."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from drivers import Backend, Command, SafetyGuard, Twin
+from drivers.errors import CommandError, NotConnectedError
+from drivers.servo_sensors import CURRENT_STEP
+from robots import Robot
+
+Make = Callable[[Robot], Backend]
+BACKENDS: dict[str, Make] = {
+    "twin": Twin,
+    "guarded twin": lambda robot: SafetyGuard(Twin(robot)),
+}
+
+
+@pytest.fixture(params=BACKENDS)
+def backend(request: pytest.FixtureRequest, tiny: Robot) -> Backend:
+    return BACKENDS[request.param](tiny)
+
+
+def turn(backend: Backend, command: Command, cycles: int = 1) -> Command:
+    """Run some periods of one command; return what the last one sent."""
+    for _ in range(cycles):
+        backend.read()
+        sent = backend.write(command)
+    return sent
+
+
+def test_it_is_a_backend(backend: Backend, tiny: Robot):
+    assert isinstance(backend, Backend)
+    assert backend.robot is tiny
+    assert backend.period == 0.008
+
+
+def test_a_measurement_is_whole_finite_and_of_the_robots_shape(backend: Backend):
+    with backend:
+        state = backend.read()
+    n = backend.robot.n
+    for name in ("joint_pos", "joint_vel", "joint_current", "temperature"):
+        assert getattr(state, name).shape == (n,), name
+    assert state.gyro.shape == (3,)
+    assert np.linalg.norm(state.orientation) == pytest.approx(1.0)
+    assert state.is_finite
+
+
+def test_each_period_moves_the_clock_by_one_period(backend: Backend):
+    with backend:
+        times = []
+        for _ in range(4):
+            times.append(backend.read().time)
+            backend.write(Command.limp(backend.robot.n))
+    assert np.diff(times) == pytest.approx([backend.period] * 3)
+
+
+def test_reading_twice_in_a_period_is_one_measurement(backend: Backend):
+    with backend:
+        first, second = backend.read(), backend.read()
+    assert first.time == second.time
+    assert np.array_equal(first.joint_pos, second.joint_pos)
+
+
+def test_a_measurement_does_not_change_after_it_was_taken(backend: Backend):
+    with backend:
+        state = backend.read()
+        before = [np.copy(value) for value in vars(state).values()]
+        turn(backend, Command.position(backend.robot, np.array([0.3, -0.3])), 20)
+        later = list(vars(state).values())
+    assert all(np.array_equal(a, b) for a, b in zip(before, later, strict=True))
+
+
+def test_a_sound_command_is_sent_as_it_is(backend: Backend):
+    command = Command(
+        joint_pos=np.array([0.01, -0.01]),
+        gain_scale=np.array([0.5, 1.0]),
+        torque_limit=np.array([1.0, 2.0]),
+    )
+    with backend:
+        sent = turn(backend, command)
+    assert np.array_equal(sent.joint_pos, command.joint_pos)
+    assert np.array_equal(sent.gain_scale, command.gain_scale)
+    assert np.array_equal(sent.torque_limit, command.torque_limit)
+
+
+def test_the_robot_goes_where_it_is_sent(backend: Backend):
+    target = np.array([0.2, -0.2])
+    with backend:
+        turn(backend, Command.position(backend.robot, target), 60)
+        reached = backend.read().joint_pos
+    assert reached == pytest.approx(target, abs=0.05)
+
+
+def test_no_servo_exceeds_its_torque_limit(backend: Backend):
+    # 1.783 N·m/A: 4.1 N·m at 2.3 A, the stall figures.
+    command = Command.position(backend.robot, np.array([1.0, -1.0]), torque_limit=0.2)
+    with backend:
+        for _ in range(30):
+            turn(backend, command)
+            torque = backend.read().joint_current * 4.1 / 2.3
+            assert np.all(np.abs(torque) <= 0.2 + CURRENT_STEP * 4.1 / 2.3)
+    assert np.abs(torque).max() > 0.1, "the limit was never reached: the test shows nothing"
+
+
+def test_a_limp_robot_makes_no_torque(backend: Backend):
+    with backend:
+        turn(backend, Command.position(backend.robot, np.array([0.5, -0.5])), 5)
+        assert np.any(backend.read().joint_current != 0.0)
+        assert turn(backend, Command.limp(backend.robot.n)).is_limp
+        assert np.all(backend.read().joint_current == 0.0)
+
+
+def test_a_command_that_is_no_command_moves_nothing(backend: Backend):
+    bad = Command.position(backend.robot, np.array([np.nan, 0.0]))
+    with backend:
+        try:
+            assert turn(backend, bad).is_limp
+        except CommandError as error:
+            assert "nan" in str(error)
+
+
+def test_without_a_connection_it_refuses_to_work(backend: Backend):
+    with pytest.raises(NotConnectedError):
+        backend.read()
+    with backend:
+        backend.read()
+    with pytest.raises(NotConnectedError):
+        backend.write(Command.limp(backend.robot.n))
+
+
+def test_connecting_and_closing_twice_is_harmless(backend: Backend):
+    backend.connect()
+    backend.connect()
+    assert backend.read().is_finite
+    backend.close()
+    backend.close()
+
+
+def test_an_error_inside_the_block_leaves_the_robot_limp(backend: Backend):
+    with pytest.raises(ZeroDivisionError), backend:
+        turn(backend, Command.position(backend.robot, np.array([0.5, -0.5])), 5)
+        raise ZeroDivisionError
+    with backend:
+        # A new connection is limp until it is told otherwise.
+        backend.read()
+        assert turn(backend, Command.limp(backend.robot.n)).is_limp
+        assert np.all(backend.read().joint_current == 0.0)

@@ -13,6 +13,7 @@ from humanoid_getup.choreography import Choreography, load_choreographies
 from humanoid_getup.improve import Improver
 from humanoid_getup.lying import read_posture
 from humanoid_getup.motion import Motion
+from humanoid_getup.reference import join
 from humanoid_getup.rehearsal import Conditions, Rehearsal, Stage, Trace, place
 from humanoid_getup.scene import load_scene
 from humanoid_getup.standing import HOLD_TIME, is_upright, judge
@@ -22,7 +23,6 @@ from robots.rotation import Array
 CHOREOGRAPHIES = "choreographies.toml"
 SETTLE_TIME = 1.5  # s
 ENTRY_STRIDE = 12  # frames between the entries that are tried
-ENTRY_BLEND = 0.24  # s in which an entry takes over the motion's load on the servos
 ENTRY_BATCH = 32
 
 ATTITUDES = {
@@ -106,7 +106,8 @@ def record(
     if not stand.stood:
         raise RuntimeError(f"motion '{choreography.name}' does not end in a held stand")
     moving = len(targets) - round((HOLD_TIME + 0.5) / period)
-    postures = [read_posture(robot, stage.model, q) for q in trace.qpos[0, :moving]]
+    went = np.concatenate([start[None], trace.qpos[0, : moving - 1]])  # at the time of each target
+    postures = [read_posture(robot, stage.model, q) for q in went]
     motion = Motion(
         name=choreography.name,
         robot=robot.name,
@@ -135,7 +136,7 @@ def with_entries(stage: Stage, motion: Motion) -> Motion:
 
 def _stands_from(stage: Stage, motion: Motion, frames: np.ndarray) -> np.ndarray:
     robot, period = stage.robot, stage.robot.control_period
-    plays = [enter(motion, int(frame), period) for frame in frames]
+    plays = [join(motion, int(k), motion.joint_pos[k], period) for k in frames]
     length = max(map(len, plays)) + round(HOLD_TIME / period)
     targets = np.array([np.concatenate([p, np.repeat(p[-1:], length - len(p), 0)]) for p in plays])
     starts = np.array([place(robot, stage.model, motion.posture(int(f))) for f in frames])
@@ -143,19 +144,6 @@ def _stands_from(stage: Stage, motion: Motion, frames: np.ndarray) -> np.ndarray
     trace: Trace = Rehearsal(stage, len(frames)).play(starts, targets, limits)
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
     return np.array([judge(u, period).stood for u in upright])
-
-
-def enter(motion: Motion, frame: int, period: float) -> Array:
-    """Compute the targets that join a motion at a frame from rest there, (T, n).
-
-    The load that the motion puts on the servos there, its targets' lead over its
-    angles, comes in smoothly.
-    """
-    time = np.arange(motion.time[frame], motion.time[-1] + 0.5 * period, period)
-    share = np.clip((time - time[0]) / ENTRY_BLEND, 0.0, 1.0)[:, None]
-    share = share * share * (3.0 - 2.0 * share)
-    lead = motion.joint_target[frame] - motion.joint_pos[frame]
-    return motion.sample(time) - (1.0 - share) * lead
 
 
 def load_authored(robot: Robot) -> list[Choreography]:

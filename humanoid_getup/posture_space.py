@@ -20,7 +20,7 @@ SPAN = math.radians(15.0)  # of a blossom, each degree of freedom [Lin12], secti
 STEP_ORIENTATION = 0.25  # epsilon_q, in dis_Q
 STEP_JOINTS = 1.2  # epsilon_e, in dis_V
 STEP_POSITION = 0.05  # m
-RESOLUTION = 0.08  # rad; the checks along an edge are no further apart
+RESOLUTION = 0.03  # rad; the checks along an edge are no further apart
 SPREAD = 0.3  # in dis_Q, of sampled orientations around the way from start to goal
 SMALL = 1e-9  # rad or m; less is nothing
 
@@ -144,15 +144,23 @@ class PostureProblem:
 
     def interpolate(self, a: Array, b: Array, resolution: float | None = None) -> Array:
         """Compute the postures from ``a``, left out, to ``b``, (K, 4 + n), evenly apart."""
-        cosine = float(a[:4] @ b[:4])
-        half = math.acos(min(abs(cosine), 1.0))
+        half = math.acos(min(abs(float(a[:4] @ b[:4])), 1.0))
         reach = max(float(np.abs(b[4:] - a[4:]).max()), 2.0 * half)
         count = max(1, math.ceil(reach / (resolution or self.resolution)))
-        share = np.arange(1, count + 1)[:, None] / count
+        nodes = self.blend(a, b, np.arange(1, count + 1) / count)
+        nodes[-1] = b
+        return nodes
+
+    def blend(self, a: Array, b: Array, share: Array) -> Array:
+        """Compute the postures at shares (K,) of the way from ``a`` to ``b``, (K, 4 + n)."""
+        share = share[:, None]
+        cosine = float(a[:4] @ b[:4])
+        if cosine < 0.0:  # -q is the same orientation, on the shorter arc
+            b = np.concatenate([-b[:4], b[4:]])
         nodes = a + share * (b - a)
+        half = math.acos(min(abs(cosine), 1.0))
         if half > SMALL:
-            end = math.copysign(1.0, cosine) * b[:4]
-            nodes[:, :4] = np.sin((1.0 - share) * half) * a[:4] + np.sin(share * half) * end
+            nodes[:, :4] = np.sin((1.0 - share) * half) * a[:4] + np.sin(share * half) * b[:4]
             nodes[:, :4] /= math.sin(half)
         return nodes
 

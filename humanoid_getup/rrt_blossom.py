@@ -73,9 +73,12 @@ class SearchResult:
     """How and where a search ended."""
 
     status: PlanStatus
-    reason: str
+    reason: str = ""
     """What spent the budget; empty when solved."""
     nodes: int
+    """In both trees."""
+    edges: int
+    """Tried."""
     path: list[Array] = field(default_factory=list)
     """From start to goal, both included; empty unless solved."""
 
@@ -214,9 +217,13 @@ class _Search:
     def _result(self) -> SearchResult:
         nodes = sum(len(tree) for tree in self.trees)
         if self.meeting is None:
-            return SearchResult(status=PlanStatus.BUDGET_SPENT, reason=self._spent(), nodes=nodes)
-        there, back = (
-            tree.path(node) for tree, node in zip(self.trees, self.meeting, strict=True)
+            status, reason, path = PlanStatus.BUDGET_SPENT, self._spent(), []
+        else:
+            status, reason = PlanStatus.SOLVED, ""
+            there, back = (
+                tree.path(node) for tree, node in zip(self.trees, self.meeting, strict=True)
+            )
+            path = there + back[::-1]
+        return SearchResult(
+            status=status, reason=reason, nodes=nodes, edges=self.edges, path=path
         )
-        path = there + back[::-1]
-        return SearchResult(status=PlanStatus.SOLVED, reason="", nodes=nodes, path=path)

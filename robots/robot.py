@@ -226,7 +226,9 @@ def load_robot(name_or_folder: str | Path) -> Robot:
 
 
 def _explain(error: Exception) -> str:
-    return f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
+    text = " ".join(str(error.args[0] if error.args else error).split())
+    is_key = isinstance(error, KeyError) and " " not in text  # MuJoCo's KeyErrors are sentences
+    return f"{text} is missing" if is_key else text
 
 
 def _build_robot(folder: Path, table: dict[str, Any]) -> Robot:

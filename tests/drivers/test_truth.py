@@ -33,6 +33,8 @@ def test_a_standing_op3_stands(op3):
             twin.write(command)
             assert not twin.truth.foreign_contact
     assert math.degrees(twin.truth.tilt) < 5.0
+    # The facts' own simulation of this stance settles with the hips at 0.256 m.
+    assert twin.truth.posture.position[2] == pytest.approx(0.256, abs=2e-3)
     assert twin.truth.neck_height > 0.95 * op3.standing_neck_height
     assert {touch.body for touch in twin.truth.list_world_contacts()} == {
         "l_ank_roll_link",

@@ -1,0 +1,173 @@
+"""References: what the filter makes the robot follow, from the lying posture to the stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.motion import Motion
+from humanoid_getup.rehearsal import Stage
+from robots import Posture, rotation
+from robots.rotation import Array
+
+BLEND = 0.32  # s in which the motion's load on the servos comes in
+
+
+@dataclass(frozen=True, kw_only=True)
+class Path:
+    """A smooth, timed path of postures; a plan's end product."""
+
+    time: Array
+    """[s], shape (T,), one sample a control period."""
+    position: Array
+    """Root position in the world [m], (T, 3)."""
+    orientation: Array
+    """Root orientation in the world, (T, 4)."""
+    joint_pos: Array
+    """[rad], (T, n)"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """Targets to send and where the centre of mass should be meanwhile."""
+
+    target: Array
+    """Joint targets [rad], one a control period, (T, n)."""
+    com: Array
+    """Centre of mass in the world [m], (T, 3)."""
+    joined: int
+    """Cycle at which the database motion begins."""
+    begins: int = 0
+    """Cycle at which the path begins; before it the targets are an earlier try's."""
+
+    def after(self, target: Array) -> Reference:
+        """Put an earlier try's targets (T, n) before this reference."""
+        waiting = np.repeat(self.com[:1], len(target), axis=0)
+        return Reference(
+            target=np.concatenate([target, self.target]),
+            com=np.concatenate([waiting, self.com]),
+            joined=self.joined + len(target),
+            begins=len(target),
+        )
+
+
+def straight_path(start: Posture, goal: Posture, speed: float, period: float) -> Path:
+    """Interpolate two postures straight, at constant joint speed: a path without a plan."""
+    travel = float(np.max(np.abs(goal.joint_pos - start.joint_pos), initial=0.0))
+    steps = max(2, round(travel / speed / period))
+    share = np.linspace(0.0, 1.0, steps + 1)
+    return Path(
+        time=share * steps * period,
+        position=start.position + share[:, None] * (goal.position - start.position),
+        orientation=rotation.slerp(start.orientation[None], goal.orientation[None], share),
+        joint_pos=start.joint_pos + share[:, None] * (goal.joint_pos - start.joint_pos),
+    )
+
+
+def align(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
+    """Turn and shift a motion so that its frame has a posture's place and heading.
+
+    Returns positions (T, 3) and orientations (T, 4).
+    """
+    yaw = best_yaw(motion.orientation[frame], posture.orientation)
+    turn = rotation.from_yaw(yaw)
+    offset = motion.position - motion.position[frame]
+    position = rotation.rotate(turn, offset)
+    position[:, :2] += posture.position[:2]
+    position[:, 2] = motion.position[:, 2]
+    return position, rotation.multiply(turn, motion.orientation)
+
+
+def best_yaw(orientation: Array, target: Array) -> float:
+    """Compute the turn about the vertical that brings one orientation nearest to another."""
+    d = rotation.multiply(target, rotation.inverse(orientation))
+    return 2.0 * float(np.arctan2(d[3], d[0]))
+
+
+def compose(stage: Stage, path: Path, motion: Motion, frame: int, tempo: float = 1.0) -> Reference:
+    """Chain a path and the rest of a motion into one reference, lying to stand.
+
+    On the path the servos are led by their back-EMF: a position servo that follows a
+    speed v stays ``(K²/R) / kp * v`` behind its target. This is velocity-driven tracking
+    for position servos: v_d = v_ref + (kp R / K²) (q_ref - q). In the motion, the lead
+    is the motion's own, blended in over the seam.
+
+    Args:
+        stage: Robot and scene.
+        path: From the lying posture to the connecting one.
+        motion: Motion to join.
+        frame: Where to join it.
+        tempo: Speed of the path as a share of its own.
+    """
+    robot, period = stage.robot, stage.robot.control_period
+    path = resample(path, tempo, period)
+    speed = np.gradient(path.joint_pos, period, axis=0) if len(path.time) > 1 else 0.0
+    lag = robot.torque_speed_slope / robot.position_gain
+    approach = path.joint_pos + lag * speed
+    position, orientation = align(motion, frame, posture_at(path, -1))
+    joined = join(motion, frame, path.joint_pos[-1], period)
+    rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
+    com_path = centre_of_mass(stage, path.position, path.orientation, path.joint_pos)
+    com_motion = centre_of_mass(stage, position[rows], orientation[rows], motion.joint_pos[rows])
+    return Reference(
+        target=np.concatenate([approach, joined]),
+        com=np.concatenate([com_path, com_motion]),
+        joined=len(approach),
+    )
+
+
+def join(motion: Motion, frame: int, joint_pos: Array, period: float) -> Array:
+    """Compute the targets that take a motion up at a frame, (T, n).
+
+    What the motion's targets lead the joint angles ``joint_pos`` by at first, which is
+    the load on the servos there, comes in smoothly.
+    """
+    time = np.arange(motion.time[frame], motion.time[-1] + 0.5 * period, period)
+    share = np.clip((time - time[0]) / BLEND, 0.0, 1.0)[:, None]
+    share = share * share * (3.0 - 2.0 * share)
+    return motion.sample(time) - (1.0 - share) * (motion.joint_target[frame] - joint_pos)
+
+
+def resample(path: Path, tempo: float, period: float) -> Path:
+    """Play a path faster or slower, sampled at the control period again."""
+    if tempo == 1.0:
+        return path
+    duration = path.time[-1] / tempo
+    time = np.linspace(0.0, duration, max(2, round(duration / period) + 1))
+    at = time * tempo
+    columns = [
+        np.stack([np.interp(at, path.time, column) for column in array.T], axis=1)
+        for array in (path.position, path.orientation, path.joint_pos)
+    ]
+    return Path(
+        time=time,
+        position=columns[0],
+        orientation=rotation.normalise(columns[1]),
+        joint_pos=columns[2],
+    )
+
+
+def posture_at(path: Path, row: int) -> Posture:
+    """Return a path's posture at a row."""
+    return Posture(
+        position=path.position[row],
+        orientation=path.orientation[row],
+        joint_pos=path.joint_pos[row],
+    )
+
+
+def centre_of_mass(stage: Stage, position: Array, orientation: Array, joint_pos: Array) -> Array:
+    """Compute the centre of mass of postures (T, ...) in the world [m], (T, 3)."""
+    model, data = stage.model, mujoco.MjData(stage.model)
+    layout = stage.robot.layout(model)
+    root, out = layout.root_qpos, np.zeros((len(joint_pos), 3))
+    for k in range(len(joint_pos)):
+        data.qpos[root : root + 3] = position[k]
+        data.qpos[root + 3 : root + 7] = orientation[k]
+        data.qpos[layout.qpos] = joint_pos[k]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        out[k] = data.subtree_com[layout.torso]
+    return out

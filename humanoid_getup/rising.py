@@ -1,0 +1,276 @@
+"""Planning a rise: from a lying posture to a motion that rehearsals end standing."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from humanoid_getup.database import Connection, MotionDatabase
+from humanoid_getup.dynamics_filter import Candidate, DynamicsFilter, Rehearsed
+from humanoid_getup.lying import read_posture
+from humanoid_getup.motion import Motion
+from humanoid_getup.reference import Path, straight_path
+from humanoid_getup.rehearsal import Stage
+from robots import Posture, rotation
+from robots.rotation import Array
+
+STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
+TEMPOS = (1.0, 0.6)
+ENOUGH = 0.8  # share of the disturbed rehearsals that must stand to stop searching
+FINALISTS = 2  # rehearsals of a round that are checked
+MORE_CONNECTIONS = 3
+SECOND_TRIES = 2  # rounds that go on from where the tries before ended
+LIE_DOWN = 0.6  # s after a failed try until the next path begins
+
+
+class RiseStatus(Enum):
+    """How the planning of a rise ended."""
+
+    STOOD = "a rehearsal ends in a held stand"
+    NOT_PLANNED = "no path to any connecting posture"
+    FELL = "no rehearsal ends in a held stand"
+    UNREHEARSED = "planned, but not filtered"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseOptions:
+    """Which halves of the method to use, and within what."""
+
+    planning: bool = True
+    """False: straight interpolation to the connecting posture."""
+    filtering: bool = True
+    """False: the smoothed path and the motion are handed out as they are."""
+    torque_limit: float | None = None
+    """Cap on every servo [N·m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RisePlan:
+    """The answer to how a robot gets up from where it lies."""
+
+    status: RiseStatus
+    reason: str
+    motion: Motion | None
+    """From the lying posture to the stand, ready to be played."""
+    connection: Connection | None
+    planned: bool
+    """Whether a path to a connecting posture was found."""
+    stand_time: float
+    """Start to held stand in the rehearsal [s]; nan without one."""
+    robust: float
+    """Share of the disturbed rehearsals that stood; nan without any."""
+    rehearsals: int
+    rounds: int
+    plan_s: float
+    """Wall time of selection, planning and smoothing up to the first path [s]."""
+    filter_s: float
+    """Wall time of everything after it [s]."""
+
+
+@dataclass
+class _Search:
+    """What a search for a rise has found so far."""
+
+    start: Posture
+    rng: np.random.Generator
+    tried: list[Rehearsed]
+    best: Rehearsed | None = None
+    robust: float = float("nan")
+    rounds: int = 0
+    planned: bool = False
+
+
+class RisePlanner:
+    """Plans rises of one robot in one scene."""
+
+    def __init__(self, stage: Stage, database: MotionDatabase, options: RiseOptions) -> None:
+        self.stage, self.database, self.options = stage, database, options
+        self.filter = DynamicsFilter(stage, torque_limit=options.torque_limit)
+
+    def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+        """Plan a rise from a posture at rest.
+
+        The nearest connecting posture first; where no rehearsal of it stands, further
+        motions; where none of those does, from where the robot lies after them.
+        """
+        began = time.perf_counter()
+        connections = self.database.select(start, 1 + MORE_CONNECTIONS)
+        search = _Search(start, rng, [])
+        first = self._approach(start, connections[0], rng)
+        plan_s = time.perf_counter() - began
+        began = time.perf_counter()
+        if not self.options.filtering:
+            return self._hand_out_raw(start, connections[0], first, plan_s)
+        already = self.filter.count
+        if first is not None:
+            search.planned = True
+            self._round(search, [
+                Candidate(path=first, connection=connections[0], tempo=tempo, assistance=share)
+                for tempo in TEMPOS for share in (1.0, 0.0)
+            ])
+        if not self._is_done(search):
+            self._try_others(search, connections[1:])
+        for _ in range(SECOND_TRIES):
+            if search.best is None:
+                self._try_again(search)
+        filter_s = time.perf_counter() - began
+        return self._conclude(search, self.filter.count - already, plan_s, filter_s)
+
+    def _approach(
+        self, start: Posture, connection: Connection, rng: np.random.Generator
+    ) -> Path | None:
+        """Find a smooth path to a connecting posture."""
+        if not self.options.planning:
+            period = self.stage.robot.control_period
+            return straight_path(start, connection.posture, STRAIGHT_SPEED, period)
+        raise NotImplementedError
+
+    def _is_done(self, search: _Search) -> bool:
+        return search.best is not None and search.robust >= ENOUGH
+
+    def _try_others(self, search: _Search, connections: list[Connection]) -> None:
+        """Rehearse further motions from the start."""
+        candidates = []
+        for connection in connections:
+            path = self._approach(search.start, connection, search.rng)
+            if path is not None:
+                search.planned = True
+                candidates += [
+                    Candidate(path=path, connection=connection, tempo=tempo) for tempo in TEMPOS
+                ]
+        if candidates:
+            self._round(search, candidates)
+
+    def _try_again(self, search: _Search) -> None:
+        """Go on from where failed tries left the robot lying."""
+        candidates = []
+        for failed in _sample_ends(search.tried, self.stage.robot.control_period):
+            end = read_posture(self.stage.robot, self.stage.model, failed.qpos[-1])
+            for connection in self.database.select(end, 2):
+                path = self._approach(end, connection, search.rng)
+                if path is not None:
+                    candidates.append(
+                        Candidate(path=path, connection=connection, before=failed.target)
+                    )
+        if candidates:
+            self._round(search, candidates)
+
+    def _round(self, search: _Search, candidates: list[Candidate]) -> None:
+        """Rehearse candidates; check the quickest that stood against disturbances."""
+        search.rounds += 1
+        rehearsed = self.filter.rehearse(search.start, candidates)
+        search.tried = [r for r in rehearsed if not r.stood] or search.tried
+        standing = sorted((r for r in rehearsed if r.stood), key=lambda r: r.stand_time)
+        for finalist in standing[:FINALISTS]:
+            share = self.filter.check(search.start, finalist.target, search.rng)
+            if search.best is None or share > search.robust:
+                search.best, search.robust = finalist, share
+            if share >= ENOUGH:
+                return
+
+    def _conclude(
+        self, search: _Search, rehearsals: int, plan_s: float, filter_s: float
+    ) -> RisePlan:
+        best = search.best
+        if best is not None:
+            status, reason = RiseStatus.STOOD, RiseStatus.STOOD.value
+        elif not search.planned:
+            status, reason = RiseStatus.NOT_PLANNED, RiseStatus.NOT_PLANNED.value
+        else:
+            status = RiseStatus.FELL
+            highest = max(r.peak_neck for r in search.tried)
+            share = highest / self.stage.robot.standing_neck_height
+            reason = f"{status.value}: {rehearsals} tried, the best brought the neck to {share:.0%}"
+        return RisePlan(
+            status=status,
+            reason=reason,
+            motion=None if best is None else self._to_motion(search.start, best),
+            connection=None if best is None else best.candidate.connection,
+            planned=search.planned,
+            stand_time=float("nan") if best is None else best.stand_time,
+            robust=search.robust,
+            rehearsals=rehearsals,
+            rounds=search.rounds,
+            plan_s=plan_s,
+            filter_s=filter_s,
+        )
+
+    def _to_motion(self, start: Posture, rehearsed: Rehearsed) -> Motion:
+        """Make a motion of where a rehearsal went and what it sent."""
+        robot, count = self.stage.robot, rehearsed.moving
+        went = [start] + [
+            read_posture(robot, self.stage.model, q) for q in rehearsed.qpos[: count - 1]
+        ]
+        joined = rehearsed.candidate.connection.motion
+        return Motion(
+            name=f"rise_by_{joined.name}",
+            robot=robot.name,
+            start_class=joined.start_class,
+            strategy=joined.strategy,
+            time=np.arange(count) * robot.control_period,
+            position=np.array([p.position for p in went]),
+            orientation=np.array([p.orientation for p in went]),
+            joint_pos=np.array([p.joint_pos for p in went]),
+            joint_target=rehearsed.target[:count],
+            provenance={"program": "getup rise", "connection": joined.name},
+        )
+
+    def _hand_out_raw(
+        self, start: Posture, connection: Connection, path: Path | None, plan_s: float
+    ) -> RisePlan:
+        """Hand the smoothed path and the motion out without any physics."""
+        plan = RisePlan(
+            status=RiseStatus.NOT_PLANNED,
+            reason=RiseStatus.NOT_PLANNED.value,
+            motion=None,
+            connection=connection,
+            planned=path is not None,
+            stand_time=float("nan"),
+            robust=float("nan"),
+            rehearsals=0,
+            rounds=0,
+            plan_s=plan_s,
+            filter_s=0.0,
+        )
+        if path is None:
+            return plan
+        motion = chain(self.stage, start, path, connection)
+        status = RiseStatus.UNREHEARSED
+        return replace(plan, status=status, reason=status.value, motion=motion)
+
+
+def chain(stage: Stage, start: Posture, path: Path, connection: Connection) -> Motion:
+    """Play a path's angles and then the motion's own targets, as they are."""
+    robot, joined, frame = stage.robot, connection.motion, connection.frame
+    count = len(path.time)
+    turned = rotation.normalise(np.concatenate([path.orientation, joined.orientation[frame:]]))
+    angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
+    return Motion(
+        name=f"path_to_{joined.name}",
+        robot=robot.name,
+        start_class=joined.start_class,
+        strategy=joined.strategy,
+        time=np.arange(len(angles)) * robot.control_period,
+        position=np.concatenate([path.position, joined.position[frame:]]),
+        orientation=turned,
+        joint_pos=angles,
+        joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
+        provenance={"program": "getup rise", "connection": joined.name, "path_frames": count},
+    )
+
+
+def _sample_ends(tried: list[Rehearsed], period: float) -> list[Rehearsed]:
+    """Take up to three failed tries that ended lying differently, cut where they lie still."""
+    ends: list[Rehearsed] = []
+    gravity: list[Array] = []
+    for rehearsed in tried:
+        length = min(rehearsed.moving + round(LIE_DOWN / period), len(rehearsed.target))
+        cut = replace(rehearsed, target=rehearsed.target[:length], qpos=rehearsed.qpos[:length])
+        direction = rotation.gravity_in_body(cut.qpos[-1, 3:7])
+        if all(direction @ other < 0.8 for other in gravity):
+            ends.append(cut)
+            gravity.append(direction)
+    return ends[:3]

@@ -1,0 +1,163 @@
+"""The OP3's own description: its facts, its symmetry, its stance."""
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots import Posture, load_robot, rotation
+
+FACTS_FILE = Path(__file__).parents[2].parent / "shared" / "robots" / "op3.json"
+OP3 = load_robot("op3")
+MODEL = OP3.spec().compile()
+SIDES = {"l": "r", "r": "l"}
+
+
+@pytest.fixture(scope="module")
+def facts():
+    if not FACTS_FILE.is_file():
+        pytest.skip("the robot facts (shared/robots/op3.json) are not beside this checkout")
+    return json.loads(FACTS_FILE.read_text("utf-8"))
+
+
+def configured(posture: Posture) -> mujoco.MjData:
+    """The model's kinematics in a posture."""
+    data, layout = mujoco.MjData(MODEL), OP3.layout(MODEL)
+    data.qpos[layout.root_qpos :][:3] = posture.position
+    data.qpos[layout.root_qpos + 3 :][:4] = posture.orientation
+    data.qpos[layout.qpos] = posture.joint_pos
+    mujoco.mj_forward(MODEL, data)
+    return data
+
+
+@st.composite
+def postures(draw):
+    numbers = st.floats(-1.0, 1.0)
+    share = np.array(draw(st.lists(st.floats(0.0, 1.0), min_size=OP3.n, max_size=OP3.n)))
+    q = np.array(draw(st.lists(numbers, min_size=4, max_size=4)))
+    q[0] += 0.01
+    q = q if np.linalg.norm(q) > 0.1 else rotation.IDENTITY
+    return Posture(
+        position=np.array(draw(st.lists(numbers, min_size=3, max_size=3))),
+        orientation=rotation.normalise(q),
+        joint_pos=OP3.lower + share * (OP3.upper - OP3.lower),
+    )
+
+
+def test_bodies_have_the_facts_masses_and_inertias(facts):
+    assert len(facts["bodies"]) == MODEL.nbody - 1
+    for body in facts["bodies"]:
+        view = MODEL.body(body["name"])
+        assert view.mass[0] == pytest.approx(body["mass"]), body["name"]
+        assert view.ipos == pytest.approx(body["com"], abs=1e-9), body["name"]
+        principal = sorted(view.inertia, reverse=True)
+        assert principal == pytest.approx(body["inertia_principal_sorted"], rel=1e-3)
+        if body["parent"] != "world":
+            assert MODEL.body(view.parentid[0]).name == body["parent"]
+            assert view.pos == pytest.approx(body["pos"], abs=1e-9), body["name"]
+    assert mujoco.mj_getTotalmass(MODEL) == pytest.approx(facts["totals"]["mass_model"], abs=1e-5)
+
+
+def test_inertias_are_turned_as_in_the_facts(facts):
+    for body in facts["bodies"]:
+        view, given_ = MODEL.body(body["name"]), body["inertia_full_about_com"]
+        R = np.zeros(9)
+        mujoco.mju_quat2Mat(R, view.iquat)
+        R = R.reshape(3, 3)
+        full = R @ np.diag(view.inertia) @ R.T
+        xx, yy, zz = (given_[key] for key in ("ixx", "iyy", "izz"))
+        xy, xz, yz = (given_[key] for key in ("ixy", "ixz", "iyz"))
+        expected = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        assert full == pytest.approx(expected, abs=2e-8), body["name"]
+
+
+def test_joints_and_servos_are_the_facts(facts):
+    assert {joint["name"] for joint in facts["joints"]} == set(OP3.joint_names)
+    for fact in facts["joints"]:
+        joint = OP3.joints[OP3.joint_names.index(fact["name"])]
+        servo = joint.servo
+        assert (servo.id, servo.sign, servo.zero_ticks) == (
+            fact["servo_id"],
+            fact["sign"],
+            fact["zero_tick"],
+        )
+        assert fact["servo"].startswith(servo.model.name)
+        assert MODEL.joint(joint.name).axis == pytest.approx(fact["axis"])
+        assert MODEL.body(MODEL.joint(joint.name).bodyid[0]).name == fact["body"]
+        lowest, highest = fact["range_urdf_rad"]
+        assert lowest - 1e-6 <= joint.lower < 0.0 < joint.upper <= highest + 1e-6
+
+
+def test_the_stance_is_the_makers(facts):
+    walk_ready = facts["poses_rad"]["walk_ready"]
+    for name, angle in zip(OP3.joint_names, OP3.standing.joint_pos, strict=True):
+        assert angle == pytest.approx(walk_ready.get(name, 0.0), abs=1e-3), name
+
+
+def test_each_joint_has_its_servo_in_joint_order():
+    assert [MODEL.actuator(i).name for i in range(MODEL.nu)] == list(OP3.joint_names)
+    assert OP3.max_torque.tolist() == [4.1] * 20
+    assert OP3.max_velocity.tolist() == [4.82] * 20
+    assert sorted(joint.servo.id for joint in OP3.joints) == list(range(1, 21))
+
+
+@given(posture=postures())
+def test_mirroring_twice_changes_nothing(posture):
+    twice = posture.mirrored(OP3).mirrored(OP3)
+    assert np.array_equal(twice.joint_pos, posture.joint_pos)
+    assert np.array_equal(twice.orientation, posture.orientation)
+    assert np.array_equal(twice.position, posture.position)
+
+
+@given(posture=postures())
+def test_a_mirrored_posture_is_the_mirror_image_in_space(posture):
+    here, there = configured(posture), configured(posture.mirrored(OP3))
+    checked = 0
+    for site in range(MODEL.nsite):
+        name = MODEL.site(site).name
+        side, _, rest = name.partition("_")
+        image = f"{SIDES[side]}_{rest}" if side in SIDES else name
+        expected = here.site(name).xpos * [1.0, -1.0, 1.0]
+        assert there.site(image).xpos == pytest.approx(expected, abs=1e-9), name
+        checked += 1
+    assert checked >= 6  # neck, imu, two soles, two hands
+
+
+def test_joint_ranges_are_the_same_left_and_right():
+    mirrored = OP3.mirror_joints(np.stack([OP3.lower, OP3.upper]))
+    assert np.sort(mirrored, axis=0) == pytest.approx(np.stack([OP3.lower, OP3.upper]))
+
+
+def test_standing_has_level_soles_on_the_ground():
+    data = configured(OP3.standing)
+    assert len(OP3.sole_sites) == 2
+    for sole in OP3.sole_sites:
+        assert data.site(sole).xpos[2] == pytest.approx(0.0, abs=1e-4)
+        assert data.site(sole).xmat.reshape(3, 3)[2, 2] == pytest.approx(1.0, abs=1e-6)
+    assert data.site(OP3.neck_site).xpos[2] == pytest.approx(OP3.standing_neck_height, abs=1e-4)
+
+
+def test_standing_is_its_own_mirror_image_within_the_joint_ranges():
+    assert OP3.standing.mirrored(OP3).joint_pos == pytest.approx(OP3.standing.joint_pos)
+    assert np.all((OP3.standing.joint_pos >= OP3.lower) & (OP3.standing.joint_pos <= OP3.upper))
+
+
+def test_standing_holds_the_centre_of_mass_over_the_feet():
+    data = configured(OP3.standing)
+    com = data.subtree_com[OP3.layout(MODEL).torso]
+    soles = np.array([data.site(sole).xpos for sole in OP3.sole_sites])
+    ahead = com[0] - soles[:, 0].mean()
+    assert abs(ahead) < 0.061  # half a sole's length
+    assert abs(com[1]) < 1e-3
+
+
+def test_no_link_overlaps_another_at_zero_and_in_the_stance():
+    for joint_pos in (np.zeros(OP3.n), OP3.standing.joint_pos):
+        posture = Posture(
+            position=np.array([0.0, 0.0, 1.0]), orientation=rotation.IDENTITY, joint_pos=joint_pos
+        )
+        assert configured(posture).ncon == 0

@@ -1,0 +1,111 @@
+"""Postures and posture files."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots import Posture
+from robots.posture import load_posture
+
+
+def record(**changes):
+    return {
+        "position": [0.1, 0.2, 0.3],
+        "orientation": [1.0, 0.0, 0.0, 0.0],
+        "joint_pos": {"r_hip": -0.2, "l_hip": 0.1},
+        **changes,
+    }
+
+
+def complaint(tmp_path, robot, text) -> str:
+    path = tmp_path / "posture.json"
+    path.write_text(text if isinstance(text, str) else json.dumps(text), "utf-8")
+    with pytest.raises(ValueError) as caught:
+        load_posture(path, robot)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message
+
+
+numbers = st.floats(-10.0, 10.0)
+
+
+@given(
+    position=st.tuples(numbers, numbers, numbers),
+    joint_pos=st.tuples(st.floats(-1.5, 1.0), st.floats(-1.5, 1.0)),
+)
+def test_a_posture_survives_the_trip_through_its_file(tmp_path_factory, tiny, position, joint_pos):
+    posture = Posture(
+        position=np.array(position),
+        orientation=np.array([0.5, -0.5, 0.5, 0.5]),
+        joint_pos=np.array(joint_pos),
+    )
+    path = tmp_path_factory.getbasetemp() / "posture.json"
+    path.write_text(posture.to_json(tiny), "utf-8")
+    again = load_posture(path, tiny)
+    assert np.array_equal(again.position, posture.position)
+    assert np.array_equal(again.joint_pos, posture.joint_pos)
+    assert again.orientation == pytest.approx(posture.orientation)
+
+
+def test_joints_of_a_file_may_come_in_any_order(tmp_path, tiny):
+    path = tmp_path / "posture.json"
+    path.write_text(json.dumps(record()), "utf-8")
+    assert load_posture(path, tiny).joint_pos.tolist() == [0.1, -0.2]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"joint_pos": {"l_hip": 0.1}}, "joint 'r_hip' is missing"),
+        ({"joint_pos": {"l_hip": 0.1, "r_hip": 0, "tail": 0}}, "unknown joint 'tail'"),
+        ({"joint_pos": {"l_hip": 0.1, "r_hip": 1.1}}, "'r_hip' is +1.100 rad, allowed [-1.571, +1"),
+        ({"joint_pos": {"l_hip": float("nan"), "r_hip": 0}}, "'l_hip' is nan, allowed a finite"),
+        ({"joint_pos": {"l_hip": "0.1", "r_hip": 0}}, "'l_hip' is 0.1, allowed a finite"),
+        ({"joint_pos": {"l_hip": True, "r_hip": 0}}, "'l_hip' is True"),
+        ({"joint_pos": [0.1, 0.2]}, "joint_pos must be an object"),
+        ({"orientation": [1.0, 1.0, 0.0, 0.0]}, "orientation has length 1.4142, allowed 1"),
+        ({"orientation": [0.0, 0.0, 0.0, 0.0]}, "orientation has length 0.0000"),
+        ({"orientation": [1.0, 0.0, 0.0]}, "orientation must be a list of 4"),
+        ({"position": [0.0, float("inf"), 0.0]}, "position[1] is inf, allowed a finite number"),
+        ({"position": None}, "position must be a list of 3"),
+    ],
+)
+def test_a_wrong_posture_file_names_the_culprit_and_what_is_allowed(tmp_path, tiny, changes, words):
+    assert words in complaint(tmp_path, tiny, record(**changes))
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path, tiny):
+    message = complaint(tmp_path, tiny, {"position": [0, 0], "joint_pos": {"tail": 0}})
+    for words in ("position", "orientation", "'l_hip' is missing", "'r_hip' is missing", "'tail'"):
+        assert words in message
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1, 2]", "null"])
+def test_a_file_that_is_no_posture_is_refused(tmp_path, tiny, text):
+    assert "not " in complaint(tmp_path, tiny, text)
+
+
+def test_a_missing_file_is_named(tmp_path, tiny):
+    with pytest.raises(ValueError, match=r"nothing\.json: No such file"):
+        load_posture(tmp_path / "nothing.json", tiny)
+
+
+def test_a_wrong_posture_cannot_be_built():
+    sound = {
+        "position": np.zeros(3),
+        "orientation": np.array([1.0, 0.0, 0.0, 0.0]),
+        "joint_pos": np.zeros(2),
+    }
+    Posture(**sound)
+    for changes in (
+        {"position": np.zeros(2)},
+        {"orientation": np.array([1.0, 0.1, 0.0, 0.0])},
+        {"joint_pos": np.array([0.0, np.nan])},
+    ):
+        with pytest.raises(ValueError):
+            Posture(**{**sound, **changes})

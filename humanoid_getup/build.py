@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from humanoid_getup.choreography import Choreography, load_choreographies
+from humanoid_getup.ground import lowest_point
 from humanoid_getup.improve import Improver
 from humanoid_getup.lying import read_posture
 from humanoid_getup.motion import Motion
@@ -72,23 +72,11 @@ def settle(stage: Stage, choreography: Choreography) -> Array:
         joint_pos=choreography.keys[0],
     )
     qpos = place(robot, model, posture)
-    qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(stage, qpos)
+    qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
     cycles = round(SETTLE_TIME / robot.control_period)
     targets = np.tile(choreography.keys[0], (1, cycles, 1))
     trace = Rehearsal(stage, 1).play(qpos[None], targets, Conditions.nominal(robot, 1))
     return trace.qpos[0, -1]
-
-
-def lowest_point(stage: Stage, qpos: Array) -> float:
-    """Measure the height of the robot's lowest point [m]."""
-    model, data = stage.model, mujoco.MjData(stage.model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-    own = model.geom_bodyid != 0
-    box = model.geom_aabb[own]  # centre and half size in the geom's frame
-    rows = data.geom_xmat[own][:, 6:9]
-    centre = data.geom_xpos[own][:, 2] + np.sum(rows * box[:, :3], axis=1)
-    return float(np.min(centre - np.sum(np.abs(rows) * box[:, 3:], axis=1)))
 
 
 def record(

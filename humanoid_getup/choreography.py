@@ -54,7 +54,9 @@ class Choreography:
             time = np.minimum(time, knots[-1])
             excess = np.max(np.abs(curve(time, 1)) / limit, axis=1)
             segment = np.minimum(np.searchsorted(knots, time, side="right") - 1, len(duration) - 1)
-            stretch = np.array([excess[segment == i].max(initial=0.0) for i in range(len(duration))])
+            stretch = np.array(
+                [excess[segment == i].max(initial=0.0) for i in range(len(duration))]
+            )
             if np.all(stretch <= 1.0):
                 break
             duration = duration * np.maximum(1.0, stretch)

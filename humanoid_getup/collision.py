@@ -11,6 +11,7 @@ from humanoid_getup.scene import GROUND, Scene
 from robots import Posture, Robot
 from robots.rotation import Array
 
+
 @dataclass(frozen=True, kw_only=True)
 class Tolerances:
     """How far things may sink into each other before it counts.

@@ -79,8 +79,14 @@ class DynamicsFilter:
         moving = [len(r.target) for r in references]
         length = max(moving) + round(CHECK_HOLD / robot.control_period)
         target = np.array([_extend(r.target, length) for r in references])
-        steering = _Steering(stage, self._limbs, start, references, length,
-                             np.array([c.assistance for c in candidates]))
+        steering = _Steering(
+            stage,
+            self._limbs,
+            start,
+            references,
+            length,
+            np.array([c.assistance for c in candidates]),
+        )
         starts = np.tile(place(robot, stage.model, start), (len(candidates), 1))
         limits = Conditions.nominal(robot, len(candidates), torque_limit=self.torque_limit)
         trace = self._play(starts, target, limits, steering)
@@ -130,8 +136,13 @@ class _Steering:
     """Adds the virtual actuator to the planned targets, within the guard's rules."""
 
     def __init__(
-        self, stage: Stage, limbs: LimbMap, start: Posture, references: list[Reference],
-        length: int, assistance: Array,
+        self,
+        stage: Stage,
+        limbs: LimbMap,
+        start: Posture,
+        references: list[Reference],
+        length: int,
+        assistance: Array,
     ) -> None:
         robot = stage.robot
         self._limbs, self._robot = limbs, robot
@@ -161,7 +172,9 @@ class _Steering:
 
     def _assist(self, seen: Observation, com: Array, velocity: Array) -> Array:
         k = seen.step
-        anchored = (k == self._begins) | (k == self._joined)  # where the robot is becomes where it should be
+        anchored = (k == self._begins) | (
+            k == self._joined
+        )  # where the robot is becomes where it should be
         self._shift[anchored, :2] = (com - self._com[:, k])[anchored, :2]
         wish = compute_wish(
             com, velocity, self._com[:, k] + self._shift, self._velocity[:, k], self._limbs.mass

@@ -75,9 +75,7 @@ def disturb(
     return starts, Conditions(friction=friction, voltage=voltage, torque_limit=limits)
 
 
-def score(
-    trace: Trace, stage: Stage, choreography: Choreography
-) -> tuple[Array, np.ndarray]:
+def score(trace: Trace, stage: Stage, choreography: Choreography) -> tuple[Array, np.ndarray]:
     """Compute the cost of each rehearsal, (N,), and whether it ended standing, (N,)."""
     robot, period = stage.robot, trace.period
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
@@ -92,7 +90,9 @@ def score(
     rms = np.sqrt(np.mean(trace.torque**2, axis=(1, 2)))
     travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
     effort = choreography.torque_cost * rms + TRAVEL_COST * travel
-    cost = np.where(stood, choreography.time_cost * begin, FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held))
+    cost = np.where(
+        stood, choreography.time_cost * begin, FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
+    )
     return cost + effort, stood
 
 
@@ -149,7 +149,10 @@ class Improver:
         return float(cost.mean()), float(stood.mean())
 
     def _rehearse(
-        self, rehearsal: Rehearsal, candidates: list[Choreography], each: int,
+        self,
+        rehearsal: Rehearsal,
+        candidates: list[Choreography],
+        each: int,
         rng: np.random.Generator,
     ) -> tuple[Array, np.ndarray]:
         """Rehearse candidates ``each`` times; return mean cost and successes, (C,), (C, each)."""
@@ -157,10 +160,14 @@ class Improver:
         lead = round(LEAD_IN / robot.control_period)
         plays = [c.targets(robot, CONTROL_HOLD) for c in candidates]
         length = max(len(play) for play in plays)
-        targets = np.array([
-            np.concatenate([np.repeat(p[:1], lead, 0), p, np.repeat(p[-1:], length - len(p), 0)])
-            for p in plays
-        ])
+        targets = np.array(
+            [
+                np.concatenate(
+                    [np.repeat(p[:1], lead, 0), p, np.repeat(p[-1:], length - len(p), 0)]
+                )
+                for p in plays
+            ]
+        )
         starts, conditions = disturb(
             stage, self.start, each, Disturbance(), candidates[0].torque_limit, rng
         )

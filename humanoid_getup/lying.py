@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from humanoid_getup.ground import lowest_point
 from humanoid_getup.rehearsal import Conditions, Rehearsal, Stage, place
 from robots import Posture, Robot, rotation
 from robots.rotation import Array
 
 CLASSES = ("supine", "prone", "left", "right")
 DROP_HEIGHT = 0.02  # m under the lowest point
-SETTLE_TIME = 6.0  # s
+SETTLE_TIME = 3.0  # s
 STILL_SPEED = 0.02  # rad/s and m/s, over the last quarter of a second
 SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
 BATCH = 24
@@ -83,8 +84,11 @@ def _drop(rehearsal: Rehearsal, rng: np.random.Generator) -> list[Posture]:
     qpos = rehearsal.play(starts, targets, limp).qpos
     recent = round(0.25 / robot.control_period)
     moved = np.abs(np.diff(qpos[:, -recent:], axis=1)).max(axis=(1, 2)) / robot.control_period
-    return [read_posture(robot, model, q) for q, v in zip(qpos[:, -1], moved, strict=True)
-            if v < STILL_SPEED]
+    return [
+        read_posture(robot, model, q)
+        for q, v in zip(qpos[:, -1], moved, strict=True)
+        if v < STILL_SPEED
+    ]
 
 
 def read_posture(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Posture:
@@ -113,17 +117,6 @@ def _sample_drop(
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
         if all(contact.dist > -SPAWN_OVERLAP for contact in data.contact):
-            lowest = _lowest_point(model, data, robot)
             qpos = data.qpos.copy()
-            qpos[robot.layout(model).root_qpos + 2] += DROP_HEIGHT - lowest
+            qpos[robot.layout(model).root_qpos + 2] += DROP_HEIGHT - lowest_point(model, qpos)
             return qpos
-
-
-def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> float:
-    """Measure the lowest point of the robot's bounding spheres' boxes [m]."""
-    own = model.geom_bodyid != 0
-    del robot
-    aabb = model.geom_aabb[own]  # centre and half size in the geom's frame
-    rows = data.geom_xmat[own][:, 6:9]
-    centre = data.geom_xpos[own][:, 2] + np.sum(rows * aabb[:, :3], axis=1)
-    return float(np.min(centre - np.sum(np.abs(rows) * aabb[:, 3:], axis=1)))

@@ -111,9 +111,7 @@ def plan_path(
     options = options or PlanOptions()
     goal = align(goal, start)
     answer = _plan(start, goal, checker, rng, options)
-    return replace(
-        answer, checks=checker.checks - checks, time_s=time.perf_counter() - began
-    )
+    return replace(answer, checks=checker.checks - checks, time_s=time.perf_counter() - began)
 
 
 def _plan(

@@ -230,9 +230,7 @@ def _exponential(half_turn: Array) -> Array:
     return np.concatenate([np.cos(half), np.sinc(half / np.pi) * half_turn], axis=-1)
 
 
-def _blossom(
-    origin: Array, way: Array, step: float, count: int, rng: np.random.Generator
-) -> Array:
+def _blossom(origin: Array, way: Array, step: float, count: int, rng: np.random.Generator) -> Array:
     """Step along ``way`` (d,), then at up to ±15 degrees to it in each dimension, (count, d)."""
     length = float(np.linalg.norm(way))
     if length == 0.0:

@@ -107,10 +107,14 @@ class RisePlanner:
         already = self.filter.count
         if first is not None:
             search.planned = True
-            self._round(search, [
-                Candidate(path=first, connection=connections[0], tempo=tempo, assistance=share)
-                for tempo in TEMPOS for share in (1.0, 0.0)
-            ])
+            self._round(
+                search,
+                [
+                    Candidate(path=first, connection=connections[0], tempo=tempo, assistance=share)
+                    for tempo in TEMPOS
+                    for share in (1.0, 0.0)
+                ],
+            )
         if not self._is_done(search):
             self._try_others(search, connections[1:])
         for _ in range(SECOND_TRIES):

@@ -224,6 +224,4 @@ class _Search:
                 tree.path(node) for tree, node in zip(self.trees, self.meeting, strict=True)
             )
             path = there + back[::-1]
-        return SearchResult(
-            status=status, reason=reason, nodes=nodes, edges=self.edges, path=path
-        )
+        return SearchResult(status=status, reason=reason, nodes=nodes, edges=self.edges, path=path)

@@ -41,7 +41,8 @@ class Tree:
         self._growable = np.empty(64, dtype=bool)
         self._state: list[Viability] = []
         self._edges: list[list[int]] = []
-        self._asleep: list[tuple[int, Array]] = []
+        self._asleep: list[int] = []  # parents of the dormant leaves
+        self._leaves = np.empty((64, len(root)))
         self._append(root, parent=-1)
 
     def __len__(self) -> int:
@@ -65,8 +66,7 @@ class Tree:
     @property
     def dormant_leaves(self) -> Array:
         """Return the far ends of the dormant edges that never entered the tree, (D, d)."""
-        width = self._nodes.shape[1]
-        return np.array([leaf for _, leaf in self._asleep]).reshape(-1, width)
+        return self._leaves[: len(self._asleep)]
 
     def parent(self, node: int) -> int:
         """Return the parent of a node, -1 for the root."""
@@ -88,7 +88,10 @@ class Tree:
     def put_to_sleep(self, node: int, leaf: Array) -> None:
         """Note an edge that regresses; it may be revived."""
         self._spend(node, Viability.DORMANT)
-        self._asleep.append((node, leaf))
+        if len(self._asleep) == len(self._leaves):
+            self._leaves = _doubled(self._leaves)
+        self._leaves[len(self._asleep)] = leaf
+        self._asleep.append(node)
         self._recede(node)
 
     def kill(self, node: int) -> None:
@@ -98,7 +101,10 @@ class Tree:
 
     def revive(self, index: int) -> int:
         """Take a row of `dormant_leaves` into the tree after all; return the new node."""
-        node, leaf = self._asleep.pop(index)
+        node, leaf = self._asleep[index], self._leaves[index].copy()
+        self._leaves[index] = self._leaves[len(self._asleep) - 1]  # the last fills the gap
+        self._asleep[index] = self._asleep[-1]
+        self._asleep.pop()
         self._edges[node][Viability.DORMANT] -= 1
         self._edges[node][Viability.LIVE] += 1
         self._recede(node)
@@ -136,9 +142,8 @@ class Tree:
 
     def _append(self, node: Array, parent: int) -> int:
         if self.size == len(self._nodes):
-            for name in ("_nodes", "_parent", "_growable"):
-                rows = getattr(self, name)
-                setattr(self, name, np.concatenate([rows, np.empty_like(rows)]))
+            self._nodes, self._parent = _doubled(self._nodes), _doubled(self._parent)
+            self._growable = _doubled(self._growable)
         row = self.size
         self._nodes[row] = node
         self._parent[row] = parent
@@ -147,3 +152,7 @@ class Tree:
         self._edges.append([self.edges_per_node, 0, 0, 0])
         self.size += 1
         return row
+
+
+def _doubled(rows: np.ndarray) -> np.ndarray:
+    return np.concatenate([rows, np.empty_like(rows)])

@@ -1,0 +1,98 @@
+"""The watch: what a judge sees of a run on the twin, cycle by cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers import Cycle, Twin
+from humanoid_getup.standing import Stand, is_upright, judge
+from robots.rotation import Array
+
+DEEP_SELF_CONTACT = 0.001  # m; a touch this deep counts as a collision
+DEEP_GROUND = 0.005  # m; deeper than soft contact of a resting robot ever is
+LIMIT_SLACK = np.radians(1.0)  # a soft joint stop gives this much
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watched:
+    """What happened in a run."""
+
+    stand: Stand
+    peak_torque: float
+    """[N·m]"""
+    peak_velocity: float
+    """[rad/s]"""
+    torque_use: float
+    """Largest share of its limit that any servo used."""
+    rms_torque: float
+    """Over all joints and the way up [N·m]."""
+    self_collisions: int
+    """Times that the robot began to press into itself."""
+    ground_penetrations: int
+    """Times that it began to press deeper into the ground than it rests."""
+    limit_violations: int
+    """Times that a joint left its range."""
+    torque: Array
+    """Servo torques [N·m], (T, n)."""
+    qpos: Array
+    """Where the robot went, MuJoCo positions (T, nq)."""
+
+
+class Watch:
+    """Looks at the truth of a twin after each cycle."""
+
+    def __init__(self, twin: Twin, torque_limit: float | None) -> None:
+        self._twin = twin
+        limit = twin.robot.max_torque
+        self._limit = limit if torque_limit is None else np.minimum(limit, torque_limit)
+        self._neck: list[float] = []
+        self._tilt: list[float] = []
+        self._foreign: list[bool] = []
+        self._torque: list[Array] = []
+        self._velocity: list[float] = []
+        self._qpos: list[Array] = []
+        self._faults: list[tuple[bool, bool, bool]] = []
+
+    def __call__(self, _cycle: Cycle) -> None:
+        """Look once."""
+        truth, robot = self._twin.truth, self._twin.robot
+        self._neck.append(truth.neck_height)
+        self._tilt.append(truth.tilt)
+        self._foreign.append(truth.foreign_contact)
+        self._torque.append(truth.joint_torque.copy())
+        self._velocity.append(float(np.abs(truth.joint_vel).max()))
+        self._qpos.append(truth.qpos)
+        angles = truth.posture.joint_pos
+        beyond = np.maximum(robot.lower - angles, angles - robot.upper).max()
+        self._faults.append(
+            (
+                truth.self_penetration > DEEP_SELF_CONTACT,
+                truth.ground_penetration > DEEP_GROUND,
+                bool(beyond > LIMIT_SLACK),
+            )
+        )
+
+    def conclude(self) -> Watched:
+        """Judge what was seen."""
+        robot, period = self._twin.robot, self._twin.period
+        upright = is_upright(
+            np.array(self._neck), np.array(self._tilt), np.array(self._foreign), robot
+        )
+        stand = judge(upright, period)
+        torque = np.array(self._torque)
+        rising = torque[: round(stand.start_time / period) + 1] if stand.stood else torque
+        begun = np.diff(np.array(self._faults, dtype=int), axis=0, prepend=0) > 0
+        return Watched(
+            stand=stand,
+            peak_torque=float(np.abs(torque).max()),
+            peak_velocity=max(self._velocity),
+            torque_use=float((np.abs(torque) / self._limit).max()),
+            rms_torque=float(np.sqrt(np.mean(rising**2))),
+            self_collisions=int(begun[:, 0].sum()),
+            ground_penetrations=int(begun[:, 1].sum()),
+            limit_violations=int(begun[:, 2].sum()),
+            torque=torque,
+            qpos=np.array(self._qpos),
+        )

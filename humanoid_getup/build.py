@@ -48,7 +48,7 @@ def build_motion(
     Raises:
         RuntimeError: if the improved motion does not end in a held stand.
     """
-    stage = Stage.build(robot, load_scene("flat").build(robot))
+    stage = Stage.build(robot, load_scene("flat"))
     start = settle(stage, choreography)
     improver = Improver(stage, start)
     improved, robust = improver.improve(choreography, generations, seed, report)
@@ -101,7 +101,7 @@ def record(
         robot=robot.name,
         start_class=choreography.start_class,  # type: ignore[arg-type]
         strategy=choreography.strategy,
-        time=np.arange(moving) * period,
+        time=np.arange(moving, dtype=float) * period,
         position=np.array([p.position for p in postures]),
         orientation=np.array([p.orientation for p in postures]),
         joint_pos=np.array([p.joint_pos for p in postures]),

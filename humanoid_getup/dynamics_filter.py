@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.bezier import Trajectory
 from humanoid_getup.database import Connection
 from humanoid_getup.improve import Disturbance, disturb
-from humanoid_getup.reference import Path, Reference, compose
+from humanoid_getup.reference import Reference, compose
 from humanoid_getup.rehearsal import Conditions, Observation, Rehearsal, Stage, Trace, place
 from humanoid_getup.standing import HOLD_TIME, is_upright, judge
 from humanoid_getup.virtual_actuator import LimbMap, compute_torque, compute_wish
@@ -26,7 +27,7 @@ CHECK_DISTURBANCE = Disturbance(
 class Candidate:
     """One way to rise that the filter may try."""
 
-    path: Path
+    path: Trajectory
     """From the lying posture to the connecting one."""
     connection: Connection
     tempo: float = 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cma
 import numpy as np
@@ -101,7 +101,7 @@ class Improver:
 
     def __init__(self, stage: Stage, start: Array, *, threads: int = 1) -> None:
         self.stage, self.start = stage, start
-        coarse = Stage(stage.robot, copy.copy(stage.model), stage.limbs)
+        coarse = replace(stage, model=copy.copy(stage.model))
         coarse.model.opt.timestep = SEARCH_TIMESTEP
         self._search = Rehearsal(coarse, POPULATION * SCENARIOS, threads=threads)
         self._final = Rehearsal(stage, FINAL_SCENARIOS, threads=threads)

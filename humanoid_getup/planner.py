@@ -26,8 +26,9 @@ class PlanOptions:
     """How hard to try, and how fast to move."""
 
     search: SearchOptions = field(default_factory=SearchOptions)
-    attempts: int = 3
-    """Searches with fresh trees before the constraints are loosened."""
+    strides: tuple[float, ...] = (1.0, 0.5, 0.2)
+    """Share of the fixed steps to take in each search, with fresh trees, before the constraints
+    are loosened. Small steps get tangled limbs free, large ones get ahead."""
     refine_edges: int = 8000
     """Edges that the refinement from loose to strict may try."""
     shortcuts: int = 40
@@ -153,11 +154,12 @@ def _search(
 ) -> tuple[SearchResult, bool]:
     """Search under the strict constraints; if that fails, refine from loose to strict."""
     nodes = 0
-    for _ in range(options.attempts):
+    for problem.stride in options.strides:
         found = search(problem, problem.start, problem.goal, rng, options.search)
         nodes += found.nodes
         if found.status is PlanStatus.SOLVED:
             return replace(found, nodes=nodes), False
+    problem.stride = 1.0
     found = refine(problem, rng, replace(options.search, max_edges=options.refine_edges))
     return replace(found, nodes=nodes + found.nodes), True
 

@@ -76,6 +76,8 @@ class PostureProblem:
         resolution: float = RESOLUTION,
     ) -> None:
         self.checker, self.resolution = checker, resolution
+        self.stride = 1.0
+        """Share of the fixed steps to take."""
         self.root_weight = metric.root_weight
         self.scale = np.sqrt(metric.joint_weight)  # (n,)
         self.start, self.goal = to_node(start), to_node(goal)
@@ -119,17 +121,18 @@ class PostureProblem:
             steps[:, 4:] = v
         else:
             scaled = _blossom(
-                self.scale * v, self.scale * (target[4:] - v), STEP_JOINTS, count, rng
+                self.scale * v, self.scale * (target[4:] - v), self.stride * STEP_JOINTS, count, rng
             )
             steps[:, 4:] = np.clip(scaled / self.scale, self.lower, self.upper)
-            if self._bend(v, target[4:]) <= STEP_JOINTS:
+            if self._bend(v, target[4:]) <= self.stride * STEP_JOINTS:
                 steps[0, 4:] = target[4:]
         return steps
 
     def is_within_step(self, a: Array, b: Array) -> bool:
         """Tell whether two postures are within a step of each quantity."""
         turn, bend = _turn(a[:4], b[:4]), self._bend(a[4:], b[4:])
-        return bool(turn <= STEP_ORIENTATION and bend <= STEP_JOINTS)
+        turn, bend = turn / STEP_ORIENTATION, bend / STEP_JOINTS
+        return bool(max(turn, bend) <= self.stride)
 
     def fails(self, a: Array, b: Array) -> bool:
         """Tell whether the robot collides on the way from ``a`` to ``b``, FAILURE."""
@@ -201,9 +204,9 @@ class PostureProblem:
         if distance <= SMALL:
             return np.tile(target, (count, 1))
         way = relative[1:] * math.copysign(distance / sine, relative[0])
-        turns = _blossom(np.zeros(3), way, STEP_ORIENTATION, count, rng)
+        turns = _blossom(np.zeros(3), way, self.stride * STEP_ORIENTATION, count, rng)
         steps = _exponential(turns) @ from_body.T
-        if distance <= STEP_ORIENTATION:
+        if distance <= self.stride * STEP_ORIENTATION:
             steps[0] = target
         return steps
 

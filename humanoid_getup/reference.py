@@ -7,26 +7,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from humanoid_getup.bezier import Trajectory
+from humanoid_getup.metric import best_yaw
 from humanoid_getup.motion import Motion
 from humanoid_getup.rehearsal import Stage
 from robots import Posture, rotation
 from robots.rotation import Array
 
 BLEND = 0.32  # s in which the motion's load on the servos comes in
-
-
-@dataclass(frozen=True, kw_only=True)
-class Path:
-    """A smooth, timed path of postures; a plan's end product."""
-
-    time: Array
-    """[s], shape (T,), one sample a control period."""
-    position: Array
-    """Root position in the world [m], (T, 3)."""
-    orientation: Array
-    """Root orientation in the world, (T, 4)."""
-    joint_pos: Array
-    """[rad], (T, n)"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +41,12 @@ class Reference:
         )
 
 
-def straight_path(start: Posture, goal: Posture, speed: float, period: float) -> Path:
+def straight_path(start: Posture, goal: Posture, speed: float, period: float) -> Trajectory:
     """Interpolate two postures straight, at constant joint speed: a path without a plan."""
     travel = float(np.max(np.abs(goal.joint_pos - start.joint_pos), initial=0.0))
     steps = max(2, round(travel / speed / period))
     share = np.linspace(0.0, 1.0, steps + 1)
-    return Path(
+    return Trajectory(
         time=share * steps * period,
         position=start.position + share[:, None] * (goal.position - start.position),
         orientation=rotation.slerp(start.orientation[None], goal.orientation[None], share),
@@ -80,13 +68,9 @@ def align(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
     return position, rotation.multiply(turn, motion.orientation)
 
 
-def best_yaw(orientation: Array, target: Array) -> float:
-    """Compute the turn about the vertical that brings one orientation nearest to another."""
-    d = rotation.multiply(target, rotation.inverse(orientation))
-    return 2.0 * float(np.arctan2(d[3], d[0]))
-
-
-def compose(stage: Stage, path: Path, motion: Motion, frame: int, tempo: float = 1.0) -> Reference:
+def compose(
+    stage: Stage, path: Trajectory, motion: Motion, frame: int, tempo: float = 1.0
+) -> Reference:
     """Chain a path and the rest of a motion into one reference, lying to stand.
 
     On the path the servos are led by their back-EMF: a position servo that follows a
@@ -130,7 +114,7 @@ def join(motion: Motion, frame: int, joint_pos: Array, period: float) -> Array:
     return motion.sample(time) - (1.0 - share) * (motion.joint_target[frame] - joint_pos)
 
 
-def resample(path: Path, tempo: float, period: float) -> Path:
+def resample(path: Trajectory, tempo: float, period: float) -> Trajectory:
     """Play a path faster or slower, sampled at the control period again."""
     if tempo == 1.0:
         return path
@@ -141,7 +125,7 @@ def resample(path: Path, tempo: float, period: float) -> Path:
         np.stack([np.interp(at, path.time, column) for column in array.T], axis=1)
         for array in (path.position, path.orientation, path.joint_pos)
     ]
-    return Path(
+    return Trajectory(
         time=time,
         position=columns[0],
         orientation=rotation.normalise(columns[1]),
@@ -149,7 +133,7 @@ def resample(path: Path, tempo: float, period: float) -> Path:
     )
 
 
-def posture_at(path: Path, row: int) -> Posture:
+def posture_at(path: Trajectory, row: int) -> Posture:
     """Return a path's posture at a row."""
     return Posture(
         position=path.position[row],

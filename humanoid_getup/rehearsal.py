@@ -10,6 +10,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from humanoid_getup.scene import Scene
 from robots import Posture, Robot, rotation
 from robots.rotation import Array
 
@@ -88,13 +89,15 @@ class Stage:
     """A compiled scene with the robot and the touch sensors that rehearsals read."""
 
     robot: Robot
+    scene: Scene
     model: mujoco.MjModel
     limbs: tuple[str, ...] = field(default=())
     """Bodies at the root of each limb."""
 
     @staticmethod
-    def build(robot: Robot, spec: mujoco.MjSpec) -> Stage:
-        """Compile ``spec`` (robot and scene) with the sensors added."""
+    def build(robot: Robot, scene: Scene) -> Stage:
+        """Compile a robot in a scene with the sensors added."""
+        spec = scene.build(robot)
         torso = spec.body(robot.torso)
         limbs = tuple(body.name for body in torso.bodies)
         for limb in limbs:
@@ -102,7 +105,7 @@ class Stage:
         _add_touch(spec, "whole", robot.torso, subtree=True)
         for site in robot.sole_sites:
             _add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
-        return Stage(robot, spec.compile(), limbs)
+        return Stage(robot, scene, spec.compile(), limbs)
 
 
 def _add_touch(

@@ -8,11 +8,15 @@ from enum import Enum
 
 import numpy as np
 
+from humanoid_getup.bezier import Trajectory
+from humanoid_getup.collision import CollisionChecker
 from humanoid_getup.database import Connection, MotionDatabase
 from humanoid_getup.dynamics_filter import Candidate, DynamicsFilter, Rehearsed
 from humanoid_getup.lying import read_posture
+from humanoid_getup.metric import align
 from humanoid_getup.motion import Motion
-from humanoid_getup.reference import Path, straight_path
+from humanoid_getup.planner import plan_rise
+from humanoid_getup.reference import straight_path
 from humanoid_getup.rehearsal import Stage
 from robots import Posture, rotation
 from robots.rotation import Array
@@ -88,6 +92,7 @@ class RisePlanner:
 
     def __init__(self, stage: Stage, database: MotionDatabase, options: RiseOptions) -> None:
         self.stage, self.database, self.options = stage, database, options
+        self._checker = CollisionChecker(stage.robot, stage.scene)
         self.filter = DynamicsFilter(stage, torque_limit=options.torque_limit)
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
@@ -103,7 +108,7 @@ class RisePlanner:
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
         if not self.options.filtering:
-            return self._hand_out_raw(start, connections[0], first, plan_s)
+            return self._hand_out_raw(connections[0], first, plan_s)
         already = self.filter.count
         if first is not None:
             search.planned = True
@@ -125,12 +130,12 @@ class RisePlanner:
 
     def _approach(
         self, start: Posture, connection: Connection, rng: np.random.Generator
-    ) -> Path | None:
+    ) -> Trajectory | None:
         """Find a smooth path to a connecting posture."""
         if not self.options.planning:
             period = self.stage.robot.control_period
-            return straight_path(start, connection.posture, STRAIGHT_SPEED, period)
-        raise NotImplementedError
+            return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)
+        return plan_rise(start, connection, self._checker, rng).trajectory
 
     def _is_done(self, search: _Search) -> bool:
         return search.best is not None and search.robust >= ENOUGH
@@ -214,7 +219,7 @@ class RisePlanner:
             robot=robot.name,
             start_class=joined.start_class,
             strategy=joined.strategy,
-            time=np.arange(count) * robot.control_period,
+            time=np.arange(count, dtype=float) * robot.control_period,
             position=np.array([p.position for p in went]),
             orientation=np.array([p.orientation for p in went]),
             joint_pos=np.array([p.joint_pos for p in went]),
@@ -223,7 +228,7 @@ class RisePlanner:
         )
 
     def _hand_out_raw(
-        self, start: Posture, connection: Connection, path: Path | None, plan_s: float
+        self, connection: Connection, path: Trajectory | None, plan_s: float
     ) -> RisePlan:
         """Hand the smoothed path and the motion out without any physics."""
         plan = RisePlan(
@@ -241,12 +246,12 @@ class RisePlanner:
         )
         if path is None:
             return plan
-        motion = chain(self.stage, start, path, connection)
+        motion = chain(self.stage, path, connection)
         status = RiseStatus.UNREHEARSED
         return replace(plan, status=status, reason=status.value, motion=motion)
 
 
-def chain(stage: Stage, start: Posture, path: Path, connection: Connection) -> Motion:
+def chain(stage: Stage, path: Trajectory, connection: Connection) -> Motion:
     """Play a path's angles and then the motion's own targets, as they are."""
     robot, joined, frame = stage.robot, connection.motion, connection.frame
     count = len(path.time)
@@ -257,7 +262,7 @@ def chain(stage: Stage, start: Posture, path: Path, connection: Connection) -> M
         robot=robot.name,
         start_class=joined.start_class,
         strategy=joined.strategy,
-        time=np.arange(len(angles)) * robot.control_period,
+        time=np.arange(len(angles), dtype=float) * robot.control_period,
         position=np.concatenate([path.position, joined.position[frame:]]),
         orientation=turned,
         joint_pos=angles,

@@ -56,13 +56,13 @@ class Problem(Protocol):
 class SearchOptions:
     """How long and how widely to search."""
 
-    max_edges: int = 2000
+    max_edges: int = 4000
     """Edges tried, in both trees together."""
     max_time: float = float("inf")
     """[s]; leave it infinite to get the same answer on every machine."""
     controls: int = 4
     """Edges that an expansion tries: straight ahead and blossoms around it."""
-    edges_per_node: int = 60
+    edges_per_node: int = 200
     """Edges that a node may try in all its expansions."""
     goal_bias: float = 0.1
     """Share of the expansions that go to the root of the other tree."""

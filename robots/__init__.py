@@ -1,7 +1,18 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
-from robots.posture import Posture
-from robots.robot import Joint, Robot, load_robot
+from robots.loading import load_robot
+from robots.posture import Posture, load_posture
+from robots.robot import Joint, Robot, RobotError, list_robots
 from robots.servo import Servo, ServoModel
 
-__all__ = ["Joint", "Posture", "Robot", "Servo", "ServoModel", "load_robot"]
+__all__ = [
+    "Joint",
+    "Posture",
+    "Robot",
+    "RobotError",
+    "Servo",
+    "ServoModel",
+    "list_robots",
+    "load_posture",
+    "load_robot",
+]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots import rotation
+from robots.faults import is_number, outside, shown
 from robots.rotation import Array
 
 if TYPE_CHECKING:
@@ -72,13 +74,8 @@ def load_posture(path: Path, robot: Robot) -> Posture:
     Raises:
         ValueError: naming everything in the file that is wrong.
     """
-    try:
-        record = json.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise ValueError(f"posture file {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise ValueError(f"posture file {path}: not JSON ({error})") from error
-    faults = _find_faults(record, robot)
+    record, faults = _read_record(path)
+    faults += _find_faults(record, robot)
     if faults:
         raise ValueError(f"posture file {path}: " + "; ".join(faults))
     return Posture(
@@ -86,6 +83,33 @@ def load_posture(path: Path, robot: Robot) -> Posture:
         orientation=rotation.normalise(np.array(record["orientation"], dtype=float)),
         joint_pos=np.array([record["joint_pos"][name] for name in robot.joint_names], dtype=float),
     )
+
+
+def _read_record(path: Path) -> tuple[Any, list[str]]:
+    """Read a JSON file; return its content, and the keys that it names twice as faults."""
+    faults: list[str] = []
+
+    def keep(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        counts = Counter(key for key, _ in pairs)
+        faults.extend(
+            f"{shown(key)} is named {count} times, allowed once"
+            for key, count in counts.items()
+            if count > 1
+        )
+        return dict(pairs)
+
+    try:
+        # An integer is read as the float it becomes: one of 400 digits is inf.
+        record = json.loads(path.read_text("utf-8"), object_pairs_hook=keep, parse_int=float)
+    except OSError as error:
+        raise ValueError(f"posture file {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"posture file {path}: not UTF-8 text (byte {error.start})") from error
+    except RecursionError as error:
+        raise ValueError(f"posture file {path}: not a posture (nested too deep)") from error
+    except ValueError as error:
+        raise ValueError(f"posture file {path}: not JSON ({error})") from error
+    return record, faults
 
 
 def _find_faults(record: Any, robot: Robot) -> list[str]:
@@ -104,30 +128,29 @@ def _find_faults(record: Any, robot: Robot) -> list[str]:
 def _vector_faults(record: dict[str, Any], key: str, size: int, unit: str) -> list[str]:
     value = record.get(key)
     if not isinstance(value, list) or len(value) != size:
-        return [f"{key} must be a list of {size} numbers ({unit})"]
+        told = f"is {shown(value)}" if key in record else "is missing"
+        return [f"{key} {told}, allowed a list of {size} numbers ({unit})"]
     return [
-        f"{key}[{i}] is {x}, allowed a finite number" for i, x in enumerate(value) if not _finite(x)
+        f"{key}[{i}] is {shown(x)}, allowed a finite number ({unit})"
+        for i, x in enumerate(value)
+        if not is_number(x)
     ]
 
 
 def _joint_faults(angles: Any, robot: Robot) -> list[str]:
     if not isinstance(angles, dict):
-        return ["joint_pos must be an object {joint name: rad}"]
+        return [f"joint_pos is {shown(angles)}, allowed an object {{joint name: rad}}"]
+    names = ", ".join(robot.joint_names)
     faults = [f"joint '{name}' is missing" for name in robot.joint_names if name not in angles]
-    faults += [f"unknown joint '{name}'" for name in angles if name not in robot.joint_names]
+    unknown = [name for name in angles if name not in robot.joint_names]
+    faults += [f"unknown joint {shown(name)}, allowed {names}" for name in unknown]
     for joint in robot.joints:
         if joint.name not in angles:
             continue
         angle = angles[joint.name]
-        if not _finite(angle):
-            faults.append(f"joint '{joint.name}' is {angle}, allowed a finite angle in rad")
+        if not is_number(angle):
+            faults.append(f"joint '{joint.name}' is {shown(angle)}, allowed a finite angle in rad")
         elif not joint.lower <= angle <= joint.upper:
-            faults.append(
-                f"joint '{joint.name}' is {angle:+.3f} rad, "
-                f"allowed [{joint.lower:+.3f}, {joint.upper:+.3f}] rad"
-            )
+            told = outside(angle, joint.lower, joint.upper, "rad")
+            faults.append(f"joint '{joint.name}' is {told}")
     return faults
-
-
-def _finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

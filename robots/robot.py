@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 
 from robots.posture import Posture
 from robots.rotation import Array
-from robots.servo import Servo, servo_models
+from robots.servo import Servo
 
 ROBOTS_FOLDER = Path(__file__).parent
 
@@ -40,7 +38,7 @@ class Joint:
     """Stall torque of the servo at its nominal voltage [N·m]."""
     servo: Servo
     segment: str
-    """Class that weighs the joint in the posture metric: head, wrist, foot, other."""
+    """Class that weighs the joint in the posture metric: head, foot, other..."""
 
 
 @dataclass(frozen=True)
@@ -202,99 +200,3 @@ def _add_servo(spec: mujoco.MjSpec, joint: Joint) -> None:
 def list_robots() -> list[str]:
     """List the robots that come with the package."""
     return sorted(path.parent.name for path in ROBOTS_FOLDER.glob("*/robot.toml"))
-
-
-def load_robot(name_or_folder: str | Path) -> Robot:
-    """Load a robot by name, or from a user's own folder that holds a robot.toml.
-
-    Raises:
-        RobotError: if there is no such robot, or its description is wrong.
-    """
-    folder = Path(name_or_folder)
-    if not (folder / "robot.toml").is_file():
-        folder = ROBOTS_FOLDER / str(name_or_folder)
-    if not (folder / "robot.toml").is_file():
-        raise RobotError(
-            f"unknown robot '{name_or_folder}': allowed {', '.join(list_robots())}, "
-            "or a folder that holds a robot.toml"
-        )
-    try:
-        table = tomllib.loads((folder / "robot.toml").read_text("utf-8"))
-        return _build_robot(folder, table)
-    except (KeyError, TypeError, ValueError) as error:
-        raise RobotError(f"{folder / 'robot.toml'}: {_explain(error)}") from error
-
-
-def _explain(error: Exception) -> str:
-    text = " ".join(str(error.args[0] if error.args else error).split())
-    is_key = isinstance(error, KeyError) and " " not in text  # MuJoCo's KeyErrors are sentences
-    return f"{text} is missing" if is_key else text
-
-
-def _build_robot(folder: Path, table: dict[str, Any]) -> Robot:
-    model_file = folder / table["model"]
-    model = mujoco.MjModel.from_xml_path(str(model_file))
-    rows = table["joints"]
-    names = [row["name"] for row in rows]
-    joints = tuple(_build_joint(row, model) for row in rows)
-    standing, neck_height = _stand(table, names, model)
-    return Robot(
-        name=table["name"],
-        folder=folder,
-        joints=joints,
-        torso=table["torso"],
-        neck_site=table["neck_site"],
-        imu_site=table["imu_site"],
-        sole_sites=tuple(table["sole_sites"]),
-        control_period=table["control_period"],
-        supply_voltage=table["supply_voltage"],
-        standing=standing,
-        standing_neck_height=neck_height,
-        mirror_index=np.array([names.index(row["mirror"]) for row in rows]),
-        mirror_sign=np.array([float(row["mirror_sign"]) for row in rows]),
-        model_file=model_file,
-    )
-
-
-def _build_joint(row: dict[str, Any], model: mujoco.MjModel) -> Joint:
-    models = servo_models()
-    if row["servo"] not in models:
-        raise ValueError(
-            f"joint '{row['name']}': unknown servo '{row['servo']}', allowed {', '.join(models)}"
-        )
-    motor = models[row["servo"]]
-    lower, upper = model.joint(row["name"]).range
-    return Joint(
-        name=row["name"],
-        lower=float(lower),
-        upper=float(upper),
-        max_velocity=motor.no_load_speed,
-        max_torque=motor.stall_torque,
-        servo=Servo(id=row["id"], model=motor, sign=row["sign"], zero_ticks=row["zero_ticks"]),
-        segment=row["segment"],
-    )
-
-
-def _stand(table: dict[str, Any], names: list[str], model: mujoco.MjModel) -> tuple[Posture, float]:
-    """Put the soles of the standing posture flat on the ground; return it and the neck height."""
-    data = mujoco.MjData(model)
-    for name, angle in table["standing"].items():
-        data.joint(name).qpos[0] = angle
-    mujoco.mj_kinematics(model, data)
-    torso_from_sole = np.mean(
-        [data.site(site).xmat.reshape(3, 3) for site in table["sole_sites"]], axis=0
-    )
-    u, _, v = np.linalg.svd(torso_from_sole)
-    orientation = np.zeros(4)
-    mujoco.mju_mat2Quat(orientation, (u @ v).T.ravel())
-    torso = model.body(table["torso"])
-    root = int(model.jnt_qposadr[torso.jntadr[0]])
-    data.qpos[root + 3 : root + 7] = orientation
-    mujoco.mj_kinematics(model, data)
-    sole_height = min(data.site(site).xpos[2] for site in table["sole_sites"])
-    posture = Posture(
-        position=np.array([0.0, 0.0, -sole_height]),
-        orientation=orientation,
-        joint_pos=np.array([table["standing"].get(name, 0.0) for name in names]),
-    )
-    return posture, float(data.site(table["neck_site"]).xpos[2] - sole_height)

@@ -1,0 +1,161 @@
+"""What a robot.toml says, and all that can be wrong with it by itself."""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from robots.faults import is_number, shown
+from robots.fields import Fields
+from robots.servo import servo_models
+
+SEGMENTS = ("head", "wrist", "hand", "finger", "thumb", "foot", "toes", "other")
+
+MAX_CONTROL_PERIOD = 1.0  # s; slower than any robot can rise: the period was meant in ms
+MAX_SUPPLY_VOLTAGE = 48.0  # V; the servos' own ranges are narrower, and checked as well
+MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointRow:
+    """One row of the joints: what the model file cannot say of a joint."""
+
+    name: str
+    id: int
+    servo: str
+    """Name of the servo model."""
+    sign: int
+    zero_ticks: int
+    mirror: str
+    """Name of the joint that takes this one's place when left and right are exchanged."""
+    mirror_sign: int
+    segment: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """A robot.toml; a field that is at fault is blank: '', (), 0, -1 or nan."""
+
+    name: str
+    model: str
+    torso: str
+    neck_site: str
+    imu_site: str
+    sole_sites: tuple[str, ...]
+    control_period: float
+    """[s]"""
+    supply_voltage: float
+    """[V]"""
+    joints: tuple[JointRow, ...]
+    standing: dict[str, float]
+    """Angles by joint name [rad]; the joints not named stand at 0."""
+
+
+def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
+    """Read the table of a robot.toml; return it and all its faults."""
+    faults: list[str] = []
+    fields = Fields(table, "", faults)
+    description = Description(
+        name=fields.text("name"),
+        model=fields.text("model"),
+        torso=fields.text("torso"),
+        neck_site=fields.text("neck_site"),
+        imu_site=fields.text("imu_site"),
+        sole_sites=fields.texts("sole_sites"),
+        control_period=fields.number("control_period", MAX_CONTROL_PERIOD, "s"),
+        supply_voltage=fields.number("supply_voltage", MAX_SUPPLY_VOLTAGE, "V"),
+        joints=_read_joints(table.get("joints"), faults),
+        standing=_read_standing(table.get("standing"), faults),
+    )
+    faults += _repeated(description.joints)
+    faults += _wrong_mirrors(description.joints)
+    faults += _wrong_supply(description)
+    return description, faults
+
+
+def _read_joints(rows: Any, faults: list[str]) -> tuple[JointRow, ...]:
+    if rows is None:
+        faults.append("joints is missing, allowed a list of tables, one a joint")
+        return ()
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        faults.append(f"joints is {shown(rows)}, allowed a list of tables, one a joint")
+        return ()
+    return tuple(_read_joint(row, place, faults) for place, row in enumerate(rows, start=1))
+
+
+def _read_joint(row: dict[str, Any], place: int, faults: list[str]) -> JointRow:
+    name = row.get("name")
+    owner = f"joint {shown(name)}" if isinstance(name, str) else f"joint number {place}"
+    fields = Fields(row, f"{owner}: ", faults)
+    return JointRow(
+        name=fields.text("name"),
+        id=fields.integer("id", 0, 252),
+        servo=fields.choice("servo", servo_models()),
+        sign=fields.sign("sign"),
+        zero_ticks=fields.integer("zero_ticks", -MAX_TICKS, MAX_TICKS),
+        mirror=fields.text("mirror"),
+        mirror_sign=fields.sign("mirror_sign"),
+        segment=fields.choice("segment", SEGMENTS),
+    )
+
+
+def _read_standing(angles: Any, faults: list[str]) -> dict[str, float]:
+    if not isinstance(angles, dict):
+        told = "missing" if angles is None else shown(angles)
+        faults.append(f"standing is {told}, allowed a table of joint names and angles in rad")
+        return {}
+    faults += [
+        f"standing: joint {shown(name)} is {shown(angle)}, allowed a finite angle in rad"
+        for name, angle in angles.items()
+        if not is_number(angle)
+    ]
+    return {name: float(angle) if is_number(angle) else 0.0 for name, angle in angles.items()}
+
+
+def _repeated(rows: tuple[JointRow, ...]) -> list[str]:
+    names = Counter(row.name for row in rows if row.name)
+    faults = [
+        f"joint {shown(name)} is described {count} times, allowed once"
+        for name, count in names.items()
+        if count > 1
+    ]
+    for servo_id, count in Counter(row.id for row in rows if row.id >= 0).items():
+        if count > 1:
+            joints = ", ".join(shown(row.name) for row in rows if row.id == servo_id)
+            faults.append(f"joints {joints} have one servo id, {servo_id}, allowed one id each")
+    return faults
+
+
+def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:
+    """Find mirrors that do not lead back: mirroring twice must change nothing."""
+    by_name = {row.name: row for row in rows}
+    faults = []
+    for row in rows:
+        image, owner = by_name.get(row.mirror), f"joint {shown(row.name)}: "
+        if not row.mirror:
+            continue
+        if image is None:
+            faults.append(f"{owner}unknown mirror joint {shown(row.mirror)}")
+        elif image.mirror and image.mirror != row.name:
+            faults.append(
+                f"{owner}its mirror {shown(image.name)} has the mirror {shown(image.mirror)}, "
+                f"allowed {shown(row.name)} (mirrors lead both ways)"
+            )
+        elif row.mirror_sign * image.mirror_sign == -1 and row.name < image.name:
+            faults.append(
+                f"{owner}mirror_sign is {row.mirror_sign} and that of its mirror "
+                f"{shown(image.name)} is {image.mirror_sign}, allowed the same for both"
+            )
+    return faults
+
+
+def _wrong_supply(description: Description) -> list[str]:
+    used = {row.servo: row.name for row in reversed(description.joints) if row.servo}
+    motors = [(name, servo_models()[servo]) for servo, name in used.items()]
+    return [
+        f"supply_voltage is {description.supply_voltage:g} V, allowed "
+        f"{motor.min_voltage:g} to {motor.max_voltage:g} V by the {motor.name} of joint "
+        f"{shown(joint)}"
+        for joint, motor in motors
+        if description.supply_voltage < motor.min_voltage
+        or description.supply_voltage > motor.max_voltage
+    ]

@@ -1,0 +1,145 @@
+"""Loading a robot from its folder: its robot.toml, its model, and the stance worked out."""
+
+import tomllib
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.description import Description, JointRow, read_description
+from robots.faults import shown
+from robots.model_faults import find_model_faults
+from robots.posture import Posture
+from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
+from robots.servo import Servo, servo_models
+
+
+def load_robot(name_or_folder: str | Path) -> Robot:
+    """Load a robot by name, or from a user's own folder that holds a robot.toml.
+
+    Raises:
+        RobotError: if there is no such robot, or naming all that is wrong in its description.
+    """
+    folder = _find_folder(name_or_folder)
+    file = folder / "robot.toml"
+    description, faults = _read_file(file)
+    model = None
+    if description.model:
+        try:
+            model = _load_model(folder / description.model)
+            faults += find_model_faults(description, model)
+        except RobotError as error:
+            faults.append(f"model {error}")
+    if faults or model is None:
+        raise RobotError(f"{file}: {'; '.join(faults)}")
+    try:
+        robot = _build_robot(folder, description, model)
+        robot.spec().compile()
+    except ValueError as error:
+        raise RobotError(f"{file}: {_in_one_line(error)}") from error
+    return robot
+
+
+def _find_folder(name_or_folder: str | Path) -> Path:
+    for folder in (Path(name_or_folder), ROBOTS_FOLDER / name_or_folder):
+        try:
+            if (folder / "robot.toml").is_file():
+                return folder
+        except OSError as error:  # a name too long, or a folder that may not be read
+            raise RobotError(f"robot folder {shown(str(folder))}: {error.strerror}") from error
+    raise RobotError(
+        f"unknown robot {shown(str(name_or_folder))}: allowed {', '.join(list_robots())}, "
+        "or a folder that holds a robot.toml"
+    )
+
+
+def _read_file(file: Path) -> tuple[Description, list[str]]:
+    try:
+        table = tomllib.loads(file.read_text("utf-8"))
+    except OSError as error:
+        raise RobotError(f"{file}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise RobotError(f"{file}: not UTF-8 text (byte {error.start})") from error
+    except RecursionError as error:
+        raise RobotError(f"{file}: not TOML (nested too deep)") from error
+    except ValueError as error:
+        raise RobotError(f"{file}: not TOML ({_in_one_line(error)})") from error
+    return read_description(table)
+
+
+def _load_model(file: Path) -> mujoco.MjModel:
+    if not file.is_file():
+        raise RobotError(f"{file}: no such file, allowed an MJCF file in the robot's folder")
+    try:
+        return mujoco.MjModel.from_xml_path(str(file))
+    except (ValueError, mujoco.FatalError) as error:
+        raise RobotError(f"{file}: {_in_one_line(error)}") from error
+
+
+def _in_one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _build_robot(folder: Path, description: Description, model: mujoco.MjModel) -> Robot:
+    rows = description.joints
+    names = [row.name for row in rows]
+    standing, neck_height = _stand(description, model)
+    return Robot(
+        name=description.name,
+        folder=folder,
+        joints=tuple(_build_joint(row, model) for row in rows),
+        torso=description.torso,
+        neck_site=description.neck_site,
+        imu_site=description.imu_site,
+        sole_sites=description.sole_sites,
+        control_period=description.control_period,
+        supply_voltage=description.supply_voltage,
+        standing=standing,
+        standing_neck_height=neck_height,
+        mirror_index=np.array([names.index(row.mirror) for row in rows]),
+        mirror_sign=np.array([float(row.mirror_sign) for row in rows]),
+        model_file=folder / description.model,
+    )
+
+
+def _build_joint(row: JointRow, model: mujoco.MjModel) -> Joint:
+    motor = servo_models()[row.servo]
+    lower, upper = model.joint(row.name).range
+    return Joint(
+        name=row.name,
+        lower=float(lower),
+        upper=float(upper),
+        max_velocity=motor.no_load_speed,
+        max_torque=motor.stall_torque,
+        servo=Servo(id=row.id, model=motor, sign=row.sign, zero_ticks=row.zero_ticks),
+        segment=row.segment,
+    )
+
+
+def _stand(description: Description, model: mujoco.MjModel) -> tuple[Posture, float]:
+    """Put the soles of the standing posture flat on the ground; return it and the neck height."""
+    data, soles = mujoco.MjData(model), description.sole_sites
+    for name, angle in description.standing.items():
+        data.joint(name).qpos[0] = angle
+    mujoco.mj_kinematics(model, data)
+    torso_from_sole = np.mean([data.site(sole).xmat.reshape(3, 3) for sole in soles], axis=0)
+    u, _, v = np.linalg.svd(torso_from_sole)
+    orientation = np.zeros(4)
+    mujoco.mju_mat2Quat(orientation, (u @ v).T.ravel())
+    torso = model.body(description.torso)
+    root = int(model.jnt_qposadr[torso.jntadr[0]])
+    data.qpos[root + 3 : root + 7] = orientation
+    mujoco.mj_kinematics(model, data)
+    sole_height = min(data.site(sole).xpos[2] for sole in soles)
+    neck_height = float(data.site(description.neck_site).xpos[2] - sole_height)
+    if neck_height <= 0.0:
+        raise RobotError(
+            f"standing: neck_site {shown(description.neck_site)} is {neck_height:+.3f} m over "
+            "the soles, allowed above 0 m"
+        )
+    posture = Posture(
+        position=np.array([0.0, 0.0, -sole_height]),
+        orientation=orientation,
+        joint_pos=np.array([description.standing.get(row.name, 0.0) for row in description.joints]),
+    )
+    return posture, neck_height

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,17 +65,23 @@ def build_motion(
 
 def settle(stage: Stage, choreography: Choreography) -> Array:
     """Lay the robot down in the first key posture and wait; return positions (nq,)."""
-    robot, model = stage.robot, stage.model
     axis, angle = ATTITUDES[choreography.start_class]
     posture = Posture(
         position=np.array([0.0, 0.0, 1.0]),
         orientation=rotation.from_axis_angle(np.array(axis), angle),
         joint_pos=choreography.keys[0],
     )
-    qpos = place(robot, model, posture)
+    return settle_posture(stage, posture)
+
+
+def settle_posture(stage: Stage, posture: Posture) -> Array:
+    """Put a posture on the ground, its joints held, and wait; return positions (nq,)."""
+    robot, model = stage.robot, stage.model
+    raised = replace(posture, position=np.array([*posture.position[:2], 1.0]))
+    qpos = place(robot, model, raised)
     qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
     cycles = round(SETTLE_TIME / robot.control_period)
-    targets = np.tile(choreography.keys[0], (1, cycles, 1))
+    targets = np.tile(posture.joint_pos, (1, cycles, 1))
     trace = Rehearsal(stage, 1).play(qpos[None], targets, Conditions.nominal(robot, 1))
     return trace.qpos[0, -1]
 

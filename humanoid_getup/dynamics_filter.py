@@ -16,7 +16,8 @@ from humanoid_getup.virtual_actuator import LimbMap, compute_torque, compute_wis
 from robots import Posture
 from robots.rotation import Array
 
-CHECK_HOLD = HOLD_TIME + 0.3  # s of stand that a rehearsal must show
+FIRST_HOLD = 1.0  # s of stand that a rehearsal must show to be checked
+FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
 CHECKS = 6  # disturbed rehearsals of a motion before it is handed out
 CHECK_DISTURBANCE = Disturbance(
     joints=np.radians(0.5), root=np.radians(1.5), friction=(0.65, 1.0), voltage=(11.7, 12.3)
@@ -44,8 +45,9 @@ class Rehearsed:
 
     candidate: Candidate
     stood: bool
+    """Whether it ended upright; that it holds is for the check to say."""
     stand_time: float
-    """Start to the first moment of the held stand [s]; nan if it did not stand."""
+    """Start to the first moment of the stand [s]; nan if it did not stand."""
     target: Array
     """Targets that the servos were sent [rad], (T, n)."""
     qpos: Array
@@ -78,7 +80,7 @@ class DynamicsFilter:
         stage, robot = self.stage, self.stage.robot
         references = [self._refer(c) for c in candidates]
         moving = [len(r.target) for r in references]
-        length = max(moving) + round(CHECK_HOLD / robot.control_period)
+        length = max(moving) + round(FIRST_HOLD / robot.control_period)
         target = np.array([_extend(r.target, length) for r in references])
         steering = _Steering(
             stage,
@@ -98,15 +100,22 @@ class DynamicsFilter:
         return reference if c.before is None else reference.after(c.before)
 
     def check(self, start: Posture, target: Array, rng: np.random.Generator) -> float:
-        """Replay targets (T, n) without feedback from disturbed starts; return the share stood."""
+        """Replay targets (T, n) without feedback, from the start and from disturbed ones.
+
+        Returns the share that ended in a held stand; 0 if the undisturbed one did not.
+        """
         stage, robot = self.stage, self.stage.robot
         limit = float(robot.max_torque.max()) if self.torque_limit is None else self.torque_limit
         starts, conditions = disturb(
             stage, place(robot, stage.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
         )
-        trace = self._play(starts, np.tile(target, (CHECKS, 1, 1)), conditions, None)
+        longer = _extend(
+            target, len(target) + round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
+        )
+        trace = self._play(starts, np.tile(longer, (CHECKS, 1, 1)), conditions, None)
         upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
-        return float(np.mean([judge(u, trace.period).stood for u in upright]))
+        stood = [judge(u, trace.period).stood for u in upright]
+        return float(np.mean(stood)) if stood[0] else 0.0
 
     def _play(
         self, starts: Array, target: Array, conditions: Conditions, steering: _Steering | None
@@ -121,7 +130,7 @@ class DynamicsFilter:
         upright = is_upright(
             trace.neck_height[i], trace.tilt[i], trace.foreign[i], self.stage.robot
         )
-        stand = judge(upright, trace.period)
+        stand = judge(upright, trace.period, hold_time=FIRST_HOLD - 0.1)
         return Rehearsed(
             candidate=candidate,
             stood=stand.stood,

@@ -18,11 +18,13 @@ from robots.rotation import Array
 POPULATION = 14
 SCENARIOS = 3  # rehearsals of each candidate: the nominal one and disturbed ones
 FINAL_SCENARIOS = 48
-ANGLE_STEP, TIME_STEP = 0.3, 0.25  # first step size: rad, and share of a duration
+ANGLE_STEP, TIME_STEP = 0.2, 0.2  # first step size: rad, and share of a duration
 CONTROL_HOLD = 1.0  # s of stand that a candidate must show
 LEAD_IN = 0.1  # s in the start posture
 TRAVEL_COST = 0.02  # of a radian that the targets of a joint travel, on average
 SEARCH_TIMESTEP = 0.004  # s; the result is judged, recorded and verified at 0.002
+OVERLAP_COST = 1.0  # of pressing into itself all the time
+DEEP_OVERLAP = 0.0001  # m; contacts are stiff, so this is a firm touch
 FAILURE = 6.0  # cost that no stand can reach
 
 
@@ -80,7 +82,7 @@ def score(trace: Trace, stage: Stage, choreography: Choreography) -> tuple[Array
     robot, period = stage.robot, trace.period
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
     last = round(1.0 / period)
-    stood = upright[:, -last:].all(axis=1)
+    stood = np.asarray(upright[:, -last:].all(axis=1))
     begin = (upright.shape[1] - np.argmax(~upright[:, ::-1], axis=1)) * period
     height = np.clip(trace.neck_height / robot.standing_neck_height, 0.0, 1.0)
     quality = height * np.clip(np.cos(trace.tilt), 0.0, 1.0) * np.where(trace.foreign, 0.8, 1.0)
@@ -89,7 +91,8 @@ def score(trace: Trace, stage: Stage, choreography: Choreography) -> tuple[Array
     held = upright[:, -last:].mean(axis=1)
     rms = np.sqrt(np.mean(trace.torque**2, axis=(1, 2)))
     travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
-    effort = choreography.torque_cost * rms + TRAVEL_COST * travel
+    collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
+    effort = choreography.torque_cost * rms + TRAVEL_COST * travel + OVERLAP_COST * collides
     cost = np.where(
         stood, choreography.time_cost * begin, FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
     )

@@ -19,6 +19,7 @@ from robots import Posture, Robot
 from robots.rotation import Array
 
 MENDS = 3  # times that a path is checked twice as finely
+GRAZE = 0.001  # looseness, a fraction of a millimetre: what a curve may cut off a tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +34,7 @@ class PlanOptions:
     """Edges that the refinement from loose to strict may try."""
     shortcuts: int = 40
     """Pairs of points between which a shorter way is tried."""
-    speed: float = 0.6
+    speed: float = 0.75
     """Joint speed as a share of the servos' no-load speed."""
     turn_rate: float = 4.0
     """Most that the root may turn [rad/s]."""
@@ -132,7 +133,7 @@ def _plan(
         return PlanResult(status=place.status, reason=reason, goal=goal, nodes=place.nodes)
     metric = PostureMetric.of(checker.robot)
     problem = PostureProblem(checker, metric, start, goal, np.array(place.path))
-    found, refined = _search(problem, rng, options)
+    found, refined = find_path(problem, rng, options)
     if found.status is PlanStatus.SOLVED:
         return _finish(problem, found, refined, goal, rng, options)
     return PlanResult(status=found.status, reason=found.reason, goal=goal, nodes=found.nodes)
@@ -149,7 +150,7 @@ def _plan_position(
     return search(PositionProblem(checker.scene, start, goal), start, goal, rng, options)
 
 
-def _search(
+def find_path(
     problem: PostureProblem, rng: np.random.Generator, options: PlanOptions
 ) -> tuple[SearchResult, bool]:
     """Search under the strict constraints; if that fails, refine from loose to strict."""
@@ -175,14 +176,14 @@ def _finish(
     """Shorten and smooth a path; mend what collides between the postures checked so far."""
     pace = options.pace(problem.checker.robot)
     path = shorten(problem, found.path, rng, options.shortcuts)
-    times, nodes, colliding = smooth_free(path, pace, problem.is_free)
+    times, nodes, colliding = _smooth(problem, path, pace)
     for _ in range(MENDS):
         if not colliding:
             break
         problem.resolution *= 0.5
         mended = mend(problem, path, rng, options.search)
         path = shorten(problem, mended.path or path, rng, options.shortcuts)
-        times, nodes, colliding = smooth_free(path, pace, problem.is_free)
+        times, nodes, colliding = _smooth(problem, path, pace)
     configurations = problem.configurations(nodes)
     lift = np.array([problem.checker.lift(c) for c in configurations])
     trajectory = Trajectory(
@@ -200,3 +201,11 @@ def _finish(
         nodes=found.nodes,
         colliding=colliding,
     )
+
+
+def _smooth(problem: PostureProblem, path: list[Array], pace: Pace) -> tuple[Array, Array, int]:
+    problem.checker.loosen(GRAZE)
+    try:
+        return smooth_free(path, pace, problem.is_free)
+    finally:
+        problem.checker.loosen(0.0)

@@ -17,8 +17,8 @@ from robots import Posture, rotation
 from robots.rotation import Array
 
 SPAN = math.radians(15.0)  # of a blossom, each degree of freedom [Lin12], section 4.2.1
-STEP_ORIENTATION = 0.25  # epsilon_q, in dis_Q
-STEP_JOINTS = 1.2  # epsilon_e, in dis_V
+STEP_ORIENTATION = 0.4  # epsilon_q, in dis_Q
+STEP_JOINTS = 2.0  # epsilon_e, in dis_V
 STEP_POSITION = 0.05  # m
 RESOLUTION = 0.03  # rad; the checks along an edge are no further apart
 SPREAD = 0.3  # in dis_Q, of sampled orientations around the way from start to goal

@@ -53,6 +53,8 @@ class Trace:
     """Angle between torso and vertical [rad], (N, T)."""
     foreign: Bools
     """Whether anything but the feet touched the world, (N, T)."""
+    overlap: Array
+    """How deep the robot is in itself, at most [m], (N, T)."""
     torque: Array
     """Servo torques [N·m], (N, T, n)."""
     target: Array
@@ -105,6 +107,7 @@ class Stage:
         _add_touch(spec, "whole", robot.torso, subtree=True)
         for site in robot.sole_sites:
             _add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
+        _add_overlap(spec, robot.torso)
         return Stage(robot, scene, spec.compile(), limbs)
 
 
@@ -125,6 +128,20 @@ def _add_touch(
     )
 
 
+def _add_overlap(spec: mujoco.MjSpec, torso: str) -> None:
+    """Sense the deepest contact of the robot with itself."""
+    distance, nearest = 1 << 3, 1  # mjCONDATA_DIST, reduction by least distance
+    spec.add_sensor(
+        name="overlap",
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY,
+        objname=torso,
+        reftype=mujoco.mjtObj.mjOBJ_XBODY,
+        refname=torso,
+        intprm=[distance, nearest, 1],
+    )
+
+
 class Rehearsal:
     """Steps ``n`` copies of a stage side by side on a thread pool."""
 
@@ -137,6 +154,7 @@ class Rehearsal:
         self._neck = model.site(robot.neck_site).id
         self._feet = [int(model.sensor(f"foot_{s}").adr[0]) for s in robot.sole_sites]
         self._whole = int(model.sensor("whole").adr[0])
+        self._overlap = int(model.sensor("overlap").adr[0])
         self._limbs = [int(model.sensor(f"limb_{b}").adr[0]) for b in stage.limbs]
         self._joint_ids = [model.joint(name).id for name in robot.joint_names]
         b = self.batch
@@ -204,6 +222,7 @@ class Rehearsal:
         root = layout.root_qpos
         out.tilt[:, k] = rotation.tilt(qpos[:, root + 3 : root + 7])
         out.foreign[:, k] = touch[:, self._whole] > touch[:, self._feet].sum(axis=-1)
+        out.overlap[:, k] = -touch[:, self._overlap]
         out.torque[:, k] = bound["actuator_force"]
         out.target[:, k] = sent
 
@@ -231,6 +250,7 @@ class _Recorder:
         self.neck = np.zeros((n, length))
         self.tilt = np.zeros((n, length))
         self.foreign = np.zeros((n, length), dtype=bool)
+        self.overlap = np.zeros((n, length))
         self.torque = np.zeros((n, length, joints))
         self.target = np.zeros((n, length, joints))
 
@@ -241,6 +261,7 @@ class _Recorder:
             neck_height=self.neck[:, :used],
             tilt=self.tilt[:, :used],
             foreign=self.foreign[:, :used],
+            overlap=self.overlap[:, :used],
             torque=self.torque[:, :used],
             target=self.target[:, :used],
         )

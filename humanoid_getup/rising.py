@@ -22,10 +22,10 @@ from robots import Posture, rotation
 from robots.rotation import Array
 
 STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
-TEMPOS = (1.0, 0.6)
+SLOW = 0.6  # tempo of a path's second version
 ENOUGH = 0.8  # share of the disturbed rehearsals that must stand to stop searching
-FINALISTS = 2  # rehearsals of a round that are checked
-MORE_CONNECTIONS = 3
+FINALISTS = 3  # rehearsals of a round that are checked
+FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
 SECOND_TRIES = 2  # rounds that go on from where the tries before ended
 LIE_DOWN = 0.6  # s after a failed try until the next path begins
 
@@ -47,6 +47,8 @@ class RiseOptions:
     """False: straight interpolation to the connecting posture."""
     filtering: bool = True
     """False: the smoothed path and the motion are handed out as they are."""
+    assistance: float = 1.0
+    """Share of the virtual actuator's torques that the filter uses."""
     torque_limit: float | None = None
     """Cap on every servo [N·m]."""
 
@@ -69,7 +71,7 @@ class RisePlan:
     rehearsals: int
     rounds: int
     plan_s: float
-    """Wall time of selection, planning and smoothing up to the first path [s]."""
+    """Wall time of selecting, planning and smoothing the first round's paths [s]."""
     filter_s: float
     """Wall time of everything after it [s]."""
 
@@ -98,30 +100,24 @@ class RisePlanner:
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest.
 
-        The nearest connecting posture first; where no rehearsal of it stands, further
-        motions; where none of those does, from where the robot lies after them.
+        The nearest connecting postures of a few motions first, the quickest that stands
+        wins; where none does, further motions and slower paths; where none of those does
+        either, from where the robot lies after them.
         """
         began = time.perf_counter()
-        connections = self.database.select(start, 1 + MORE_CONNECTIONS)
         search = _Search(start, rng, [])
-        first = self._approach(start, connections[0], rng)
+        connections = self.database.select(start, FIRST_CONNECTIONS + MORE_CONNECTIONS)
+        if not self.options.filtering:
+            path = self._approach(start, connections[0], rng)
+            return self._hand_out_raw(connections[0], path, time.perf_counter() - began)
+        first = self._candidates(search, connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
-        if not self.options.filtering:
-            return self._hand_out_raw(connections[0], first, plan_s)
         already = self.filter.count
-        if first is not None:
-            search.planned = True
-            self._round(
-                search,
-                [
-                    Candidate(path=first, connection=connections[0], tempo=tempo, assistance=share)
-                    for tempo in TEMPOS
-                    for share in (1.0, 0.0)
-                ],
-            )
+        self._round(search, first)
         if not self._is_done(search):
-            self._try_others(search, connections[1:])
+            further = self._candidates(search, connections[FIRST_CONNECTIONS:])
+            self._round(search, further + [replace(c, tempo=SLOW) for c in first + further])
         for _ in range(SECOND_TRIES):
             if search.best is None:
                 self._try_again(search)
@@ -140,18 +136,17 @@ class RisePlanner:
     def _is_done(self, search: _Search) -> bool:
         return search.best is not None and search.robust >= ENOUGH
 
-    def _try_others(self, search: _Search, connections: list[Connection]) -> None:
-        """Rehearse further motions from the start."""
+    def _candidates(self, search: _Search, connections: list[Connection]) -> list[Candidate]:
+        """Plan from the start to connecting postures, as far as there are paths."""
         candidates = []
         for connection in connections:
             path = self._approach(search.start, connection, search.rng)
             if path is not None:
-                search.planned = True
-                candidates += [
-                    Candidate(path=path, connection=connection, tempo=tempo) for tempo in TEMPOS
-                ]
-        if candidates:
-            self._round(search, candidates)
+                candidates.append(
+                    Candidate(path=path, connection=connection, assistance=self.options.assistance)
+                )
+        search.planned = search.planned or bool(candidates)
+        return candidates
 
     def _try_again(self, search: _Search) -> None:
         """Go on from where failed tries left the robot lying."""
@@ -162,20 +157,26 @@ class RisePlanner:
                 path = self._approach(end, connection, search.rng)
                 if path is not None:
                     candidates.append(
-                        Candidate(path=path, connection=connection, before=failed.target)
+                        Candidate(
+                            path=path,
+                            connection=connection,
+                            assistance=self.options.assistance,
+                            before=failed.target,
+                        )
                     )
-        if candidates:
-            self._round(search, candidates)
+        self._round(search, candidates)
 
     def _round(self, search: _Search, candidates: list[Candidate]) -> None:
         """Rehearse candidates; check the quickest that stood against disturbances."""
+        if not candidates:
+            return
         search.rounds += 1
         rehearsed = self.filter.rehearse(search.start, candidates)
         search.tried = [r for r in rehearsed if not r.stood] or search.tried
         standing = sorted((r for r in rehearsed if r.stood), key=lambda r: r.stand_time)
         for finalist in standing[:FINALISTS]:
             share = self.filter.check(search.start, finalist.target, search.rng)
-            if search.best is None or share > search.robust:
+            if share > (search.robust if search.best else 0.0):
                 search.best, search.robust = finalist, share
             if share >= ENOUGH:
                 return

@@ -60,7 +60,7 @@ class SearchOptions:
     """Edges tried, in both trees together."""
     max_time: float = float("inf")
     """[s]; leave it infinite to get the same answer on every machine."""
-    controls: int = 4
+    controls: int = 3
     """Edges that an expansion tries: straight ahead and blossoms around it."""
     edges_per_node: int = 200
     """Edges that a node may try in all its expansions."""

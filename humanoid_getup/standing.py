@@ -43,14 +43,15 @@ def is_upright(
     return tall & (tilt <= MAX_TILT) & ~foreign
 
 
-def judge(upright: NDArray[np.bool_], period: float) -> Stand:
+def judge(upright: NDArray[np.bool_], period: float, hold_time: float = HOLD_TIME) -> Stand:
     """Judge one record (T,) of :func:`is_upright`, sampled every ``period`` seconds.
 
     The stand that counts is the one that lasts to the end of the record: a robot
-    that stood and fell again did not rise.
+    that stood and fell again did not rise. Only a search that checks what it finds may
+    ask for a shorter ``hold_time`` [s].
     """
     broken = np.flatnonzero(~upright)
     first = 0 if len(broken) == 0 else int(broken[-1]) + 1
     hold = (len(upright) - first) * period
-    stood = hold >= HOLD_TIME - 1e-9
+    stood = hold >= hold_time - 1e-9
     return Stand(stood=stood, start_time=first * period if stood else math.nan, hold_time=hold)

@@ -64,8 +64,9 @@ def compute_wish(
 def compute_torque(seen: Observation, force: Array, limbs: LimbMap) -> Array:
     """Turn a force on the centre of mass into joint torques [N·m], (N, n).
 
-    With its point of touch p held by the world, turning joint j (axis a, anchor o, the
-    subtree below it of mass share m and centre c) by dq moves the centre of mass by
+    With its point of touch p held by the world and the torso's attitude kept, turning
+    joint j (axis a, anchor o, the subtree below it of mass share m and centre c) by dq moves
+    the centre of mass by
     ``(m a x (c - o) - a x (p - o)) dq``: that is the column of the Jacobian J, and the
     torques are J^T f, section 4.3 of [Lin12]. Limbs that touch the world share the force;
     the joints of the others get none, and no external force ever acts.

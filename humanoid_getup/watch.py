@@ -10,7 +10,7 @@ from drivers import Cycle, Twin
 from humanoid_getup.standing import Stand, is_upright, judge
 from robots.rotation import Array
 
-DEEP_SELF_CONTACT = 0.001  # m; a touch this deep counts as a collision
+DEEP_SELF_CONTACT = 0.0001  # m; contacts are stiff: a touch this deep is firm, a collision
 DEEP_GROUND = 0.005  # m; deeper than soft contact of a resting robot ever is
 LIMIT_SLACK = np.radians(1.0)  # a soft joint stop gives this much
 

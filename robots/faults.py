@@ -2,7 +2,7 @@
 
 import reprlib
 import sys
-from typing import Any
+from typing import Any, TypeGuard
 
 
 class _Shown(reprlib.Repr):
@@ -22,7 +22,7 @@ def shown(value: Any) -> str:
     return _SHOWN.repr(value)
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: Any) -> TypeGuard[float]:
     """Tell whether a value is a finite number, of a size that a float can hold."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False

@@ -1,7 +1,7 @@
 """The fields of a TOML table, read with every fault they have."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeGuard
 
 from robots.faults import is_number, shown
 
@@ -19,7 +19,7 @@ class Fields:
     def text(self, key: str) -> str:
         """Read a text; the blank is ''."""
         value = self._table.get(key)
-        if isinstance(value, str) and value.strip():
+        if _is_text(value):
             return value
         self._refuse(key, "a text")
         return ""
@@ -27,7 +27,7 @@ class Fields:
     def texts(self, key: str) -> tuple[str, ...]:
         """Read a list of different texts, at least one; the blank is ()."""
         value = self._table.get(key)
-        if isinstance(value, list) and value and all(isinstance(v, str) and v for v in value):
+        if isinstance(value, list) and value and all(map(_is_text, value)):
             if len(set(value)) == len(value):
                 return tuple(value)
             self._refuse(key, "each name once")
@@ -74,3 +74,7 @@ class Fields:
         if key not in self._table:
             told = "is missing"
         self._faults.append(f"{self._owner}{key} {told}, allowed {allowed}")
+
+
+def _is_text(value: Any) -> TypeGuard[str]:
+    return isinstance(value, str) and bool(value.strip()) and value.isprintable()

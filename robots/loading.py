@@ -35,7 +35,7 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     try:
         robot = _build_robot(folder, description, model)
         robot.spec().compile()
-    except ValueError as error:
+    except (ValueError, mujoco.FatalError) as error:
         raise RobotError(f"{file}: {_in_one_line(error)}") from error
     return robot
 

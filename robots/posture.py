@@ -121,7 +121,8 @@ def _find_faults(record: Any, robot: Robot) -> list[str]:
     if not quaternion_faults:
         norm = math.hypot(*record["orientation"])
         if abs(norm - 1.0) > UNIT_TOLERANCE:
-            faults.append(f"orientation has length {norm:.4f}, allowed 1 (a unit quaternion)")
+            length = f"{norm:.4f}" if norm < 1e3 else f"{norm:.3e}"
+            faults.append(f"orientation has length {length}, allowed 1 (a unit quaternion)")
     return faults + _joint_faults(record.get("joint_pos"), robot)
 
 

@@ -57,7 +57,10 @@ def test_targets_are_interpolated_and_held_at_the_ends():
     motion = make()
     times = np.array([[-1.0, 0.0, 0.05], [0.1, 0.4, 9.0]])
     target = motion.joint_target
-    expected = [[target[0], target[0], (target[0] + target[1]) / 2], [target[1], target[-1], target[-1]]]
+    expected = [
+        [target[0], target[0], (target[0] + target[1]) / 2],
+        [target[1], target[-1], target[-1]],
+    ]
     sampled = motion.sample(times)
     assert sampled.shape == (2, 3, ROBOT.n)
     np.testing.assert_allclose(sampled, expected, atol=1e-12)

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from ompl import base as ob
@@ -63,12 +64,12 @@ class SameEdges(ob.MotionValidator):
         self,
         info: ob.SpaceInformation,
         problem: PostureProblem,
-        to_node: Callable[[ob.State], Array],
+        to_node: Callable[[Any], Array],
     ) -> None:
         super().__init__(info)
         self.problem, self.to_node = problem, to_node
 
-    def checkMotion(self, a: ob.State, b: ob.State) -> bool:  # noqa: N802 (OMPL's name)
+    def checkMotion(self, a: ob.State, b: ob.State) -> bool:
         """Tell whether the robot may go from ``a`` to ``b``."""
         return not self.problem.fails(self.to_node(a), self.to_node(b))
 
@@ -82,24 +83,23 @@ def search_ompl(problem: PostureProblem, limit: float) -> list[Array]:
     arc = problem.root_weight * float(orientation_distance(problem.start[:4], problem.goal[:4]))
     scale = np.concatenate([[max(arc, 1e-6)], problem.scale])
 
-    def to_node(state: ob.State) -> Array:
+    def to_node(state: Any) -> Array:
         values = np.array([state[k] for k in range(len(scale))]) / scale
         q = rotation.slerp(problem.start[:4], problem.goal[:4], float(values[0]))
         return np.concatenate([q, values[1:]])
 
     space = ob.RealVectorStateSpace(len(scale))
     bounds = ob.RealVectorBounds(len(scale))
-    for k, (low, high) in enumerate(
-        zip(np.append(0.0, problem.lower) * scale, np.append(1.0, problem.upper) * scale, strict=True)
-    ):
-        bounds.setLow(k, float(low))
-        bounds.setHigh(k, float(high))
+    lower, upper = np.append(0.0, problem.lower) * scale, np.append(1.0, problem.upper) * scale
+    for k in range(len(scale)):
+        bounds.setLow(k, float(lower[k]))
+        bounds.setHigh(k, float(upper[k]))
     space.setBounds(bounds)
     setup = og.SimpleSetup(space)
     info = setup.getSpaceInformation()
     setup.setStateValidityChecker(lambda state: problem.is_free(to_node(state)))
     info.setMotionValidator(SameEdges(info, problem, to_node))
-    ends = [space.allocState(), space.allocState()]
+    ends: list[Any] = [space.allocState(), space.allocState()]
     for state, share, node in zip(ends, (0.0, 1.0), (problem.start, problem.goal), strict=True):
         for k, value in enumerate(np.append(share, node[4:]) * scale):
             state[k] = float(value)
@@ -170,7 +170,7 @@ def main() -> None:
     robot, scene = load_robot(arguments.robot), load_scene(arguments.scene)
     ou.setLogLevel(ou.LOG_ERROR)
     ou.RNG.setSeed(arguments.seed + 1)  # once: OMPL seeds all later generators from it
-    stage = Stage.build(robot, scene.build(robot))
+    stage = Stage.build(robot, scene)
     falls = sample_falls(stage, COUNTS, np.random.default_rng(arguments.seed))
     database = load_database(robot)
     starts = [fall.posture for fall in falls]
@@ -185,7 +185,8 @@ def main() -> None:
             file=sys.stderr,
         )
     if arguments.json:
-        record = {"name": "planner_vs_ompl", "seed": arguments.seed, "n": len(starts), "cases": table}
+        head: dict[str, Any] = {"name": "planner_vs_ompl", "seed": arguments.seed}
+        record = {**head, "n": len(starts), "cases": table}
         arguments.json.write_text(json.dumps(record, indent=1) + "\n", "utf-8")
 
 

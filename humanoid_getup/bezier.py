@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +162,7 @@ def _bezier(control: list[Array], u: Array) -> Array:
         Points, shape (S, pieces, d).
     """
     while len(control) > 1:
-        control = [_blend(a, b, u) for a, b in zip(control[:-1], control[1:], strict=True)]
+        control = [_blend(a, b, u) for a, b in pairwise(control)]
     return control[0]
 
 

@@ -85,16 +85,15 @@ class CollisionChecker:
             What forbids the posture itself, in words; empty when nothing does.
         """
         faults = self._limit_faults(posture)
-        self._place(np.concatenate([posture.position, posture.orientation, posture.joint_pos]))
-        for (a, b), distance in zip(self._data.contact.geom, self._data.contact.dist, strict=True):
-            if -distance > self.tolerances.resting:
+        for (a, b), depth in self._depths(posture).items():
+            if depth > self.tolerances.resting:
                 faults.append(
-                    f"{self._name(a)} is {-1e3 * distance:.1f} mm inside {self._name(b)}, "
+                    f"{self._name(a)} is {1e3 * depth:.1f} mm inside {self._name(b)}, "
                     f"allowed {1e3 * self.tolerances.resting:.1f} mm"
                 )
             else:
                 # A quarter of a millimetre on top: the neighbours must pass too.
-                depth = max(self._rest[a, b], -distance + 0.25e-3)
+                depth = max(self._rest[a, b], depth + 0.25e-3)
                 self._rest[a, b] = self._rest[b, a] = depth
         self.loosen(self.looseness)
         return "; ".join(faults)
@@ -146,6 +145,16 @@ class CollisionChecker:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
         self.checks += 1
+
+    def _depths(self, posture: Posture) -> dict[tuple[int, int], float]:
+        """Measure how deep each pair of geoms that touch is in each other [m], world last."""
+        self._place(np.concatenate([posture.position, posture.orientation, posture.joint_pos]))
+        depths: dict[tuple[int, int], float] = {}
+        contact = self._data.contact
+        for (a, b), distance in zip(contact.geom.tolist(), contact.dist, strict=True):
+            pair = (b, a) if self._model.geom_bodyid[a] == 0 else (a, b)
+            depths[pair] = max(depths.get(pair, -np.inf), -float(distance))
+        return depths
 
     def _limit_faults(self, posture: Posture) -> list[str]:
         slack = self.tolerances.limit

@@ -22,7 +22,7 @@ STEP_JOINTS = 2.0  # epsilon_e, in dis_V
 STEP_POSITION = 0.05  # m
 RESOLUTION = 0.03  # rad; the checks along an edge are no further apart
 SPREAD = 0.3  # in dis_Q, of sampled orientations around the way from start to goal
-SMALL = 1e-9  # rad or m; less is nothing
+SMALL = 1e-9  # of an angle, a length or a step; less is nothing
 
 
 class PositionProblem:
@@ -132,7 +132,7 @@ class PostureProblem:
         """Tell whether two postures are within a step of each quantity."""
         turn, bend = _turn(a[:4], b[:4]), self._bend(a[4:], b[4:])
         turn, bend = turn / STEP_ORIENTATION, bend / STEP_JOINTS
-        return bool(max(turn, bend) <= self.stride)
+        return bool(max(turn, bend) <= self.stride + SMALL)
 
     def fails(self, a: Array, b: Array) -> bool:
         """Tell whether the robot collides on the way from ``a`` to ``b``, FAILURE."""

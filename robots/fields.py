@@ -69,8 +69,7 @@ class Fields:
 
     def _refuse(self, key: str, allowed: str, unit: str = "") -> None:
         value = self._table.get(key)
-        has_unit = unit and isinstance(value, int | float)
-        told = f"is {shown(value)}{' ' + unit if has_unit else ''}"
+        told = f"is {shown(value)} {unit if is_number(value) else ''}".rstrip()
         if key not in self._table:
             told = "is missing"
         self._faults.append(f"{self._owner}{key} {told}, allowed {allowed}")

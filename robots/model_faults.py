@@ -27,7 +27,8 @@ def _torso_faults(description: Description, model: mujoco.MjModel) -> list[str]:
         return []
     torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, description.torso)
     if torso < 0:
-        bodies = _names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
+        is_free = np.isin(np.arange(model.nbody), model.jnt_bodyid[model.jnt_type == FREE])
+        bodies = _names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody, is_free)
         return [f"torso: unknown body {shown(description.torso)}, allowed {bodies}"]
     joint = model.body_jntadr[torso]
     if joint < 0 or model.jnt_type[joint] != FREE:

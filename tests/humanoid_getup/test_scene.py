@@ -42,5 +42,5 @@ def test_an_obstacle_is_where_it_was_put():
 
 
 def test_an_obstacle_without_size_is_refused():
-    with pytest.raises(ValueError, match="radius is 0.0 m, allowed > 0"):
+    with pytest.raises(ValueError, match=r"radius is 0\.0 m, allowed > 0"):
         Obstacle(name="dot", start=np.zeros(3), end=np.zeros(3), radius=0.0)

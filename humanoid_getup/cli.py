@@ -1,0 +1,66 @@
+"""The command line: one program, `getup`."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import MutableMapping, Sequence
+
+DID_IT, DID_NOT_STAND, BAD_INPUT, HARDWARE_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
+"""Exit codes."""
+
+OFF = "disable"  # MuJoCo's word for "no GL"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; return its exit code."""
+    choose_gl(os.environ)
+    try:
+        return _run(arguments)
+    except KeyboardInterrupt:
+        print("getup: interrupted, the robot is limp", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    # MuJoCo chooses its GL when it is imported, so what needs it waits for choose_gl.
+    from drivers import DriverError
+    from drivers.errors import ModelError
+    from humanoid_getup.commands import parse
+    from humanoid_getup.commands.inputs import BadInputError
+
+    command = parse(arguments)
+    try:
+        return command.run()
+    except (BadInputError, ModelError) as error:
+        return _refuse(str(error), BAD_INPUT)
+    except DriverError as error:
+        return _refuse(str(error), HARDWARE_FAULT)
+
+
+def _refuse(message: str, code: int) -> int:
+    print(f"getup: {' '.join(message.split())}", file=sys.stderr)
+    return code
+
+
+def choose_gl(environment: MutableMapping[str, str]) -> None:
+    """Let MuJoCo render without a display where EGL is there, and run without pictures else."""
+    displays = ("DISPLAY", "WAYLAND_DISPLAY")
+    if sys.platform == "linux" and not any(environment.get(name) for name in displays):
+        environment.setdefault("MUJOCO_GL", "egl")
+    # MuJoCo cannot even be imported when EGL is asked for and is not there.
+    if environment.get("MUJOCO_GL", "").strip().lower() == "egl" and not _has_egl():
+        environment["MUJOCO_GL"] = OFF
+
+
+def _has_egl() -> bool:
+    try:
+        ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import sys
 from collections.abc import MutableMapping, Sequence
 
 DID_IT, DID_NOT_STAND, BAD_INPUT, HARDWARE_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit codes."""
-
-OFF = "disable"  # MuJoCo's word for "no GL"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,11 +21,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    # MuJoCo chooses its GL when it is imported, so what needs it waits for choose_gl.
+    # MuJoCo chooses its GL when it is imported, so all that needs it waits for choose_gl.
+    try:
+        import mujoco  # noqa: F401
+    except RuntimeError as error:  # MUJOCO_GL holds no GL that there is
+        return _refuse(f"{error}, allowed egl, osmesa, glfw or disable", BAD_INPUT)
     from drivers import DriverError
     from drivers.errors import ModelError
     from humanoid_getup.commands import parse
-    from humanoid_getup.commands.inputs import BadInputError
+    from humanoid_getup.commands.errors import BadInputError
 
     command = parse(arguments)
     try:
@@ -45,21 +46,10 @@ def _refuse(message: str, code: int) -> int:
 
 
 def choose_gl(environment: MutableMapping[str, str]) -> None:
-    """Let MuJoCo render without a display where EGL is there, and run without pictures else."""
+    """Let MuJoCo render without a display, unless the user chose otherwise."""
     displays = ("DISPLAY", "WAYLAND_DISPLAY")
     if sys.platform == "linux" and not any(environment.get(name) for name in displays):
         environment.setdefault("MUJOCO_GL", "egl")
-    # MuJoCo cannot even be imported when EGL is asked for and is not there.
-    if environment.get("MUJOCO_GL", "").strip().lower() == "egl" and not _has_egl():
-        environment["MUJOCO_GL"] = OFF
-
-
-def _has_egl() -> bool:
-    try:
-        ctypes.CDLL("libEGL.so.1")
-    except OSError:
-        return False
-    return True
 
 
 if __name__ == "__main__":

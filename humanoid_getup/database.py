@@ -85,17 +85,15 @@ class MotionDatabase:
         """
         point = self.metric.embed(posture.orientation, posture.joint_pos)
         bound = np.linalg.norm(self._centres - point, axis=1) - self._radii  # (groups,)
-        rows = np.zeros(0, dtype=np.intp)
-        distance = np.zeros(0)
-        best: list[Connection] = []
-        for g in np.argsort(bound):
-            if len(best) == count and bound[g] > best[-1].distance + ROUNDING:
-                break
-            members = self.groups[g].members
-            rows = np.concatenate([rows, members])
-            distance = np.concatenate([distance, self._distance(posture, members)])
-            best = self._take(rows, distance, count, per_motion)
-        return best
+        order = np.argsort(bound)
+        # The nearest groups give a distance to beat; every group that may beat it is searched.
+        near = np.concatenate([self.groups[g].members for g in order[: count + 1]])
+        best = self._take(near, self._distance(posture, near), count, per_motion)
+        if len(best) < count:
+            return self.select_exhaustively(posture, count, per_motion)
+        rivals = order[bound[order] <= best[-1].distance + ROUNDING]
+        rows = np.concatenate([near, *(self.groups[g].members for g in rivals[count + 1 :])])
+        return self._take(rows, self._distance(posture, rows), count, per_motion)
 
     def select_exhaustively(
         self, posture: Posture, count: int = 1, per_motion: int = 1

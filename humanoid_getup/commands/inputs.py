@@ -1,42 +1,25 @@
-"""What commands are told: the shared options, and how they are checked and loaded."""
+"""What commands are told: the options that they share, checked and loaded."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-import tyro
+from tyro.conf import arg
 
+from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.outputs import find_folder_faults, find_json_faults
-from humanoid_getup.database import load_database
 from humanoid_getup.lying import CLASSES, Fall, classify, sample_falls
-from humanoid_getup.motion import Motion
 from humanoid_getup.rehearsal import Stage
 from humanoid_getup.rise import check_start
-from humanoid_getup.scene import Scene, load_scene
+from humanoid_getup.scene import load_scene
 from robots import Robot, load_posture, load_robot
 
 BACKENDS = ("twin",)
 UNCLASSED = "other"  # start class of a posture that lies on no side
-
-
-class BadInputError(Exception):
-    """What the user gave cannot be used; the message names culprit, value and what is allowed."""
-
-
-@contextmanager
-def refusing() -> Iterator[None]:
-    """Turn what a loader raises about a user's input into a `BadInputError`."""
-    try:
-        yield
-    except ValueError as error:
-        raise BadInputError(str(error)) from error
-    except OSError as error:
-        raise BadInputError(f"{error.filename}: {error.strerror}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,17 +36,73 @@ class RobotOption:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneOptions(RobotOption):
-    """Which robot, where, from which seed, and where the figures go."""
+class StageOptions(RobotOption):
+    """Which robot in which scene, by which seed, and where the figures go."""
 
     scene: str = "flat"
     """Scene by name."""
     seed: int = 0
-    """Of everything that is drawn by chance, 0 or more."""
-    json: tyro.conf.StrOrNone = None  # type: ignore[name-defined]
-    """File for the figures as JSON; - prints them alone on standard output."""
+    """Seed of all that is left to chance, 0 or more."""
+    json: Annotated[str | None, arg(metavar="FILE|-")] = None
+    """Write the figures to a file; - prints them alone on standard output."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        faults = find_json_faults(self.json)
+        if self.seed < 0:
+            faults.append(f"seed is {self.seed}, allowed 0 or more")
+        return faults
+
+    def load_stage(self) -> Stage:
+        """Check the options, then load the robot into its scene."""
+        if faults := self.find_faults():
+            raise BadInputError("; ".join(faults))
+        with refusing():
+            scene = load_scene(self.scene)
+            return Stage.build(load_robot(self.robot), scene)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialOptions(SceneOptions):
+class TrialOptions(StageOptions):
     """What every command that moves a robot is told."""
+
+    backend: str = "twin"
+    """The robot's body: twin."""
+    torque_limit: Annotated[float | None, arg(metavar="N·m")] = None
+    """Cap on every servo [N·m]; without it, what the servos can."""
+    realtime: bool = False
+    """Play at the speed of life."""
+    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    """Folder for report.json, motion.npz, strip.png and torque.png."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        faults = super().find_faults()
+        if self.backend not in BACKENDS:
+            faults.append(f"unknown backend '{self.backend}': allowed {', '.join(BACKENDS)}")
+        faults += find_torque_faults(self.torque_limit)
+        if self.out is not None:
+            faults += find_folder_faults(self.out)
+        return faults
+
+
+def find_torque_faults(limit: float | None) -> list[str]:
+    """Tell what is wrong with a torque limit [N·m]."""
+    if limit is None or (math.isfinite(limit) and limit > 0.0):
+        return []
+    return [f"torque limit is {limit:g} N·m, allowed a finite number above 0 N·m"]
+
+
+def find_start(stage: Stage, origin: str, rng: np.random.Generator) -> Fall:
+    """Sample a settled fall of a class, or load a posture file."""
+    if origin in CLASSES:
+        return sample_falls(stage, {origin: 1}, rng)[0]
+    path = Path(origin)
+    with refusing():
+        if not path.exists():
+            raise ValueError(
+                f"unknown start '{origin}': allowed {', '.join(CLASSES)}, or a posture file"
+            )
+        posture = load_posture(path, stage.robot)
+        check_start(stage, posture)
+    return Fall(posture=posture, start_class=classify(posture.orientation) or UNCLASSED)

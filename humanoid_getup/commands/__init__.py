@@ -1,0 +1,55 @@
+"""The commands of `getup`, one a file: their options are the fields of a dataclass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Protocol
+
+import tyro
+from tyro.conf import subcommand
+
+from humanoid_getup.commands.bench import BenchFilter, BenchMotions, BenchRise
+from humanoid_getup.commands.motions import BuildMotions, ListMotions, ShowMotion
+from humanoid_getup.commands.play import Play
+from humanoid_getup.commands.rise import RiseCommand
+from humanoid_getup.commands.robots import ListRobots
+
+MOTIONS = (
+    Annotated[ListMotions, subcommand("list")]
+    | Annotated[BuildMotions, subcommand("build")]
+    | Annotated[ShowMotion, subcommand("show")]
+    | Annotated[Play, subcommand("play")]
+)
+BENCHMARKS = (
+    Annotated[BenchRise, subcommand("rise")]
+    | Annotated[BenchMotions, subcommand("motions")]
+    | Annotated[BenchFilter, subcommand("filter")]
+)
+COMMANDS: Any = (
+    Annotated[RiseCommand, subcommand("rise")]
+    | Annotated[Play, subcommand("play")]
+    | Annotated[
+        MOTIONS, subcommand("motions", description="List, build, show or play rising motions.")
+    ]
+    | Annotated[BENCHMARKS, subcommand("bench", description="Measure on the twin.")]
+    | Annotated[ListRobots, subcommand("robots")]
+)
+
+
+class Command(Protocol):
+    """One command with its options."""
+
+    def run(self) -> int:
+        """Do it; return the exit code."""
+        ...
+
+
+def parse(arguments: Sequence[str] | None) -> Command:
+    """Read a command line; leave the program with code 2 where it cannot be read."""
+    return tyro.cli(
+        COMMANDS,
+        prog="getup",
+        description="Get a fallen humanoid up: plan, filter through physics, play, judge.",
+        args=arguments,
+        config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
+    )

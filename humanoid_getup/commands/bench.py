@@ -1,0 +1,142 @@
+"""`getup bench NAME`: measure on the twin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from tyro.conf import arg
+
+from humanoid_getup.bench.motions import bench_motions
+from humanoid_getup.bench.rise import CLASSES, bench_rise
+from humanoid_getup.bench.speed import bench_filter
+from humanoid_getup.cli import DID_IT
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import StageOptions, find_torque_faults
+from humanoid_getup.commands.outputs import console_for, write_json
+from humanoid_getup.database import MOTION_FOLDER, load_database
+from humanoid_getup.rehearsal import Stage
+from humanoid_getup.report import to_json
+from humanoid_getup.rising import RiseOptions
+
+RISE_FIGURES = ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s")
+MOTION_FIGURES = (
+    "stand_time_s",
+    "peak_torque_nm",
+    "rms_torque_nm",
+    "lowest_torque_limit_nm",
+    "disturbed_stood",
+)
+SPEED_FIGURES = ("n", "filter_over_bare_steps_per_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _BenchOptions(StageOptions):
+    n: int = 1
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        faults = super().find_faults()
+        return faults if self.n >= 1 else [*faults, f"n is {self.n}, allowed 1 or more"]
+
+    def load_stage(self) -> Stage:
+        """Check the options, load the robot, and see that its motions can be loaded."""
+        stage = super().load_stage()
+        with refusing():
+            load_database(stage.robot)
+        return stage
+
+    def hand_over(self, result: dict[str, Any], figures: tuple[str, ...]) -> int:
+        """Write the figures, and print some of them as a table."""
+        write_json(to_json(result), self.json)
+        cases = result.get("classes") or result["cases"]
+        table = Table(result["name"], *figures, box=None, header_style="bold")
+        for name, case in cases.items():
+            table.add_row(name, *(_format(case.get(figure)) for figure in figures))
+        console_for(self.json).print(table)
+        return DID_IT
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRise(_BenchOptions):
+    """Rise from many settled falls: success rates, times and faults."""
+
+    n: int = 20
+    """Falls of each class: supine, prone, lateral."""
+    torque_limit: Annotated[float | None, arg(metavar="N·m")] = None
+    """Cap on every servo [N·m]; without it, what the servos can."""
+    planning: bool = True
+    """Plan a path to the rising motion, or go there straight."""
+    filtering: bool = True
+    """Send the path through physics, or play it as it is."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        return super().find_faults() + find_torque_faults(self.torque_limit)
+
+    def run(self) -> int:
+        """Run the benchmark."""
+        stage = self.load_stage()
+        options = RiseOptions(
+            planning=self.planning, filtering=self.filtering, torque_limit=self.torque_limit
+        )
+        with _counting("rises", len(CLASSES) * self.n) as count:
+            robot, scene = stage.robot, stage.scene
+            result = bench_rise(
+                robot, scene, seed=self.seed, each=self.n, options=options, report=count
+            )
+        return self.hand_over(result, RISE_FIGURES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchMotions(_BenchOptions):
+    """Play every motion of the database: time, load, reserve and robustness."""
+
+    n: int = 50
+    """Disturbed plays of each motion."""
+
+    def run(self) -> int:
+        """Run the benchmark."""
+        stage = self.load_stage()
+        motions = len(list((stage.robot.folder / MOTION_FOLDER).glob("*.npz")))
+        with _counting("motions", motions) as count:
+            robot, scene = stage.robot, stage.scene
+            result = bench_motions(robot, scene, seed=self.seed, plays=self.n, report=count)
+        return self.hand_over(result, MOTION_FIGURES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchFilter(_BenchOptions):
+    """Compare the speed of the filter's simulation with bare physics."""
+
+    n: int = 5
+    """Repetitions."""
+
+    def run(self) -> int:
+        """Run the benchmark."""
+        stage = self.load_stage()
+        with Console(stderr=True).status("filtering"):
+            result = bench_filter(stage.robot, stage.scene, seed=self.seed, repeats=self.n)
+        return self.hand_over(result, SPEED_FIGURES)
+
+
+@contextmanager
+def _counting(what: str, total: int) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Show a bar on standard error; yield what moves it on by one."""
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        bar = progress.add_task(what, total=total)
+        yield lambda _record: progress.advance(bar)
+
+
+def _format(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{_format(value['median'])} (p95 {_format(value['p95'])})"
+    if isinstance(value, list | tuple):
+        return " to ".join(map(_format, value))
+    return f"{value:.2f}" if isinstance(value, float) else str(value)

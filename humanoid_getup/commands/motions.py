@@ -1,0 +1,186 @@
+"""`getup motions`: list, build and show a robot's rising motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from tyro.conf import Positional, arg
+
+from humanoid_getup import film
+from humanoid_getup.build import CHOREOGRAPHIES, load_authored, motion_file
+from humanoid_getup.choreography import Choreography
+from humanoid_getup.cli import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.building import Recipe, build_all
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import RobotOption
+from humanoid_getup.commands.outputs import (
+    console_for,
+    find_file_faults,
+    find_folder_faults,
+    find_json_faults,
+    staging,
+    write_json,
+)
+from humanoid_getup.commands.play import find_motion
+from humanoid_getup.database import MOTION_FOLDER, load_database
+from humanoid_getup.motion import MIRRORED_SUFFIX, Motion
+from humanoid_getup.rehearsal import Stage, place
+from humanoid_getup.report import to_json
+from humanoid_getup.scene import load_scene
+from robots import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListMotions(RobotOption):
+    """List a robot's rising motions."""
+
+    json: Annotated[str | None, arg(metavar="FILE|-")] = None
+    """Write the list to a file; - prints it alone on standard output."""
+
+    def run(self) -> int:
+        """Print a table, or JSON."""
+        if faults := find_json_faults(self.json):
+            raise BadInputError("; ".join(faults))
+        robot = self.load_robot()
+        with refusing():
+            motions = load_database(robot).motions
+        stored = [motion for motion in motions if not motion.name.endswith(MIRRORED_SUFFIX)]
+        mirrored = {motion.name for motion in motions} - {motion.name for motion in stored}
+        rows = [_describe(m, m.name + MIRRORED_SUFFIX in mirrored) for m in stored]
+        write_json(to_json({"robot": robot.name, "motions": rows}), self.json)
+        if self.json is None:
+            console_for(self.json).print(_tabulate(rows))
+        return DID_IT
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildMotions(RobotOption):
+    """Build rising motions from authored key postures into the robot's folder."""
+
+    names: Positional[tuple[str, ...]] = ()
+    """Motions to build; all of the robot's choreographies when left out."""
+    generations: int = 60
+    """Of the search that improves the key postures, 1 or more."""
+    seed: int = 0
+    """Seed of the search, 0 or more."""
+    jobs: int = 2
+    """Motions that are built side by side, 1 or more."""
+
+    def run(self) -> int:
+        """Build them; report which do not end in a held stand."""
+        robot = self.load_robot()
+        faults = [
+            f"{name} is {value}, allowed {least} or more"
+            for name, value, least in (
+                ("generations", self.generations, 1),
+                ("seed", self.seed, 0),
+                ("jobs", self.jobs, 1),
+            )
+            if value < least
+        ]
+        folder = robot.folder / MOTION_FOLDER
+        if faults := faults + find_folder_faults(folder, ()):
+            raise BadInputError("; ".join(faults))
+        chosen = _choose(robot, self.names)
+        recipe = Recipe(robot=robot, generations=self.generations, seed=self.seed, jobs=self.jobs)
+        console = console_for(None)
+
+        def save(motion: Motion) -> None:
+            folder.mkdir(exist_ok=True)
+            motion.save(motion_file(robot.folder, motion.name))
+
+        failures = build_all(chosen, recipe, save)
+        console.print(f"built {len(chosen) - len(failures)} of {len(chosen)} into {folder}")
+        for failure in failures:
+            console.print(f"[red]not built: {failure}")
+        return DID_NOT_STAND if failures else DID_IT
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShowMotion(RobotOption):
+    """Draw a rising motion as a film strip."""
+
+    motion: Annotated[Positional[str], arg(metavar="MOTION")]
+    """A motion's name in the robot's database, or an .npz file."""
+    out: Annotated[Path | None, arg(metavar="FILE")] = None
+    """PNG file to write; MOTION.png when left out."""
+
+    def run(self) -> int:
+        """Draw the postures that the motion went through when it was built."""
+        robot = self.load_robot()
+        motion = find_motion(robot, self.motion)
+        path = self.out or Path(f"{motion.name}.png")
+        if faults := find_file_faults(path):
+            raise BadInputError("; ".join(faults))
+        model = Stage.build(robot, load_scene("flat")).model
+        rows = film.pick_frames(len(motion.time))
+        qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
+        try:
+            pictures = film.render_frames(robot, model, qpos)
+        except film.NoRendererError as error:
+            Console(stderr=True, highlight=False).print(f"no film strip: {error}")
+            return DID_NOT_STAND
+        with staging(path.parent, (path.name,)) as folder:
+            times = motion.time[rows] - motion.time[0]
+            title = f"{motion.name}: {motion.strategy}"
+            film.save_strip(pictures, times, folder / path.name, title=title)
+        console_for(None).print(f"film strip in {path}")
+        return DID_IT
+
+
+def _choose(robot: Robot, names: tuple[str, ...]) -> list[Choreography]:
+    file = robot.folder / CHOREOGRAPHIES
+    with refusing():
+        try:
+            authored = {c.name: c for c in load_authored(robot)}
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{file}: {error!r}") from error
+        unknown = [name for name in names if name not in authored]
+        if unknown:
+            told = ", ".join(f"'{name}'" for name in unknown)
+            raise ValueError(f"unknown motion {told}: allowed {', '.join(authored)}")
+    return [authored[name] for name in names or authored]
+
+
+def _describe(motion: Motion, is_mirrored: bool) -> dict[str, Any]:
+    made = motion.provenance
+    return {
+        "name": motion.name,
+        "start_class": motion.start_class,
+        "strategy": motion.strategy,
+        "duration_s": motion.duration,
+        "stand_time_s": made.get("stand_time_s"),
+        "robust": made.get("disturbed_success"),
+        "torque_limit_nm": made.get("torque_limit"),
+        "mirrored": is_mirrored,
+    }
+
+
+def _tabulate(rows: list[dict[str, Any]]) -> Table:
+    table = Table(box=None, header_style="bold")
+    table.add_column("motion", no_wrap=True)
+    for heading in ("start", "strategy"):
+        table.add_column(heading)
+    for heading in ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        table.add_row(
+            row["name"],
+            row["start_class"],
+            row["strategy"],
+            f"{row['duration_s']:.2f}",
+            _format(row["stand_time_s"], ".2f"),
+            _format(row["robust"], ".0%"),
+            _format(row["torque_limit_nm"], ".1f"),
+            "yes" if row["mirrored"] else "",
+        )
+    return table
+
+
+def _format(value: Any, form: str) -> str:
+    return format(value, form) if isinstance(value, int | float) else "?"

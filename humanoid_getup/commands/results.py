@@ -1,0 +1,77 @@
+"""What a rise leaves behind: files, JSON, a summary and an exit code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from drivers import Ending
+from humanoid_getup import film, plots
+from humanoid_getup.cli import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.commands.inputs import TrialOptions
+from humanoid_getup.commands.outputs import (
+    ARTEFACTS,
+    MOTION,
+    REPORT,
+    STRIP,
+    TORQUE,
+    console_for,
+    staging,
+    write_json,
+)
+from humanoid_getup.rehearsal import Stage
+from humanoid_getup.report import Circumstances, make_report, print_summary, to_json
+from humanoid_getup.rise import Rise
+
+
+def hand_over(
+    rise: Rise, stage: Stage, options: TrialOptions, start: str, extra: dict[str, Any]
+) -> int:
+    """Write and tell how a rise went; return the exit code.
+
+    Raises:
+        KeyboardInterrupt: if that is how it ended; nothing is written then.
+    """
+    if rise.run is not None and rise.run.ending is Ending.INTERRUPTED:
+        raise KeyboardInterrupt
+    asked = Circumstances(
+        robot=stage.robot.name,
+        period=stage.robot.control_period,
+        seed=options.seed,
+        start=start,
+        scene=options.scene,
+        backend=options.backend,
+        torque_limit=options.torque_limit,
+        extra=extra,
+    )
+    report = make_report(rise, asked)
+    files: list[str] = []
+    if options.out is not None:
+        with staging(options.out) as folder:
+            report["strip_reason"] = _draw(rise, stage, options, folder)
+            (folder / REPORT).write_text(to_json(report), "utf-8")
+            files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
+    write_json(to_json(report), options.json)
+    print_summary(report, files, console_for(options.json))
+    if rise.run is not None and rise.run.ending is Ending.FAULT:
+        return HARDWARE_FAULT
+    return DID_IT if rise.stood else DID_NOT_STAND
+
+
+def _draw(rise: Rise, stage: Stage, options: TrialOptions, folder: Path) -> str | None:
+    """Write the motion and the pictures; return why there is no film strip."""
+    if rise.plan.motion is None or rise.watched is None:
+        return "nothing was played"
+    rise.plan.motion.save(folder / MOTION)
+    robot, watched = stage.robot, rise.watched
+    title = f"{robot.name}, {rise.start_class} start: {rise.plan.motion.strategy}"
+    plots.save_torque(robot, watched, options.torque_limit, folder / TORQUE, title=title)
+    period = robot.control_period
+    end = watched.stand.start_time + film.AFTERMATH if rise.stood else len(watched.qpos) * period
+    rows = film.pick_frames(min(len(watched.qpos), round(end / period)))
+    try:
+        pictures = film.render_frames(robot, stage.model, watched.qpos[rows])
+    except film.NoRendererError as error:
+        return str(error)
+    film.save_strip(pictures, rows * period, folder / STRIP, title=title)
+    return None

@@ -16,7 +16,7 @@ from robots import rotation
 from robots.rotation import Array
 
 POPULATION = 14
-SCENARIOS = 3  # rehearsals of each candidate: the nominal one and disturbed ones
+SCENARIOS = 4  # rehearsals of each candidate: nominal, with full torque, two disturbed
 FINAL_SCENARIOS = 48
 ANGLE_STEP, TIME_STEP = 0.2, 0.2  # first step size: rad, and share of a duration
 CONTROL_HOLD = 1.0  # s of stand that a candidate must show
@@ -146,10 +146,14 @@ class Improver:
         return finalists[best], judged[best][1]
 
     def judge(self, choreography: Choreography, seed: int) -> tuple[float, float]:
-        """Compute mean cost and success share over disturbances that the search never saw."""
+        """Compute mean cost and success share over disturbances that the search never saw.
+
+        The share is 0 if it does not stand undisturbed, capped or with full torque.
+        """
         rng = np.random.default_rng([seed, 1])
         cost, stood = self._rehearse(self._final, [choreography], FINAL_SCENARIOS, rng)
-        return float(cost.mean()), float(stood.mean())
+        share = float(stood.mean()) if stood[0, :2].all() else 0.0
+        return float(cost.mean()), share
 
     def _rehearse(
         self,
@@ -173,6 +177,15 @@ class Improver:
         )
         starts, conditions = disturb(
             stage, self.start, each, Disturbance(), candidates[0].torque_limit, rng
+        )
+        full = float(robot.max_torque.max())
+        starts[1], conditions.torque_limit[1] = (
+            starts[0],
+            full,
+        )  # it must stand with all it has, too
+        conditions.friction[1], conditions.voltage[1] = (
+            conditions.friction[0],
+            conditions.voltage[0],
         )
         n = len(candidates)
         trace = rehearsal.play(

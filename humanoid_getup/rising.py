@@ -25,7 +25,8 @@ STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
 SLOW = 0.6  # tempo of a path's second version
 ENOUGH = 0.8  # share of the disturbed rehearsals that must stand to stop searching
 FINALISTS = 3  # rehearsals of a round that are checked
-FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
+FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
+MOST_FAILURES = 2  # paths not found before the start is thought to be tangled
 SECOND_TRIES = 2  # rounds that go on from where the tries before ended
 LIE_DOWN = 0.6  # s after a failed try until the next path begins
 
@@ -102,7 +103,8 @@ class RisePlanner:
 
         The nearest connecting postures of a few motions first, the quickest that stands
         wins; where none does, further motions and slower paths; where none of those does
-        either, from where the robot lies after them.
+        either, from where the robot lies after them. A robot so tangled that no path leaves
+        its posture is pulled free by its servos first.
         """
         began = time.perf_counter()
         search = _Search(start, rng, [])
@@ -110,16 +112,18 @@ class RisePlanner:
         if not self.options.filtering:
             path = self._approach(start, connections[0], rng)
             return self._hand_out_raw(connections[0], path, time.perf_counter() - began)
-        first = self._candidates(search, connections[:FIRST_CONNECTIONS])
+        first = self._candidates(search, search.start, connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
         already = self.filter.count
         self._round(search, first)
-        if not self._is_done(search):
-            further = self._candidates(search, connections[FIRST_CONNECTIONS:])
+        if not first:
+            self._round(search, self._pull_free(search, connections[:FIRST_CONNECTIONS]))
+        elif not self._is_done(search):
+            further = self._candidates(search, search.start, connections[FIRST_CONNECTIONS:])
             self._round(search, further + [replace(c, tempo=SLOW) for c in first + further])
         for _ in range(SECOND_TRIES):
-            if search.best is None:
+            if not self._is_done(search):
                 self._try_again(search)
         filter_s = time.perf_counter() - began
         return self._conclude(search, self.filter.count - already, plan_s, filter_s)
@@ -129,41 +133,57 @@ class RisePlanner:
     ) -> Trajectory | None:
         """Find a smooth path to a connecting posture."""
         if not self.options.planning:
-            period = self.stage.robot.control_period
-            return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)
+            return self._straight(start, connection)
         return plan_rise(start, connection, self._checker, rng).trajectory
+
+    def _straight(self, start: Posture, connection: Connection) -> Trajectory:
+        period = self.stage.robot.control_period
+        return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)
 
     def _is_done(self, search: _Search) -> bool:
         return search.best is not None and search.robust >= ENOUGH
 
-    def _candidates(self, search: _Search, connections: list[Connection]) -> list[Candidate]:
-        """Plan from the start to connecting postures, as far as there are paths."""
-        candidates = []
-        for connection in connections:
-            path = self._approach(search.start, connection, search.rng)
+    def _candidates(
+        self,
+        search: _Search,
+        start: Posture,
+        connections: list[Connection],
+        before: Array | None = None,
+    ) -> list[Candidate]:
+        """Plan from a posture to connecting ones, as far as there are paths.
+
+        Where two find none, the start is to blame, and the others are left out.
+        """
+        candidates: list[Candidate] = []
+        for tried, connection in enumerate(connections):
+            if tried == MOST_FAILURES and not candidates:
+                break
+            path = self._approach(start, connection, search.rng)
             if path is not None:
-                candidates.append(
-                    Candidate(path=path, connection=connection, assistance=self.options.assistance)
-                )
+                candidates.append(self._candidate(path, connection, before))
         search.planned = search.planned or bool(candidates)
         return candidates
+
+    def _candidate(
+        self, path: Trajectory, connection: Connection, before: Array | None = None
+    ) -> Candidate:
+        share = self.options.assistance
+        return Candidate(path=path, connection=connection, assistance=share, before=before)
+
+    def _pull_free(self, search: _Search, connections: list[Connection]) -> list[Candidate]:
+        """Go straight and slowly where no path leads: limbs give way, or they do not."""
+        return [
+            replace(self._candidate(self._straight(search.start, c), c), tempo=SLOW)
+            for c in connections
+        ]
 
     def _try_again(self, search: _Search) -> None:
         """Go on from where failed tries left the robot lying."""
         candidates = []
         for failed in _sample_ends(search.tried, self.stage.robot.control_period):
             end = read_posture(self.stage.robot, self.stage.model, failed.qpos[-1])
-            for connection in self.database.select(end, 2):
-                path = self._approach(end, connection, search.rng)
-                if path is not None:
-                    candidates.append(
-                        Candidate(
-                            path=path,
-                            connection=connection,
-                            assistance=self.options.assistance,
-                            before=failed.target,
-                        )
-                    )
+            connections = self.database.select(end, SECOND_CONNECTIONS)
+            candidates += self._candidates(search, end, connections, failed.target)
         self._round(search, candidates)
 
     def _round(self, search: _Search, candidates: list[Candidate]) -> None:
@@ -172,7 +192,7 @@ class RisePlanner:
             return
         search.rounds += 1
         rehearsed = self.filter.rehearse(search.start, candidates)
-        search.tried = [r for r in rehearsed if not r.stood] or search.tried
+        search.tried = rehearsed
         standing = sorted((r for r in rehearsed if r.stood), key=lambda r: r.stand_time)
         for finalist in standing[:FINALISTS]:
             share = self.filter.check(search.start, finalist.target, search.rng)

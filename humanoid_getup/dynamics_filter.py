@@ -16,6 +16,7 @@ from humanoid_getup.virtual_actuator import LimbMap, compute_torque, compute_wis
 from robots import Posture
 from robots.rotation import Array
 
+FADE_CYCLES = 40  # in which the virtual actuator lets go before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rehearsal must show to be checked
 FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
 CHECKS = 6  # disturbed rehearsals of a motion before it is handed out
@@ -189,7 +190,8 @@ class _Steering:
         wish = compute_wish(
             com, velocity, self._com[:, k] + self._shift, self._velocity[:, k], self._limbs.mass
         )
-        active = ((k >= self._begins) & (k < self._moving))[:, None]
+        left = np.clip((self._moving - 1 - k) / FADE_CYCLES, 0.0, 1.0)
+        active = ((k >= self._begins) * left)[:, None]
         return active * self._assistance * compute_torque(seen, wish, self._limbs)
 
 

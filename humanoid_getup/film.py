@@ -54,6 +54,7 @@ def render_frames(
     width, height = FRAME_SIZE
     model = _paint(robot, model)
     data, layout = mujoco.MjData(model), robot.layout(model)
+    seen = np.flatnonzero(_is_robots(robot, model))
     camera = _Camera(robot, azimuth)
     camera.face(qpos[-1, layout.root_qpos + 3 : layout.root_qpos + 7])
     with _open(model, height, width) as renderer:
@@ -63,7 +64,7 @@ def render_frames(
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_camlight(model, data)
-            renderer.update_scene(data, camera.at(data.subtree_com[layout.torso]))
+            renderer.update_scene(data, camera.at(data.geom_xpos[seen]))
             pictures.append(renderer.render().copy())
     return np.array(pictures)
 
@@ -109,9 +110,9 @@ class _Camera:
         heading = float(np.degrees(np.arctan2(ahead[1], ahead[0])))
         self._camera.azimuth = heading - VIEW_FROM if self._azimuth is None else self._azimuth
 
-    def at(self, centre: Array) -> mujoco.MjvCamera:
-        """Look at a centre of mass (3,)."""
-        self._camera.lookat[:] = centre
+    def at(self, points: Array) -> mujoco.MjvCamera:
+        """Look at the middle of what points (N, 3) span."""
+        self._camera.lookat[:] = 0.5 * (points.min(axis=0) + points.max(axis=0))
         return self._camera
 
 
@@ -140,9 +141,14 @@ def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
             is_left = data.xpos[body, 1] > data.xpos[torso, 1]
             colour[body] = LEFT if is_left else RIGHT
     soles = {int(model.site(site).bodyid[0]) for site in robot.sole_sites}
-    for geom in range(model.ngeom):
+    for geom in np.flatnonzero(_is_robots(robot, model) & (model.geom_matid < 0)):
         body = int(model.geom_bodyid[geom])
-        if model.body_rootid[body] == model.body_rootid[torso] and model.geom_matid[geom] < 0:
-            shade = SOLE_SHADE if body in soles else 1.0
-            model.geom_rgba[geom, :3] = shade * colour[body]
+        shade = SOLE_SHADE if body in soles else 1.0
+        model.geom_rgba[geom, :3] = shade * colour[body]
     return model
+
+
+def _is_robots(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Tell which geoms are the robot's, (ngeom,)."""
+    root = model.body_rootid[robot.layout(model).torso]
+    return np.asarray(model.body_rootid[model.geom_bodyid] == root)

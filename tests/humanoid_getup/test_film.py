@@ -33,7 +33,7 @@ def lie(robot: Robot) -> Posture:
     return Posture(
         position=np.array([0.3, -0.2, 0.09]),
         orientation=rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), -np.pi / 2),
-        joint_pos=np.zeros(robot.n),
+        joint_pos=robot.standing.joint_pos,
     )
 
 

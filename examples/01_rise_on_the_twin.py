@@ -1,0 +1,32 @@
+"""Let a fallen OP3 get up on the twin: fall, plan, filter, play, judge."""
+
+import numpy as np
+
+from drivers import Twin
+from humanoid_getup.database import load_database
+from humanoid_getup.lying import sample_falls
+from humanoid_getup.rehearsal import Stage
+from humanoid_getup.rise import rise
+from humanoid_getup.rising import RiseOptions, RisePlanner
+from humanoid_getup.scene import load_scene
+from robots import load_robot
+
+
+def main() -> bool:
+    robot = load_robot("op3")
+    stage = Stage.build(robot, load_scene("flat"))
+    rng = np.random.default_rng(1)
+    fall = sample_falls(stage, {"prone": 1}, rng)[0]
+
+    planner = RisePlanner(stage, load_database(robot), RiseOptions(torque_limit=3.0))
+    result = rise(Twin(robot, stage.model), planner, fall.posture, fall.start_class, rng)
+
+    connection = result.plan.connection
+    if connection:
+        print(f"joined {connection.motion.name} ({connection.motion.strategy})")
+    print(f"{result.reason}: {result.record()['stand_time_s']} s")
+    return result.stood
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""Make a robot of your own from a folder: OP3 with a heavier head, still getting up."""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from drivers import Twin
+from humanoid_getup.database import load_database
+from humanoid_getup.lying import sample_falls
+from humanoid_getup.rehearsal import Stage
+from humanoid_getup.rise import rise
+from humanoid_getup.rising import RiseOptions, RisePlanner
+from humanoid_getup.scene import load_scene
+from robots import load_robot
+
+
+def main() -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        mine = Path(folder) / "heavy_head"
+        shutil.copytree(load_robot("op3").folder, mine)
+        model = mine / "model.xml"
+        model.write_text(model.read_text().replace('mass="0.13631"', 'mass="0.25"'))
+
+        robot = load_robot(mine)
+        stage = Stage.build(robot, load_scene("flat"))
+        rng = np.random.default_rng(2)
+        fall = sample_falls(stage, {"supine": 1}, rng)[0]
+        planner = RisePlanner(stage, load_database(robot), RiseOptions())
+        result = rise(Twin(robot, stage.model), planner, fall.posture, fall.start_class, rng)
+        print(f"{robot.name} of {stage.model.body_mass.sum():.2f} kg: {result.reason}")
+        return result.stood
+
+
+if __name__ == "__main__":
+    main()

@@ -30,9 +30,9 @@ from humanoid_getup.lying import sample_falls
 from humanoid_getup.metric import PostureMetric, align, orientation_distance
 from humanoid_getup.planner import PlanOptions, find_path
 from humanoid_getup.posture_space import PostureProblem
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.scene import load_scene
 from humanoid_getup.shortcut import length
+from humanoid_getup.stage import Stage
 from robots import Posture, load_robot, rotation
 from robots.rotation import Array
 

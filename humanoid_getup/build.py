@@ -15,8 +15,9 @@ from humanoid_getup.improve import Improver
 from humanoid_getup.lying import read_posture
 from humanoid_getup.motion import Motion
 from humanoid_getup.reference import join
-from humanoid_getup.rehearsal import Conditions, Rehearsal, Stage, Trace, place
+from humanoid_getup.rehearsal import Conditions, Rehearsal, Trace
 from humanoid_getup.scene import load_scene
+from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import HOLD_TIME, is_upright, judge
 from robots import Posture, Robot, rotation
 from robots.rotation import Array

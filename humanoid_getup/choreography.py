@@ -87,7 +87,7 @@ def load_choreographies(path: Path, robot: Robot) -> list[Choreography]:
     Each motion has ``keys``: a list of tables with ``after`` (seconds since the key
     before) and the angles [deg] that change there, under ``both`` (left joints,
     mirrored to the right), ``left`` or ``right`` (in the left joint's sense) by joint name
-    without its side, or ``middle`` by full name. The robot's standing posture follows as the last key.
+    without its side, or ``middle`` by full name. The standing posture follows as last key.
     """
     table = tomllib.loads(path.read_text("utf-8"))
     return [_read_motion(row, robot) for row in table["motions"]]

@@ -8,9 +8,10 @@ import numpy as np
 
 from humanoid_getup.bezier import Trajectory
 from humanoid_getup.database import Connection
-from humanoid_getup.improve import Disturbance, disturb
+from humanoid_getup.disturbance import Disturbance, disturb
 from humanoid_getup.reference import Reference, compose
-from humanoid_getup.rehearsal import Conditions, Observation, Rehearsal, Stage, Trace, place
+from humanoid_getup.rehearsal import Conditions, Observation, Rehearsal, Trace
+from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import HOLD_TIME, is_upright, judge
 from humanoid_getup.virtual_actuator import LimbMap, compute_torque, compute_wish
 from robots import Posture

@@ -19,11 +19,12 @@ COLUMNS = 6
 FRAME_SIZE = (400, 400)  # pixels, width and height of one picture
 INCH, GAP = 1.5, 0.02  # width of one picture in the strip, and of the line between two
 FIELD_OF_VIEW = 26.0  # deg, vertical; a narrow one keeps the proportions
-VIEW_HEIGHT = 1.6  # height of the picture over the robot's standing neck height
+VIEW_HEIGHT = 1.75  # height of the picture over the robot's standing neck height
 VIEW_FROM = 125.0  # deg to the left of the final heading, where the camera looks to
 AFTERMATH = 0.3  # s after the stand begins that are worth a picture
 
 TRUNK, LEFT, RIGHT = (0.93, 0.92, 0.90), (0.95, 0.61, 0.25), (0.25, 0.48, 0.70)
+SHADOW_REACH = 5.0  # m; where the shadow map ends, the ground is speckled
 SOLE_SHADE = 0.72  # soles are darker than their limbs
 
 
@@ -102,7 +103,7 @@ class _Camera:
         self._azimuth = azimuth
         seen = VIEW_HEIGHT * robot.standing_neck_height
         self._camera.distance = 0.5 * seen / np.tan(np.radians(0.5 * FIELD_OF_VIEW))
-        self._camera.elevation = -18.0
+        self._camera.elevation = -24.0
 
     def face(self, orientation: Array) -> None:
         """Look at a robot from its front left, unless told an azimuth."""
@@ -131,6 +132,7 @@ def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
     """Tell trunk, left and right limbs apart by colour, in a copy of the model."""
     model = copy.copy(model)
     model.vis.global_.fovy = FIELD_OF_VIEW
+    model.vis.map.shadowclip = SHADOW_REACH / model.stat.extent
     colour = np.tile(TRUNK, (model.nbody, 1))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

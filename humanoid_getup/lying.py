@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from humanoid_getup.ground import lowest_point
-from humanoid_getup.rehearsal import Conditions, Rehearsal, Stage, place
+from humanoid_getup.rehearsal import Conditions, Rehearsal
+from humanoid_getup.stage import Stage, place
 from robots import Posture, Robot, rotation
 from robots.rotation import Array
 

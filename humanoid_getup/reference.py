@@ -10,7 +10,7 @@ import numpy as np
 from humanoid_getup.bezier import Trajectory
 from humanoid_getup.metric import best_yaw
 from humanoid_getup.motion import Motion
-from humanoid_getup.rehearsal import Stage
+from humanoid_getup.stage import Stage
 from robots import Posture, rotation
 from robots.rotation import Array
 

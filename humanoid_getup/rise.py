@@ -12,8 +12,9 @@ from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State,
 from humanoid_getup.ground import lowest_point
 from humanoid_getup.motion import Motion
 from humanoid_getup.player import MotionPlayer
-from humanoid_getup.rehearsal import Stage, place
-from humanoid_getup.rising import RisePlan, RisePlanner
+from humanoid_getup.rise_plan import RisePlan
+from humanoid_getup.rising import RisePlanner
+from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import HOLD_TIME
 from humanoid_getup.watch import Watch, Watched
 from robots import Posture, Robot

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 
@@ -17,7 +16,8 @@ from humanoid_getup.metric import align
 from humanoid_getup.motion import Motion
 from humanoid_getup.planner import plan_rise
 from humanoid_getup.reference import straight_path
-from humanoid_getup.rehearsal import Stage
+from humanoid_getup.rise_plan import RiseOptions, RisePlan, RiseStatus
+from humanoid_getup.stage import Stage
 from robots import Posture, rotation
 from robots.rotation import Array
 
@@ -29,52 +29,6 @@ FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 MOST_FAILURES = 2  # paths not found before the start is thought to be tangled
 SECOND_TRIES = 2  # rounds that go on from where the tries before ended
 LIE_DOWN = 0.6  # s after a failed try until the next path begins
-
-
-class RiseStatus(Enum):
-    """How the planning of a rise ended."""
-
-    STOOD = "a rehearsal ends in a held stand"
-    NOT_PLANNED = "no path to any connecting posture"
-    FELL = "no rehearsal ends in a held stand"
-    UNREHEARSED = "planned, but not filtered"
-
-
-@dataclass(frozen=True, kw_only=True)
-class RiseOptions:
-    """Which halves of the method to use, and within what."""
-
-    planning: bool = True
-    """False: straight interpolation to the connecting posture."""
-    filtering: bool = True
-    """False: the smoothed path and the motion are handed out as they are."""
-    assistance: float = 1.0
-    """Share of the virtual actuator's torques that the filter uses."""
-    torque_limit: float | None = None
-    """Cap on every servo [N·m]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RisePlan:
-    """The answer to how a robot gets up from where it lies."""
-
-    status: RiseStatus
-    reason: str
-    motion: Motion | None
-    """From the lying posture to the stand, ready to be played."""
-    connection: Connection | None
-    planned: bool
-    """Whether a path to a connecting posture was found."""
-    stand_time: float
-    """Start to held stand in the rehearsal [s]; nan without one."""
-    robust: float
-    """Share of the disturbed rehearsals that stood; nan without any."""
-    rehearsals: int
-    rounds: int
-    plan_s: float
-    """Wall time of selecting, planning and smoothing the first round's paths [s]."""
-    filter_s: float
-    """Wall time of everything after it [s]."""
 
 
 @dataclass

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.rehearsal import Observation, Stage
+from humanoid_getup.rehearsal import Observation
+from humanoid_getup.stage import Stage
 from robots.rotation import Array
 
 SUPPORT_FORCE_SHARE = 0.5  # of the robot's weight, the most that is ever wished for

@@ -12,12 +12,13 @@ from drivers import GuardLimits, SafetyGuard, Twin
 from humanoid_getup.bench.statistics import wilson_interval
 from humanoid_getup.build import settle_posture
 from humanoid_getup.database import load_database
-from humanoid_getup.improve import Disturbance, disturb
+from humanoid_getup.disturbance import Disturbance, disturb
 from humanoid_getup.lying import read_posture
 from humanoid_getup.motion import MIRRORED_SUFFIX, Motion
-from humanoid_getup.rehearsal import Conditions, Rehearsal, Stage
+from humanoid_getup.rehearsal import Conditions, Rehearsal
 from humanoid_getup.rise import play
 from humanoid_getup.scene import GROUND, Scene
+from humanoid_getup.stage import Stage
 from humanoid_getup.standing import HOLD_TIME, is_upright, judge
 from robots import Robot
 from robots.rotation import Array

@@ -11,10 +11,11 @@ from drivers import Twin
 from humanoid_getup.bench.statistics import summarise_records
 from humanoid_getup.database import load_database
 from humanoid_getup.lying import sample_falls
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.rise import rise
-from humanoid_getup.rising import RiseOptions, RisePlanner
+from humanoid_getup.rise_plan import RiseOptions
+from humanoid_getup.rising import RisePlanner
 from humanoid_getup.scene import Scene
+from humanoid_getup.stage import Stage
 from robots import Robot
 
 CLASSES = ("supine", "prone", "lateral")

@@ -13,8 +13,9 @@ from humanoid_getup.dynamics_filter import Candidate, DynamicsFilter
 from humanoid_getup.lying import sample_falls
 from humanoid_getup.metric import align
 from humanoid_getup.reference import straight_path
-from humanoid_getup.rehearsal import Rehearsal, Stage, place
+from humanoid_getup.rehearsal import Rehearsal
 from humanoid_getup.scene import Scene
+from humanoid_getup.stage import Stage, place
 from robots import Posture, Robot
 from robots.rotation import Array
 

@@ -20,9 +20,9 @@ from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.inputs import StageOptions, find_torque_faults
 from humanoid_getup.commands.outputs import console_for, write_json
 from humanoid_getup.database import MOTION_FOLDER, load_database
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.report import to_json
-from humanoid_getup.rising import RiseOptions
+from humanoid_getup.rise_plan import RiseOptions
+from humanoid_getup.stage import Stage
 
 RISE_FIGURES = ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s")
 MOTION_FIGURES = (

@@ -13,9 +13,9 @@ from tyro.conf import arg
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.outputs import find_folder_faults, find_json_faults
 from humanoid_getup.lying import CLASSES, Fall, classify, sample_falls
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.rise import check_start
 from humanoid_getup.scene import load_scene
+from humanoid_getup.stage import Stage
 from robots import Robot, load_posture, load_robot
 
 BACKENDS = ("twin",)

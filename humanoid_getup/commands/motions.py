@@ -29,9 +29,9 @@ from humanoid_getup.commands.outputs import (
 from humanoid_getup.commands.play import find_motion
 from humanoid_getup.database import MOTION_FOLDER, load_database
 from humanoid_getup.motion import MIRRORED_SUFFIX, Motion
-from humanoid_getup.rehearsal import Stage, place
 from humanoid_getup.report import to_json
 from humanoid_getup.scene import load_scene
+from humanoid_getup.stage import Stage, place
 from robots import Robot
 
 
@@ -118,7 +118,7 @@ class ShowMotion(RobotOption):
         if faults := find_file_faults(path):
             raise BadInputError("; ".join(faults))
         model = Stage.build(robot, load_scene("flat")).model
-        rows = film.pick_frames(len(motion.time))
+        rows = film.pick_frames(_count_rising_frames(motion))
         qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
         try:
             pictures = film.render_frames(robot, model, qpos)
@@ -131,6 +131,13 @@ class ShowMotion(RobotOption):
             film.save_strip(pictures, times, folder / path.name, title=title)
         console_for(None).print(f"film strip in {path}")
         return DID_IT
+
+
+def _count_rising_frames(motion: Motion) -> int:
+    """Count a motion's frames until it stands, or all where that is not known."""
+    stands = motion.provenance.get("stand_time_s", motion.duration)
+    end = motion.time[0] + float(stands) + film.AFTERMATH
+    return int(np.searchsorted(motion.time, min(end, motion.time[-1]), side="right"))
 
 
 def _choose(robot: Robot, names: tuple[str, ...]) -> list[Choreography]:

@@ -46,7 +46,9 @@ def find_folder_faults(folder: Path, names: tuple[str, ...] = ARTEFACTS) -> list
 
 def find_file_faults(file: Path) -> list[str]:
     """Tell why a file could not be written."""
-    return find_folder_faults(file.parent, (file.name,)) if file.name else [f"no file: '{file}'"]
+    if not file.name:
+        return [f"output file '{file}': allowed the name of a file"]
+    return find_folder_faults(file.parent, (file.name,))
 
 
 def find_json_faults(json: str | None) -> list[str]:

@@ -19,9 +19,9 @@ from humanoid_getup.commands.results import hand_over
 from humanoid_getup.database import load_database
 from humanoid_getup.lying import Fall, read_posture
 from humanoid_getup.motion import Motion
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.rise import Rise, play, settle
-from humanoid_getup.rising import RisePlan, RiseStatus
+from humanoid_getup.rise_plan import RisePlan, RiseStatus
+from humanoid_getup.stage import Stage
 from robots import Robot
 
 OWN_START = "the motion's own"

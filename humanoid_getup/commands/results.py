@@ -19,9 +19,9 @@ from humanoid_getup.commands.outputs import (
     staging,
     write_json,
 )
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.report import Circumstances, make_report, print_summary, to_json
 from humanoid_getup.rise import Rise
+from humanoid_getup.stage import Stage
 
 
 def hand_over(
@@ -64,7 +64,8 @@ def _draw(rise: Rise, stage: Stage, options: TrialOptions, folder: Path) -> str 
         return "nothing was played"
     rise.plan.motion.save(folder / MOTION)
     robot, watched = stage.robot, rise.watched
-    title = f"{robot.name}, {rise.start_class} start: {rise.plan.motion.strategy}"
+    side = "-side" if rise.start_class in ("left", "right") else ""
+    title = f"{robot.name}, {rise.start_class}{side} start: {rise.plan.motion.strategy}"
     plots.save_torque(robot, watched, options.torque_limit, folder / TORQUE, title=title)
     period = robot.control_period
     end = watched.stand.start_time + film.AFTERMATH if rise.stood else len(watched.qpos) * period

@@ -16,7 +16,8 @@ from humanoid_getup.commands.inputs import TrialOptions, find_start
 from humanoid_getup.commands.results import hand_over
 from humanoid_getup.database import load_database
 from humanoid_getup.rise import rise
-from humanoid_getup.rising import RiseOptions, RisePlan, RisePlanner
+from humanoid_getup.rise_plan import RiseOptions, RisePlan
+from humanoid_getup.rising import RisePlanner
 from robots import Posture
 
 

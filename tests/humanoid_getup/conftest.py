@@ -1,7 +1,7 @@
 import pytest
 
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.scene import load_scene
+from humanoid_getup.stage import Stage
 from robots import Robot, load_robot
 
 

@@ -257,6 +257,17 @@ def test_motions_are_listed(run: Run, op3: Robot):
     assert [line.split()[0] for line in out.splitlines()[1:]] == stored
 
 
+def test_a_motion_is_shown_as_a_film_strip_or_not_at_all(run: Run):
+    code, out, error = run("motions", "show", MOTION, "--out", "new/strip.png")
+    if code:
+        assert error.startswith("no film strip: no GL to render with")
+        assert list(Path.cwd().iterdir()) == []
+    else:
+        assert out == "film strip in new/strip.png\n"
+        assert [path.name for path in Path("new").iterdir()] == ["strip.png"]
+        assert Path("new/strip.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_robots_are_listed(run: Run, op3: Robot):
     code, out, _ = run("robots", "--json", "-")
     assert code == 0

@@ -6,7 +6,8 @@ from humanoid_getup.dynamics_filter import Candidate, DynamicsFilter
 from humanoid_getup.lying import sample_falls
 from humanoid_getup.metric import align
 from humanoid_getup.reference import compose, join, straight_path
-from humanoid_getup.rehearsal import Conditions, Rehearsal, place
+from humanoid_getup.rehearsal import Conditions, Rehearsal
+from humanoid_getup.stage import place
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from humanoid_getup import film
-from humanoid_getup.rehearsal import Stage, place
+from humanoid_getup.stage import Stage, place
 from robots import Posture, Robot, rotation
 
 

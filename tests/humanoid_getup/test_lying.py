@@ -3,7 +3,8 @@ import pytest
 
 from humanoid_getup.ground import lowest_point
 from humanoid_getup.lying import classify, sample_falls
-from humanoid_getup.rehearsal import Conditions, Rehearsal, place
+from humanoid_getup.rehearsal import Conditions, Rehearsal
+from humanoid_getup.stage import place
 from robots import rotation
 
 # Attitudes of op3-facts, section 7: rotation axis and angle from upright.

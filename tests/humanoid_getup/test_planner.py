@@ -13,10 +13,10 @@ from humanoid_getup.metric import PostureMetric, align, orientation_distance
 from humanoid_getup.planner import PlanOptions, PlanResult, plan_path
 from humanoid_getup.posture_space import PostureProblem, to_node
 from humanoid_getup.refine import mend, merge, refine
-from humanoid_getup.rehearsal import Stage
 from humanoid_getup.rrt_blossom import PlanStatus, SearchOptions, search
 from humanoid_getup.scene import Obstacle, Scene, load_scene
 from humanoid_getup.shortcut import length, shorten
+from humanoid_getup.stage import Stage
 from robots import Posture, load_robot, rotation
 from robots.rotation import Array
 

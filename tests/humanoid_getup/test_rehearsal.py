@@ -2,7 +2,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.rehearsal import Conditions, Rehearsal, Stage, place
+from humanoid_getup.rehearsal import Conditions, Rehearsal
+from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import is_upright
 from robots import Posture, rotation
 

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from humanoid_getup.report import KEYS, Circumstances, make_report, print_summary, to_json
 from humanoid_getup.rise import Rise
-from humanoid_getup.rising import RisePlan, RiseStatus
+from humanoid_getup.rise_plan import RisePlan, RiseStatus
 
 ASKED = Circumstances(
     robot="op3",

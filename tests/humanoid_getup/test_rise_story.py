@@ -15,10 +15,11 @@ from humanoid_getup.database import load_database
 from humanoid_getup.film import NoRendererError, render_frames
 from humanoid_getup.lying import classify
 from humanoid_getup.motion import Motion
-from humanoid_getup.rehearsal import Stage, place
 from humanoid_getup.report import KEYS
 from humanoid_getup.rise import Rise, play
-from humanoid_getup.rising import RiseOptions, RisePlanner
+from humanoid_getup.rise_plan import RiseOptions
+from humanoid_getup.rising import RisePlanner
+from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import HOLD_TIME
 from robots import Robot
 

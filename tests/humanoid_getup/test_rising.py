@@ -6,7 +6,8 @@ import pytest
 from humanoid_getup.database import MotionDatabase, load_database
 from humanoid_getup.lying import sample_falls
 from humanoid_getup.metric import PostureMetric
-from humanoid_getup.rising import RiseOptions, RisePlanner, RiseStatus
+from humanoid_getup.rise_plan import RiseOptions, RiseStatus
+from humanoid_getup.rising import RisePlanner
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.rehearsal import Observation, Stage, place
+from humanoid_getup.rehearsal import Observation
+from humanoid_getup.stage import Stage, place
 from humanoid_getup.virtual_actuator import LimbMap, compute_torque, compute_wish
 
 

@@ -1,0 +1,55 @@
+"""Rise plans: the answer to how a robot gets up from where it lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from humanoid_getup.database import Connection
+from humanoid_getup.motion import Motion
+
+
+class RiseStatus(Enum):
+    """How the planning of a rise ended."""
+
+    STOOD = "a rehearsal ends in a held stand"
+    NOT_PLANNED = "no path to any connecting posture"
+    FELL = "no rehearsal ends in a held stand"
+    UNREHEARSED = "planned, but not filtered"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseOptions:
+    """Which halves of the method to use, and within what."""
+
+    planning: bool = True
+    """False: straight interpolation to the connecting posture."""
+    filtering: bool = True
+    """False: the smoothed path and the motion are handed out as they are."""
+    assistance: float = 1.0
+    """Share of the virtual actuator's torques that the filter uses."""
+    torque_limit: float | None = None
+    """Cap on every servo [N·m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RisePlan:
+    """The answer to how a robot gets up from where it lies."""
+
+    status: RiseStatus
+    reason: str
+    motion: Motion | None
+    """From the lying posture to the stand, ready to be played."""
+    connection: Connection | None
+    planned: bool
+    """Whether a path to a connecting posture was found."""
+    stand_time: float
+    """Start to held stand in the rehearsal [s]; nan without one."""
+    robust: float
+    """Share of the disturbed rehearsals that stood; nan without any."""
+    rehearsals: int
+    rounds: int
+    plan_s: float
+    """Wall time of selecting, planning and smoothing the first round's paths [s]."""
+    filter_s: float
+    """Wall time of everything after it [s]."""

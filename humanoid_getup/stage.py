@@ -1,0 +1,79 @@
+"""The stage: a robot compiled into a scene, with the sensors that rehearsals read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.scene import Scene
+from robots import Posture, Robot
+from robots.rotation import Array
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A compiled scene with the robot and the touch sensors that rehearsals read."""
+
+    robot: Robot
+    scene: Scene
+    model: mujoco.MjModel
+    limbs: tuple[str, ...]
+    """Bodies at the root of each limb."""
+
+    @staticmethod
+    def build(robot: Robot, scene: Scene) -> Stage:
+        """Compile a robot in a scene with the sensors added."""
+        spec = scene.build(robot)
+        torso = spec.body(robot.torso)
+        limbs = tuple(body.name for body in torso.bodies)
+        for limb in limbs:
+            _add_touch(spec, f"limb_{limb}", limb, subtree=True, force=True)
+        _add_touch(spec, "whole", robot.torso, subtree=True)
+        for site in robot.sole_sites:
+            _add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
+        _add_overlap(spec, robot.torso)
+        return Stage(robot, scene, spec.compile(), limbs)
+
+
+def _add_touch(
+    spec: mujoco.MjSpec, name: str, body: str, *, subtree: bool, force: bool = False
+) -> None:
+    """Sense contacts between a body (or its subtree) and the world."""
+    found, point = 1 << 0, 1 << 4  # mjCONDATA_FOUND, mjCONDATA_POS
+    net_force = 3
+    spec.add_sensor(
+        name=name,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY if subtree else mujoco.mjtObj.mjOBJ_BODY,
+        objname=body,
+        reftype=mujoco.mjtObj.mjOBJ_BODY,
+        refname="world",
+        intprm=[found | point if force else found, net_force if force else 0, 1],
+    )
+
+
+def _add_overlap(spec: mujoco.MjSpec, torso: str) -> None:
+    """Sense the deepest contact of the robot with itself."""
+    distance, nearest = 1 << 3, 1  # mjCONDATA_DIST, reduction by least distance
+    spec.add_sensor(
+        name="overlap",
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY,
+        objname=torso,
+        reftype=mujoco.mjtObj.mjOBJ_XBODY,
+        refname=torso,
+        intprm=[distance, nearest, 1],
+    )
+
+
+def place(robot: Robot, model: mujoco.MjModel, posture: Posture) -> Array:
+    """Lay a posture out as MuJoCo positions, shape (nq,)."""
+    layout = robot.layout(model)
+    qpos = np.array(model.qpos0)
+    root = layout.root_qpos
+    qpos[root : root + 3] = posture.position
+    qpos[root + 3 : root + 7] = posture.orientation
+    qpos[layout.qpos] = posture.joint_pos
+    return qpos

@@ -16,6 +16,9 @@ from robots.rotation import Array
 
 Bools = NDArray[np.bool_]
 
+RECORDED = ("qpos", "site_xpos", "sensordata", "actuator_force")
+CHUNK = 50  # cycles that are rolled out in one call
+
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
@@ -61,15 +64,11 @@ class Trace:
     """What the servos were sent [rad], (N, T, n)."""
 
 
-@dataclass
+@dataclass(frozen=True, kw_only=True)
 class Observation:
     """What a steering function sees of the rehearsals at one cycle (first axis N)."""
 
     step: int
-    joint_pos: Array
-    joint_vel: Array
-    qpos: Array
-    qvel: Array
     com: Array
     """Centre of mass of each body's subtree [m], (N, nbody, 3)."""
     axis: Array
@@ -93,21 +92,14 @@ class Rehearsal:
         self.stage, self.n = stage, n
         self.batch = Batch(stage.model, n, threads)
         model, robot = stage.model, stage.robot
-        self._layout = robot.layout(model)
         self._substeps = round(robot.control_period / model.opt.timestep)
-        self._neck = model.site(robot.neck_site).id
-        self._feet = [int(model.sensor(f"foot_{s}").adr[0]) for s in robot.sole_sites]
-        self._whole = int(model.sensor("whole").adr[0])
-        self._overlap = int(model.sensor("overlap").adr[0])
         self._limbs = [int(model.sensor(f"limb_{b}").adr[0]) for b in stage.limbs]
         self._joint_ids = [model.joint(name).id for name in robot.joint_names]
-        b = self.batch
-        self._gains, self._range = b.expand("actuator_gainprm"), b.expand("actuator_forcerange")
-        self._friction = b.expand("geom_friction")
-        self._bound = {
-            name: b.bind(name)
-            for name in ("qpos", "qvel", "ctrl", "site_xpos", "sensordata", "actuator_force")
-        }
+        batch = self.batch
+        self._gains = batch.expand("actuator_gainprm")
+        self._range = batch.expand("actuator_forcerange")
+        self._friction = batch.expand("geom_friction")
+        self._fields = {name: batch.bind(name) for name in (*RECORDED, "qvel", "ctrl")}
 
     def play(
         self,
@@ -116,7 +108,6 @@ class Rehearsal:
         conditions: Conditions,
         *,
         steering: Steering | None = None,
-        keep: Callable[[Array, Array, Bools], bool] | None = None,
     ) -> Trace:
         """Play targets from the start states, at rest, and record every cycle.
 
@@ -125,87 +116,66 @@ class Rehearsal:
             targets: Joint targets [rad], shape (N, T, n), one a control period.
             conditions: Friction, supply and torque limit of each.
             steering: Adds feedback to the targets; the result is what is recorded.
-            keep: Called every 25 cycles with neck height, tilt and foreign so far;
-                returns False to stop all early.
         """
         n, length, _ = targets.shape
         self._prepare(starts, conditions)
-        model, bound = self.stage.model, self._bound
-        out = _Recorder(n, length, model.nq, self.stage.robot.n)
+        record = {name: np.zeros((n, length, *self._fields[name].shape[1:])) for name in RECORDED}
+        if steering is None:
+            self._roll(targets, record)
+            return self._read(record, targets)
+        sent = np.zeros_like(targets)
         self.batch.forward()
-        used = length
         for k in range(length):
-            sent = targets[:, k]
-            if steering is not None:
-                sent = steering(self._observe(k), sent)
-            bound["ctrl"][:] = sent
+            sent[:, k] = steering(self._observe(k), targets[:, k])
+            self._fields["ctrl"][:] = sent[:, k]
             self.batch.step(nstep=self._substeps)
-            self._record(out, k, sent)
-            if keep is not None and k % 25 == 24:
-                done = slice(0, k + 1)
-                if not keep(out.neck[:, done], out.tilt[:, done], out.foreign[:, done]):
-                    used = k + 1
-                    break
-        return out.trace(self.stage.robot.control_period, used)
+            for name in RECORDED:
+                record[name][:, k] = self._fields[name]
+        return self._read(record, sent)
 
     def _prepare(self, starts: Array, conditions: Conditions) -> None:
         robot = self.stage.robot
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self._bound["qpos"][:] = starts
-        self._bound["qvel"][:] = 0.0
+        self._fields["qpos"][:] = starts
+        self._fields["qvel"][:] = 0.0
         self._gains[:] = robot.drive_gains(conditions.voltage)
         limit = np.minimum(conditions.torque_limit[:, None], robot.max_torque)
         self._range[..., 0], self._range[..., 1] = -limit, limit
         self._friction[:, :, 0] = conditions.friction[:, None]
 
-    def _record(self, out: _Recorder, k: int, sent: Array) -> None:
-        bound, layout = self._bound, self._layout
-        qpos, touch = bound["qpos"], bound["sensordata"]
-        out.qpos[:, k] = qpos
-        out.neck[:, k] = bound["site_xpos"][:, self._neck, 2]
-        root = layout.root_qpos
-        out.tilt[:, k] = rotation.tilt(qpos[:, root + 3 : root + 7])
-        out.foreign[:, k] = touch[:, self._whole] > touch[:, self._feet].sum(axis=-1)
-        out.overlap[:, k] = -touch[:, self._overlap]
-        out.torque[:, k] = bound["actuator_force"]
-        out.target[:, k] = sent
+    def _roll(self, targets: Array, record: dict[str, Array]) -> None:
+        """Play targets that need no feedback, many cycles a call."""
+        for first in range(0, targets.shape[1], CHUNK):
+            some = slice(first, first + CHUNK)
+            control = np.repeat(targets[:, some], self._substeps, axis=1)
+            rolled = self.batch.rollout(control.shape[1], control, record=RECORDED)
+            for name in RECORDED:
+                record[name][:, some] = rolled[name][:, self._substeps - 1 :: self._substeps]
 
     def _observe(self, k: int) -> Observation:
-        batch, layout = self.batch, self._layout
-        qpos, qvel, touch = self._bound["qpos"], self._bound["qvel"], self._bound["sensordata"]
-        points = np.stack([touch[:, a + 1 : a + 4] for a in self._limbs], axis=1)
+        touch = self._fields["sensordata"]
         return Observation(
             step=k,
-            joint_pos=qpos[:, layout.qpos],
-            joint_vel=qvel[:, layout.dof],
-            qpos=qpos,
-            qvel=qvel,
-            com=batch.bind("subtree_com"),
-            axis=batch.bind("xaxis")[:, self._joint_ids],
-            anchor=batch.bind("xanchor")[:, self._joint_ids],
+            com=self.batch.bind("subtree_com"),
+            axis=self.batch.bind("xaxis")[:, self._joint_ids],
+            anchor=self.batch.bind("xanchor")[:, self._joint_ids],
             limb_touch=touch[:, self._limbs] > 0,
-            limb_point=points,
+            limb_point=np.stack([touch[:, a + 1 : a + 4] for a in self._limbs], axis=1),
         )
 
-
-class _Recorder:
-    def __init__(self, n: int, length: int, nq: int, joints: int) -> None:
-        self.qpos = np.zeros((n, length, nq))
-        self.neck = np.zeros((n, length))
-        self.tilt = np.zeros((n, length))
-        self.foreign = np.zeros((n, length), dtype=bool)
-        self.overlap = np.zeros((n, length))
-        self.torque = np.zeros((n, length, joints))
-        self.target = np.zeros((n, length, joints))
-
-    def trace(self, period: float, used: int) -> Trace:
+    def _read(self, record: dict[str, Array], sent: Array) -> Trace:
+        robot, model = self.stage.robot, self.stage.model
+        touch, qpos = record["sensordata"], record["qpos"]
+        root = robot.layout(model).root_qpos
+        feet = [int(model.sensor(f"foot_{site}").adr[0]) for site in robot.sole_sites]
+        whole, overlap = (int(model.sensor(name).adr[0]) for name in ("whole", "overlap"))
         return Trace(
-            period=period,
-            qpos=self.qpos[:, :used],
-            neck_height=self.neck[:, :used],
-            tilt=self.tilt[:, :used],
-            foreign=self.foreign[:, :used],
-            overlap=self.overlap[:, :used],
-            torque=self.torque[:, :used],
-            target=self.target[:, :used],
+            period=robot.control_period,
+            qpos=qpos,
+            neck_height=record["site_xpos"][:, :, model.site(robot.neck_site).id, 2],
+            tilt=rotation.tilt(qpos[..., root + 3 : root + 7]),
+            foreign=touch[..., whole] > touch[..., feet].sum(axis=-1),
+            overlap=-touch[..., overlap],
+            torque=record["actuator_force"],
+            target=sent,
         )

@@ -52,7 +52,7 @@ class Rise:
         if self.stood:
             return "held stand"
         if self.run.ending is not Ending.DONE:
-            return f"{self.run.ending.value}: {self.run.reason}"
+            return self.run.reason
         return f"fell: held {self.watched.stand.hold_time:.1f} s, needed {HOLD_TIME:.1f} s"
 
     def record(self) -> dict[str, Any]:

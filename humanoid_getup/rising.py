@@ -115,7 +115,7 @@ class RisePlanner:
             path = self._approach(start, connection, search.rng)
             if path is not None:
                 candidates.append(self._candidate(path, connection, before))
-        search.planned = search.planned or bool(candidates)
+        search.planned |= self.options.planning and bool(candidates)
         return candidates
 
     def _candidate(
@@ -211,7 +211,7 @@ class RisePlanner:
             reason=RiseStatus.NOT_PLANNED.value,
             motion=None,
             connection=connection,
-            planned=path is not None,
+            planned=self.options.planning and path is not None,
             stand_time=float("nan"),
             robust=float("nan"),
             rehearsals=0,

@@ -12,6 +12,7 @@ from robots.rotation import Array
 
 DEEP_SELF_CONTACT = 0.0001  # m; contacts are stiff: a touch this deep is firm, a collision
 DEEP_GROUND = 0.005  # m; deeper than soft contact of a resting robot ever is
+APART = 0.1  # s without it, before a fault counts anew
 LIMIT_SLACK = np.radians(1.0)  # a soft joint stop gives this much
 
 
@@ -38,6 +39,15 @@ class Watched:
     """Servo torques [N·m], (T, n)."""
     qpos: Array
     """Where the robot went, MuJoCo positions (T, nq)."""
+
+
+def count_episodes(present: np.ndarray, apart: int) -> list[int]:
+    """Count how often each column of (T, k) flags rises after ``apart`` rows without it."""
+    counts = []
+    for column in present.T:
+        rows = np.flatnonzero(column)
+        counts.append(int(len(rows) > 0) + int(np.sum(np.diff(rows) > apart)))
+    return counts
 
 
 class Watch:
@@ -75,24 +85,26 @@ class Watch:
         )
 
     def conclude(self) -> Watched:
-        """Judge what was seen."""
+        """Judge what was seen; a run that ended before its first cycle did not stand."""
         robot, period = self._twin.robot, self._twin.period
         upright = is_upright(
             np.array(self._neck), np.array(self._tilt), np.array(self._foreign), robot
         )
         stand = judge(upright, period)
-        torque = np.array(self._torque)
+        torque = np.array(self._torque).reshape(-1, robot.n)
         rising = torque[: round(stand.start_time / period) + 1] if stand.stood else torque
-        begun = np.diff(np.array(self._faults, dtype=int), axis=0, prepend=0) > 0
+        faults = count_episodes(
+            np.array(self._faults, dtype=bool).reshape(-1, 3), round(APART / period)
+        )
         return Watched(
             stand=stand,
-            peak_torque=float(np.abs(torque).max()),
-            peak_velocity=max(self._velocity),
-            torque_use=float((np.abs(torque) / self._limit).max()),
-            rms_torque=float(np.sqrt(np.mean(rising**2))),
-            self_collisions=int(begun[:, 0].sum()),
-            ground_penetrations=int(begun[:, 1].sum()),
-            limit_violations=int(begun[:, 2].sum()),
+            peak_torque=float(np.abs(torque).max(initial=0.0)),
+            peak_velocity=max(self._velocity, default=0.0),
+            torque_use=float((np.abs(torque) / self._limit).max(initial=0.0)),
+            rms_torque=float(np.sqrt(np.mean(rising**2))) if len(rising) else 0.0,
+            self_collisions=faults[0],
+            ground_penetrations=faults[1],
+            limit_violations=faults[2],
             torque=torque,
             qpos=np.array(self._qpos),
         )

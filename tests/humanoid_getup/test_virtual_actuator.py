@@ -25,10 +25,6 @@ def _observe(stage: Stage, joint_pos: np.ndarray, touching: list[str]) -> Observ
             point[0, i] = data.site(f"{limb[0]}_sole").xpos
     return Observation(
         step=0,
-        joint_pos=joint_pos[None],
-        joint_vel=np.zeros((1, robot.n)),
-        qpos=data.qpos[None].copy(),
-        qvel=data.qvel[None].copy(),
         com=data.subtree_com[None].copy(),
         axis=data.xaxis[None, ids].copy(),
         anchor=data.xanchor[None, ids].copy(),

@@ -88,7 +88,7 @@ class Watch:
         """Judge what was seen; a run that ended before its first cycle did not stand."""
         robot, period = self._twin.robot, self._twin.period
         upright = is_upright(
-            np.array(self._neck), np.array(self._tilt), np.array(self._foreign), robot
+            np.array(self._neck), np.array(self._tilt), np.array(self._foreign, dtype=bool), robot
         )
         stand = judge(upright, period)
         torque = np.array(self._torque).reshape(-1, robot.n)

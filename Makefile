@@ -2,7 +2,6 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-export MUJOCO_GL ?= egl
 
 .PHONY: setup rise test check test-slow bench clean
 

@@ -61,6 +61,7 @@ def bench_rise(
         "torque_limit_nm": options.torque_limit,
         "planning": options.planning,
         "filtering": options.filtering,
+        "assistance": options.assistance,
         "classes": {
             name: summarise_records([r for r in records if r["bench_class"] == name])
             for name in CLASSES

@@ -74,16 +74,24 @@ class BenchRise(_BenchOptions):
     """Plan a path to the rising motion, or go there straight."""
     filtering: bool = True
     """Send the path through physics, or play it as it is."""
+    assistance: float = 1.0
+    """Share of the virtual actuator's torques that the filter uses; 0 is plain tracking."""
 
     def find_faults(self) -> list[str]:
         """Tell all that is wrong with the options' values."""
-        return super().find_faults() + find_torque_faults(self.torque_limit)
+        faults = super().find_faults() + find_torque_faults(self.torque_limit)
+        if not 0.0 <= self.assistance <= 1.0:
+            faults.append(f"assistance is {self.assistance}, allowed 0 to 1")
+        return faults
 
     def run(self) -> int:
         """Run the benchmark."""
         stage = self.load_stage()
         options = RiseOptions(
-            planning=self.planning, filtering=self.filtering, torque_limit=self.torque_limit
+            planning=self.planning,
+            filtering=self.filtering,
+            assistance=self.assistance,
+            torque_limit=self.torque_limit,
         )
         with _counting("rises", len(CLASSES) * self.n) as count:
             robot, scene = stage.robot, stage.scene

@@ -83,7 +83,7 @@ def settle_posture(stage: Stage, posture: Posture) -> Array:
     qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
     cycles = round(SETTLE_TIME / robot.control_period)
     targets = np.tile(posture.joint_pos, (1, cycles, 1))
-    trace = Rehearsal(stage, 1).play(qpos[None], targets, Conditions.nominal(robot, 1))
+    trace = Rehearsal(stage, 1).play(qpos[None], targets, Conditions.nominal(stage, 1))
     return trace.qpos[0, -1]
 
 
@@ -97,7 +97,7 @@ def record(
     """
     robot, period = stage.robot, stage.robot.control_period
     targets = choreography.targets(robot, HOLD_TIME + 1.0)
-    trace = Rehearsal(stage, 1).play(start[None], targets[None], Conditions.nominal(robot, 1))
+    trace = Rehearsal(stage, 1).play(start[None], targets[None], Conditions.nominal(stage, 1))
     stand = judge(is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)[0], period)
     if not stand.stood:
         raise RuntimeError(f"motion '{choreography.name}' does not end in a held stand")
@@ -126,6 +126,8 @@ def with_entries(stage: Stage, motion: Motion) -> Motion:
     for first in range(0, len(frames), ENTRY_BATCH):
         some = frames[first : first + ENTRY_BATCH]
         entry[some] = _stands_from(stage, motion, some)
+    if not entry.any():
+        raise RuntimeError(f"motion '{motion.name}' cannot be joined from rest at any frame")
     fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
     return Motion(**{**fields, "entry": entry})
 
@@ -136,7 +138,7 @@ def _stands_from(stage: Stage, motion: Motion, frames: np.ndarray) -> np.ndarray
     length = max(map(len, plays)) + round(HOLD_TIME / period)
     targets = np.array([np.concatenate([p, np.repeat(p[-1:], length - len(p), 0)]) for p in plays])
     starts = np.array([place(robot, stage.model, motion.posture(int(f))) for f in frames])
-    limits = Conditions.nominal(robot, len(frames))
+    limits = Conditions.nominal(stage, len(frames))
     trace: Trace = Rehearsal(stage, len(frames)).play(starts, targets, limits)
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
     return np.array([judge(u, period).stood for u in upright])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.ground import lowest_point
 from humanoid_getup.rehearsal import Conditions
 from humanoid_getup.stage import Stage
 from robots import rotation
@@ -21,8 +22,8 @@ class Disturbance:
     root: float = np.radians(5.0)
     """Standard deviation of the root's turn about a random axis [rad]."""
     friction: tuple[float, float] = (0.4, 1.2)
-    voltage: tuple[float, float] = (11.0, 12.6)
-    """[V]"""
+    supply: tuple[float, float] = (11.0 / 12.0, 12.6 / 12.0)
+    """Shares of the robot's nominal supply."""
 
 
 def disturb(
@@ -51,11 +52,16 @@ def disturb(
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     turn = rotation.from_axis_angle(axis, rng.normal(scale=disturbance.root, size=n))
     friction = rng.uniform(*disturbance.friction, size=n)
-    voltage = rng.uniform(*disturbance.voltage, size=n)
-    noise[0], turn[0], friction[0], voltage[0] = 0.0, rotation.IDENTITY, 0.8, robot.supply_voltage
+    supply = rng.uniform(*disturbance.supply, size=n)
+    noise[0], turn[0], friction[0], supply[0] = 0.0, rotation.IDENTITY, stage.scene.friction, 1.0
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
     quaternion = slice(layout.root_qpos + 3, layout.root_qpos + 7)
     starts[:, quaternion] = rotation.multiply(turn, starts[:, quaternion])
-    starts[1:, layout.root_qpos + 2] += 0.005  # the turn must not press it into the ground
-    limits = np.full(n, torque_limit)
-    return starts, Conditions(friction=friction, voltage=voltage, torque_limit=limits)
+    rest = lowest_point(stage.model, start)
+    for row in starts[1:]:  # the turn must neither lift it off the ground nor press it in
+        row[layout.root_qpos + 2] += rest - lowest_point(stage.model, row)
+    return starts, Conditions(
+        friction=friction,
+        voltage=supply * robot.supply_voltage,
+        torque_limit=np.full(n, torque_limit),
+    )

@@ -20,9 +20,9 @@ from robots.rotation import Array
 FADE_CYCLES = 40  # in which the virtual actuator lets go before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rehearsal must show to be checked
 FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
-CHECKS = 6  # disturbed rehearsals of a motion before it is handed out
+CHECKS = 16  # disturbed rehearsals of a motion before it is handed out
 CHECK_DISTURBANCE = Disturbance(
-    joints=np.radians(0.5), root=np.radians(1.5), friction=(0.65, 1.0), voltage=(11.7, 12.3)
+    joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
 )
 
 
@@ -93,7 +93,7 @@ class DynamicsFilter:
             np.array([c.assistance for c in candidates]),
         )
         starts = np.tile(place(robot, stage.model, start), (len(candidates), 1))
-        limits = Conditions.nominal(robot, len(candidates), torque_limit=self.torque_limit)
+        limits = Conditions.nominal(stage, len(candidates), torque_limit=self.torque_limit)
         trace = self._play(starts, target, limits, steering)
         return [self._read(trace, i, c, moving[i]) for i, c in enumerate(candidates)]
 

@@ -13,27 +13,30 @@ from humanoid_getup.choreography import Choreography
 from humanoid_getup.disturbance import Disturbance, disturb
 from humanoid_getup.rehearsal import Conditions, Rehearsal, Trace
 from humanoid_getup.stage import Stage
-from humanoid_getup.standing import is_upright
+from humanoid_getup.standing import HOLD_TIME, is_upright
 from robots.rotation import Array
 
 POPULATION = 14
 SCENARIOS = 4  # rehearsals of each candidate: nominal, with full torque, two disturbed
 FINAL_SCENARIOS = 48
-ANGLE_STEP, TIME_STEP = 0.2, 0.2  # first step size: rad, and share of a duration
-CONTROL_HOLD = 1.0  # s of stand that a candidate must show
+ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step size: rad, and share of a duration
+SEARCH_HOLD = 1.0  # s of stand that a candidate must show in the search; 3.0 when judged
 LEAD_IN = 0.1  # s in the start posture
 TRAVEL_COST = 0.02  # of a radian that the targets of a joint travel, on average
+SWAY_TIME = 0.2  # s between the last target and the stand that counts
 SEARCH_TIMESTEP = 0.004  # s; the result is judged, recorded and verified at 0.002
 OVERLAP_COST = 1.0  # of pressing into itself all the time
 DEEP_OVERLAP = 0.0001  # m; contacts are stiff, so this is a firm touch
 FAILURE = 6.0  # cost that no stand can reach
 
 
-def score(trace: Trace, stage: Stage, choreography: Choreography) -> tuple[Array, np.ndarray]:
+def score(
+    trace: Trace, stage: Stage, choreography: Choreography, hold: float
+) -> tuple[Array, np.ndarray]:
     """Compute the cost of each rehearsal, (N,), and whether it ended standing, (N,)."""
     robot, period = stage.robot, trace.period
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
-    last = round(1.0 / period)
+    last = round(hold / period)
     stood = np.asarray(upright[:, -last:].all(axis=1))
     begin = (upright.shape[1] - np.argmax(~upright[:, ::-1], axis=1)) * period
     height = np.clip(trace.neck_height / robot.standing_neck_height, 0.0, 1.0)
@@ -57,7 +60,7 @@ class Improver:
     def __init__(self, stage: Stage, start: Array, *, threads: int = 1) -> None:
         self.stage, self.start = stage, start
         coarse = replace(stage, model=copy.copy(stage.model))
-        coarse.model.opt.timestep = SEARCH_TIMESTEP
+        coarse.model.opt.timestep = _coarse_step(stage)
         self._search = Rehearsal(coarse, POPULATION * SCENARIOS, threads=threads)
         self._final = Rehearsal(stage, FINAL_SCENARIOS, threads=threads)
 
@@ -87,7 +90,7 @@ class Improver:
         for generation in range(generations):
             genes = search.ask()
             candidates = [choreography.with_genes(g * scale, robot) for g in genes]
-            cost, stood = self._rehearse(self._search, candidates, SCENARIOS, rng)
+            cost, stood = self._rehearse(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
             search.tell(genes, list(cost))
             report(generation, float(cost.min()), float(stood.mean()))
             if generation >= generations - 8:
@@ -103,7 +106,7 @@ class Improver:
         The share is 0 if it does not stand undisturbed, capped or with full torque.
         """
         rng = np.random.default_rng([seed, 1])
-        cost, stood = self._rehearse(self._final, [choreography], FINAL_SCENARIOS, rng)
+        cost, stood = self._rehearse(self._final, [choreography], FINAL_SCENARIOS, rng, HOLD_TIME)
         share = float(stood.mean()) if stood[0, :2].all() else 0.0
         return float(cost.mean()), share
 
@@ -113,11 +116,15 @@ class Improver:
         candidates: list[Choreography],
         each: int,
         rng: np.random.Generator,
+        hold: float,
     ) -> tuple[Array, np.ndarray]:
-        """Rehearse candidates ``each`` times; return mean cost and successes, (C,), (C, each)."""
+        """Rehearse candidates ``each`` times; return mean cost and successes, (C,), (C, each).
+
+        A success is a stand that lasts the last ``hold`` seconds.
+        """
         stage, robot = self.stage, self.stage.robot
         lead = round(LEAD_IN / robot.control_period)
-        plays = [c.targets(robot, CONTROL_HOLD) for c in candidates]
+        plays = [c.targets(robot, hold + SWAY_TIME) for c in candidates]
         length = max(len(play) for play in plays)
         targets = np.array(
             [
@@ -131,14 +138,10 @@ class Improver:
             stage, self.start, each, Disturbance(), candidates[0].torque_limit, rng
         )
         full = float(robot.max_torque.max())
-        starts[1], conditions.torque_limit[1] = (
-            starts[0],
-            full,
-        )  # it must stand with all it has, too
-        conditions.friction[1], conditions.voltage[1] = (
-            conditions.friction[0],
-            conditions.voltage[0],
-        )
+        # The second is undisturbed, too: it must also stand with all the torque there is.
+        starts[1], conditions.torque_limit[1] = starts[0], full
+        conditions.friction[1] = conditions.friction[0]
+        conditions.voltage[1] = conditions.voltage[0]
         n = len(candidates)
         trace = rehearsal.play(
             np.tile(starts, (n, 1)),
@@ -149,5 +152,12 @@ class Improver:
                 torque_limit=np.tile(conditions.torque_limit, n),
             ),
         )
-        cost, stood = score(trace, stage, candidates[0])
+        cost, stood = score(trace, stage, candidates[0], hold)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
+
+
+def _coarse_step(stage: Stage) -> float:
+    """Return the search's physics step [s]: 4 ms, or the model's where that does not fit."""
+    cycles = stage.robot.control_period / SEARCH_TIMESTEP
+    fits = abs(cycles - round(cycles)) < 1e-9
+    return SEARCH_TIMESTEP if fits else float(stage.model.opt.timestep)

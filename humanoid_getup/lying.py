@@ -79,7 +79,7 @@ def _drop(rehearsal: Rehearsal, rng: np.random.Generator) -> list[Posture]:
     robot, model = stage.robot, stage.model
     data = mujoco.MjData(model)
     starts = np.array([_sample_drop(robot, model, data, rng) for _ in range(BATCH)])
-    limp = Conditions.nominal(robot, BATCH, torque_limit=0.0)
+    limp = Conditions.nominal(stage, BATCH, torque_limit=0.0)
     cycles = round(SETTLE_TIME / robot.control_period)
     targets = np.zeros((BATCH, cycles, robot.n))
     qpos = rehearsal.play(starts, targets, limp).qpos

@@ -32,11 +32,12 @@ class Conditions:
     """Cap on every servo [N·m]."""
 
     @staticmethod
-    def nominal(robot: Robot, n: int, *, torque_limit: float | None = None) -> Conditions:
-        """Make ``n`` times the robot's nominal supply and the ground's own friction."""
+    def nominal(stage: Stage, n: int, *, torque_limit: float | None = None) -> Conditions:
+        """Make ``n`` times the robot's nominal supply and the scene's own friction."""
+        robot = stage.robot
         limit = float(robot.max_torque.max()) if torque_limit is None else torque_limit
         return Conditions(
-            friction=np.full(n, 0.8),
+            friction=np.full(n, stage.scene.friction),
             voltage=np.full(n, robot.supply_voltage),
             torque_limit=np.full(n, limit),
         )
@@ -85,6 +86,21 @@ Steering = Callable[[Observation, Array], Array]
 """Maps an observation and the planned targets (N, n) to the targets sent (N, n)."""
 
 
+def count_substeps(robot: Robot, model: mujoco.MjModel) -> int:
+    """Count the physics steps of a control period.
+
+    Raises:
+        ValueError: if the period is no multiple of the step.
+    """
+    steps = round(robot.control_period / model.opt.timestep)
+    if steps < 1 or abs(steps * model.opt.timestep - robot.control_period) > 1e-9:
+        raise ValueError(
+            f"control period {robot.control_period:g} s of robot '{robot.name}' is no multiple "
+            f"of the physics step {model.opt.timestep:g} s"
+        )
+    return steps
+
+
 class Rehearsal:
     """Steps ``n`` copies of a stage side by side on a thread pool."""
 
@@ -92,7 +108,7 @@ class Rehearsal:
         self.stage, self.n = stage, n
         self.batch = Batch(stage.model, n, threads)
         model, robot = stage.model, stage.robot
-        self._substeps = round(robot.control_period / model.opt.timestep)
+        self._substeps = count_substeps(robot, model)
         self._limbs = [int(model.sensor(f"limb_{b}").adr[0]) for b in stage.limbs]
         self._joint_ids = [model.joint(name).id for name in robot.joint_names]
         batch = self.batch

@@ -44,7 +44,7 @@ def is_upright(
 
 
 def judge(upright: NDArray[np.bool_], period: float, hold_time: float = HOLD_TIME) -> Stand:
-    """Judge one record (T,) of :func:`is_upright`, sampled every ``period`` seconds.
+    """Judge one record (T,) of :func:`is_upright`, sampled at the end of every ``period``.
 
     The stand that counts is the one that lasts to the end of the record: a robot
     that stood and fell again did not rise. Only a search that checks what it finds may
@@ -52,6 +52,8 @@ def judge(upright: NDArray[np.bool_], period: float, hold_time: float = HOLD_TIM
     """
     broken = np.flatnonzero(~upright)
     first = 0 if len(broken) == 0 else int(broken[-1]) + 1
-    hold = (len(upright) - first) * period
+    hold = max(len(upright) - first - 1, 0) * period  # from the first sample to the last
     stood = hold >= hold_time - 1e-9
-    return Stand(stood=stood, start_time=first * period if stood else math.nan, hold_time=hold)
+    return Stand(
+        stood=stood, start_time=(first + 1) * period if stood else math.nan, hold_time=hold
+    )

@@ -83,7 +83,7 @@ def find_lowest_limit(stage: Stage, motion: Motion, start: Array) -> float | Non
     n, hold = len(LIMITS), round((HOLD_TIME + 0.3) / period)
     targets = motion.sample(np.arange(motion.time[0], motion.time[-1] + 0.5 * period, period))
     targets = np.concatenate([targets, np.repeat(targets[-1:], hold, axis=0)])
-    nominal = Conditions.nominal(robot, n)
+    nominal = Conditions.nominal(stage, n)
     conditions = Conditions(friction=nominal.friction, voltage=nominal.voltage, torque_limit=LIMITS)
     trace = Rehearsal(stage, n).play(
         np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), conditions

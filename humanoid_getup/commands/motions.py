@@ -64,7 +64,7 @@ class BuildMotions(RobotOption):
 
     names: Positional[tuple[str, ...]] = ()
     """Motions to build; all of the robot's choreographies when left out."""
-    generations: int = 50
+    generations: int = 20
     """Of the search that improves the key postures, 1 or more."""
     seed: int = 0
     """Seed of the search, 0 or more."""

@@ -53,9 +53,7 @@ def test_targets_obey_the_guards_rules(stage, fall, rehearsed):
 def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(stage, fall, rehearsed):
     starts = place(stage.robot, stage.model, fall)[None]
     for one in rehearsed[2][:2]:
-        trace = Rehearsal(stage, 1).play(
-            starts, one.target[None], Conditions.nominal(stage.robot, 1)
-        )
+        trace = Rehearsal(stage, 1).play(starts, one.target[None], Conditions.nominal(stage, 1))
         np.testing.assert_array_equal(trace.qpos[0], one.qpos)
 
 

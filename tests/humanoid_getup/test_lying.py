@@ -55,7 +55,7 @@ def test_a_fallen_robot_rests_on_the_ground_within_its_limits(falls, stage):
 def test_a_fallen_robot_stays_where_it_is(falls, stage):
     robot = stage.robot
     starts = np.array([place(robot, stage.model, fall.posture) for fall in falls])
-    limp = Conditions.nominal(robot, len(falls), torque_limit=0.0)
+    limp = Conditions.nominal(stage, len(falls), torque_limit=0.0)
     trace = Rehearsal(stage, len(falls)).play(starts, np.zeros((len(falls), 125, robot.n)), limp)
     turned = rotation.angle_between(trace.qpos[:, -1, 3:7], starts[:, 3:7])
     assert np.all(turned < np.radians(3.0))

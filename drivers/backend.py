@@ -70,8 +70,12 @@ class ClosesItself:
         raise NotImplementedError
 
     def __enter__(self) -> Self:
-        """Connect."""
-        self.connect()
+        """Connect; what opened before a failure is closed again."""
+        try:
+            self.connect()
+        except BaseException:
+            self.close()
+            raise
         return self
 
     def __exit__(

@@ -89,6 +89,10 @@ def run(
             paces itself, or a twin that may run faster than life, does not need it.
         on_cycle: Sees each cycle, to judge or record it.
     """
+    if not isinstance(guard, SafetyGuard):
+        raise TypeError(
+            f"run() moves a robot through a SafetyGuard only, not a {type(guard).__name__}"
+        )
     loop = _Loop(guard, Pacer(guard.period) if realtime else None)
     ending, reason = Ending.INTERRUPTED, Ending.INTERRUPTED.value
     with guard:

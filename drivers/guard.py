@@ -51,7 +51,8 @@ class SafetyGuard(ClosesItself):
     from target to angle is free. What is cut is counted in ``clips``. Commands that cannot
     be understood, measurements that are no numbers or that stand still, and heat are
     faults: the robot goes limp and stays limp until ``clear`` or the next ``connect``.
-    A released joint is told its measured angle, so that torque never returns with a jerk.
+    A joint that a command releases is told its measured angle; torque comes back from
+    there, so it never returns with a jerk.
     """
 
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
@@ -59,6 +60,7 @@ class SafetyGuard(ClosesItself):
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self._reach = self.limits.max_velocity * backend.period
         self._counts = np.zeros((4, backend.robot.n), dtype=int)
+        self._is_open = False
         self._forget()
 
     def _forget(self) -> None:
@@ -89,18 +91,26 @@ class SafetyGuard(ClosesItself):
         return ClipCounts(*self._counts.copy())
 
     def connect(self) -> None:
-        """Open the backend, with no fault and no clips."""
+        """Open the backend, with no fault and no clips; an open one goes limp first."""
+        if self._is_open:
+            self._backend.write(Command.limp(self.robot.n))
         self._forget()
         self._counts[:] = 0
         self._backend.connect()
+        self._is_open = True
 
     def close(self) -> None:
         """Release every joint and the devices."""
+        self._is_open = False
         self._backend.close()
 
     def clear(self) -> None:
-        """Forget a fault; the next command starts from the measured angles."""
-        self._forget()
+        """Forget a fault; the next command starts from the measured angles.
+
+        Without a fault there is nothing to forget, least of all the last target.
+        """
+        if self._fault is not None:
+            self._forget()
 
     def read(self) -> State:
         """Measure the robot."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import MutableMapping, Sequence
 
 DID_IT, DID_NOT_STAND, BAD_INPUT, HARDWARE_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
@@ -13,11 +15,18 @@ DID_IT, DID_NOT_STAND, BAD_INPUT, HARDWARE_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
     choose_gl(os.environ)
+    for name in ("SIGTERM", "SIGHUP"):  # a killed program must still let the robot go limp
+        if hasattr(signal, name) and threading.current_thread() is threading.main_thread():
+            signal.signal(getattr(signal, name), _interrupt)
     try:
         return _run(arguments)
     except KeyboardInterrupt:
         print("getup: interrupted, the robot is limp", file=sys.stderr)
         return INTERRUPTED
+
+
+def _interrupt(_number: int, _frame: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _run(arguments: Sequence[str] | None) -> int:

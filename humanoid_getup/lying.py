@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import mujoco
@@ -19,6 +20,12 @@ SETTLE_TIME = 3.0  # s
 STILL_SPEED = 0.02  # rad/s and m/s, over the last quarter of a second
 SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
 BATCH = 24
+MOST_BATCHES = 400
+MOST_SAMPLES = 10_000
+
+
+class FallError(ValueError):
+    """Falls do not make the postures that were asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +59,22 @@ def sample_falls(stage: Stage, counts: dict[str, int], rng: np.random.Generator)
         stage: Robot and scene.
         counts: How many of each class; "lateral" stands for left or right.
         rng: Source of the falls; the same one gives the same falls.
+
+    Raises:
+        FallError: if a class does not come up.
     """
     rehearsal = Rehearsal(stage, BATCH)
     wanted = dict(counts)
     falls: list[Fall] = []
-    while any(wanted.values()):
+    for batch in itertools.count():
+        if not any(wanted.values()):
+            break
+        if batch == MOST_BATCHES:
+            missing = ", ".join(f"{count} {name}" for name, count in wanted.items() if count)
+            raise FallError(
+                f"robot '{stage.robot.name}' does not come to lie in every class: "
+                f"{missing} missing after {batch * BATCH} falls"
+            )
         for posture in _drop(rehearsal, rng):
             found = classify(posture.orientation)
             if found is None:
@@ -107,7 +125,7 @@ def _sample_drop(
     robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
 ) -> Array:
     """Sample joints anywhere in their range and any orientation, free of self-collision."""
-    while True:
+    for _ in range(MOST_SAMPLES):
         posture = Posture(
             position=np.array([0.0, 0.0, 1.0]),
             orientation=rotation.normalise(rng.normal(size=4)),
@@ -121,3 +139,4 @@ def _sample_drop(
             qpos = data.qpos.copy()
             qpos[robot.layout(model).root_qpos + 2] += DROP_HEIGHT - lowest_point(model, qpos)
             return qpos
+    raise FallError(f"robot '{robot.name}' presses into itself in {MOST_SAMPLES} random postures")

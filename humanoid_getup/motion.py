@@ -23,6 +23,11 @@ START_CLASSES: tuple[StartClass, ...] = get_args(StartClass)
 MIRRORED_CLASS: dict[StartClass, StartClass] = {"left": "right", "right": "left"}
 MIRRORED_SUFFIX = "_mirrored"
 
+DAMAGE = (
+    *(ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, AttributeError),
+    *(MemoryError, RuntimeError, KeyError),  # RecursionError, NotImplementedError among them
+)
+"""What reading a damaged archive may raise."""
 TEXTS = ("name", "robot", "start_class", "strategy", "provenance")
 ARRAYS = ("time", "position", "orientation", "joint_pos", "joint_target", "entry")
 KEYS = TEXTS + ARRAYS
@@ -165,7 +170,7 @@ class Motion:
             return cls(**_read(path))
         except OSError as error:
             raise ValueError(f"motion file {path}: {error.strerror or error}") from error
-        except (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        except DAMAGE as error:
             fault = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise ValueError(
                 f"motion file {path}: {fault} (allowed: an .npz as `Motion.save` writes it)"
@@ -193,6 +198,10 @@ def _read(path: Path) -> dict[str, Any]:
             raise ValueError(f"{key} is not a text")
         record[key] = str(record[key])
     record["provenance"] = json.loads(record["provenance"])
+    if not isinstance(record["provenance"], dict) or not all(
+        isinstance(value, str | int | float) for value in record["provenance"].values()
+    ):
+        raise ValueError("provenance is not an object of texts and numbers")
     for key in ARRAYS:
         if record[key].dtype.kind not in "fiub":
             raise ValueError(f"{key} is not an array of numbers")

@@ -184,6 +184,14 @@ def _finish(
         mended = mend(problem, path, rng, options.search)
         path = shorten(problem, mended.path or path, rng, options.shortcuts)
         times, nodes, colliding = _smooth(problem, path, pace)
+    if colliding:
+        return PlanResult(
+            status=PlanStatus.BUDGET_SPENT,
+            reason=f"{colliding} samples of the smoothed path still collide",
+            goal=goal,
+            nodes=found.nodes,
+            colliding=colliding,
+        )
     configurations = problem.configurations(nodes)
     lift = np.array([problem.checker.lift(c) for c in configurations])
     trajectory = Trajectory(
@@ -199,7 +207,6 @@ def _finish(
         trajectory=trajectory,
         refined=refined,
         nodes=found.nodes,
-        colliding=colliding,
     )
 
 

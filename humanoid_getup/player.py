@@ -10,7 +10,6 @@ from robots import Robot
 from robots.rotation import Array
 
 APPROACH_SPEED = 1.5  # rad/s, towards the first target
-NEAR = 0.05  # rad; a start this near to the motion's own needs no approach
 
 
 class MotionPlayer:
@@ -44,8 +43,10 @@ class MotionPlayer:
         """Begin at the measured joint angles."""
         self._begin = self._clock = state.time
         self._from = state.joint_pos
-        far = float(np.max(np.abs(self._motion.joint_pos[0] - state.joint_pos)))
-        self._approach = far / APPROACH_SPEED if far > NEAR else 0.0
+        distance = np.abs(self._motion.joint_target[0] - state.joint_pos)
+        reach = self._robot.max_velocity * self._robot.control_period  # in one cycle
+        near = np.all(distance <= reach)
+        self._approach = 0.0 if near else float(distance.max()) / APPROACH_SPEED
 
     def step(self, state: State) -> Command:
         """Send the targets that are due at the measurement."""

@@ -17,9 +17,12 @@ from humanoid_getup.rising import RisePlanner
 from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import HOLD_TIME
 from humanoid_getup.watch import Watch, Watched
-from robots import Posture, Robot
+from robots import Posture, Robot, rotation
 
-SETTLE_CYCLES = 125  # limp, before the posture is measured
+REST_TIME = 0.8  # s without motion, limp, before the posture is measured
+REST_SPEED = 0.1  # rad/s of any joint or the torso, a few steps of the sensors
+MAX_SETTLE = 10.0  # s
+MAX_DROP = 0.3  # m over the ground that a start may hang
 SINKING = 0.0005  # m that a resting robot presses into the ground
 HOLD = HOLD_TIME + 0.3  # s after the motion
 MAX_INTRUSION = 0.005  # m of the ground that a start may reach into
@@ -33,6 +36,7 @@ class StartError(ValueError):
 class Rise:
     """How one rise went, from the lying posture to the judged stand."""
 
+    robot: Robot
     start_class: str
     plan: RisePlan
     run: RunReport | None
@@ -42,7 +46,8 @@ class Rise:
     @property
     def stood(self) -> bool:
         """Tell whether the robot ended in a held stand."""
-        return self.watched is not None and self.watched.stand.stood
+        finished = self.run is not None and self.run.ending is Ending.DONE
+        return finished and self.watched is not None and self.watched.stand.stood
 
     @property
     def reason(self) -> str:
@@ -77,6 +82,7 @@ class Rise:
             "period_s": self.run.period if self.run else None,
             "overruns": self.run.overruns if self.run else 0,
             "clips": self.run.clips.total if self.run else 0,
+            "clips_by_joint": self.run.clips.describe(self.robot) if self.run else [],
         }
         if watched:
             record |= {
@@ -112,9 +118,9 @@ def rise(
     measured = estimate_posture(planner.stage, settle(guard))
     plan = planner.plan(measured, rng)
     if plan.motion is None:
-        return Rise(start_class=start_class, plan=plan, run=None, watched=None)
+        return Rise(robot=twin.robot, start_class=start_class, plan=plan, run=None, watched=None)
     report, watched = play(guard, twin, plan.motion, limit, realtime=realtime)
-    return Rise(start_class=start_class, plan=plan, run=report, watched=watched)
+    return Rise(robot=twin.robot, start_class=start_class, plan=plan, run=report, watched=watched)
 
 
 def play(
@@ -125,21 +131,32 @@ def play(
     *,
     realtime: bool = False,
 ) -> tuple[RunReport, Watched]:
-    """Play a motion on a twin through loop and guard and watch how it ends."""
+    """Play a motion on a twin through loop and guard and watch how it ends.
+
+    Raises:
+        KeyboardInterrupt: once the robot is limp, if somebody interrupted.
+    """
     player = MotionPlayer(twin.robot, motion, hold=HOLD, torque_limit=torque_limit)
     watch = Watch(twin, torque_limit)
     longest = motion.duration + HOLD + 5.0
     report = run(player, guard, max_time=longest, realtime=realtime, on_cycle=watch)
+    if report.ending is Ending.INTERRUPTED:
+        raise KeyboardInterrupt
     return report, watch.conclude()
 
 
 def check_start(stage: Stage, start: Posture) -> None:
-    """Refuse a start that reaches into the ground.
+    """Refuse a start that reaches into the ground or hangs high over it.
 
     Raises:
-        StartError: saying how deep.
+        StartError: saying how far.
     """
     lowest = lowest_point(stage.model, place(stage.robot, stage.model, start))
+    if lowest > MAX_DROP:
+        raise StartError(
+            f"start posture hangs {lowest:.3g} m over the ground, allowed {MAX_DROP} m: "
+            f"lower its position z by {lowest:.3g} m"
+        )
     if lowest < -MAX_INTRUSION:
         raise StartError(
             f"start posture reaches {-lowest * 1000:.1f} mm into the ground, allowed "
@@ -148,25 +165,41 @@ def check_start(stage: Stage, start: Posture) -> None:
 
 
 def settle(guard: SafetyGuard) -> State:
-    """Let the robot lie limp until it is still; return the last measurement."""
+    """Let the robot lie limp until it is still; return the last measurement.
+
+    Raises:
+        StartError: if it does not come to rest.
+    """
+    still, wanted = 0, round(REST_TIME / guard.period)
     with guard:
-        state = guard.read()
-        for _ in range(SETTLE_CYCLES):
+        for _ in range(round(MAX_SETTLE / guard.period)):
             guard.write(Command.limp(guard.robot.n))
             state = guard.read()
-    return state
+            speed = max(np.abs(state.joint_vel).max(), np.abs(state.gyro).max())
+            still = still + 1 if speed < REST_SPEED else 0
+            if still == wanted:
+                return state
+    raise StartError(
+        f"the robot does not come to rest: {speed:.2f} rad/s after {MAX_SETTLE:g} s, "
+        f"allowed {REST_SPEED} rad/s for {REST_TIME:g} s"
+    )
 
 
 def estimate_posture(stage: Stage, state: State) -> Posture:
-    """Estimate the root's height from the rest: a lying robot touches the ground."""
+    """Estimate where a lying robot is: it touches the ground; place and heading are free.
+
+    Angles, IMU orientation and the way the IMU sits in the torso give the rest.
+    """
     robot: Robot = stage.robot
     joint_pos = np.clip(state.joint_pos, robot.lower, robot.upper)
+    imu_in_torso = stage.model.site(robot.imu_site).quat
+    orientation = rotation.multiply(state.orientation, rotation.inverse(imu_in_torso))
     raised = Posture(
-        position=np.array([0.0, 0.0, 1.0]), orientation=state.orientation, joint_pos=joint_pos
+        position=np.array([0.0, 0.0, 1.0]), orientation=orientation, joint_pos=joint_pos
     )
     lowest = lowest_point(stage.model, place(robot, stage.model, raised))
     return Posture(
         position=np.array([0.0, 0.0, 1.0 - lowest - SINKING]),
-        orientation=state.orientation,
+        orientation=orientation,
         joint_pos=joint_pos,
     )

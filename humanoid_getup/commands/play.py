@@ -46,7 +46,11 @@ class Play(TrialOptions):
             limit = self.torque_limit
             report, watched = play(guard, twin, motion, limit, realtime=self.realtime)
             result = Rise(
-                start_class=start_class, plan=_as_it_is(motion), run=report, watched=watched
+                robot=stage.robot,
+                start_class=start_class,
+                plan=_as_it_is(motion),
+                run=report,
+                watched=watched,
             )
             status.update("drawing")
             extra = {"motion": motion.name, "strategy": motion.strategy}

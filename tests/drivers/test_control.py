@@ -138,3 +138,20 @@ def test_realtime_takes_real_time(tiny, backend):
     report = run(Hold(tiny, cycles=10), SafetyGuard(backend), max_time=1.0, realtime=True)
     assert time.perf_counter() - start >= 10 * 0.008 - 1e-3
     assert report.cycles == 10
+
+
+def test_a_bare_backend_is_refused_before_it_moves(op3):
+    twin = Twin(op3)
+    with pytest.raises(TypeError, match="SafetyGuard"):
+        run(_Never(), twin, max_time=1.0)  # type: ignore[arg-type]
+    assert twin.truth.time == 0.0
+
+
+class _Never:
+    done = False
+
+    def reset(self, _state):
+        raise AssertionError("a bare backend must not be read")
+
+    def step(self, _state):
+        raise AssertionError("a bare backend must not be moved")

@@ -258,3 +258,28 @@ def test_connecting_again_forgets_faults_and_counts(guard):
     guard.connect()
     assert guard.fault is None
     assert guard.clips.total == 0
+
+
+def test_clearing_without_a_fault_keeps_the_last_target(op3):
+    twin = Twin(op3)
+    guard = SafetyGuard(twin)
+    with guard:
+        guard.read()
+        target = twin.truth.posture.joint_pos.copy()
+        sent = guard.write(Command.position(op3, target))
+        guard.clear()
+        guard.read()
+        far = guard.write(Command.position(op3, target + 0.5))
+        reach = op3.max_velocity * guard.period
+        assert np.all(np.abs(far.joint_pos - sent.joint_pos) <= reach + 1e-12)
+        assert guard.clips.total > 0
+
+
+def test_connecting_an_open_guard_lets_go_first(op3):
+    twin = Twin(op3)
+    guard = SafetyGuard(twin)
+    with guard:
+        guard.read()
+        guard.write(Command.position(op3, twin.truth.posture.joint_pos))
+        guard.connect()
+        assert np.all(twin.model.actuator_forcerange == 0.0)

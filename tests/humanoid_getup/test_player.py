@@ -67,7 +67,7 @@ def test_from_elsewhere_the_way_to_the_first_targets_is_slow_and_without_a_jump(
     op3: Robot, motion: Motion
 ):
     player = MotionPlayer(op3, motion, hold=HOLD)
-    start = motion.joint_pos[0] + np.linspace(-0.6, 0.3, op3.n)
+    start = motion.joint_target[0] + np.linspace(-0.6, 0.3, op3.n)
     sent = play(player, op3, start, begin=0.0)
     assert player.approach_time == pytest.approx(0.6 / APPROACH_SPEED)
     np.testing.assert_allclose(sent[0], start)

@@ -10,6 +10,7 @@ from rich.console import Console
 from humanoid_getup.report import KEYS, Circumstances, make_report, print_summary, to_json
 from humanoid_getup.rise import Rise
 from humanoid_getup.rise_plan import RisePlan, RiseStatus
+from robots import load_robot
 
 ASKED = Circumstances(
     robot="op3",
@@ -22,6 +23,7 @@ ASKED = Circumstances(
     extra={"planning": True},
 )
 UNPLANNED = Rise(
+    robot=load_robot("op3"),
     start_class="prone",
     plan=RisePlan(
         status=RiseStatus.NOT_PLANNED,

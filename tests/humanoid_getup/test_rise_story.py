@@ -21,7 +21,7 @@ from humanoid_getup.rise_plan import RiseOptions
 from humanoid_getup.rising import RisePlanner
 from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import HOLD_TIME
-from robots import Robot
+from robots import Robot, load_robot
 
 MOTION = "supine_sit_up_fast"
 LIMIT = 3.0  # N·m
@@ -148,4 +148,4 @@ def played(op3: Robot, stage: Stage) -> Rise:
     plan = RisePlanner(stage, database, options).plan(squat.posture(0), np.random.default_rng(0))
     run, watched = play(SafetyGuard(twin, GuardLimits.of(op3)), twin, squat, None)
     assert watched.stand.stood
-    return Rise(start_class="squat", plan=plan, run=run, watched=watched)
+    return Rise(robot=load_robot("op3"), start_class="squat", plan=plan, run=run, watched=watched)

@@ -24,7 +24,7 @@ REST_SPEED = 0.1  # rad/s of any joint or the torso, a few steps of the sensors
 MAX_SETTLE = 10.0  # s
 MAX_DROP = 0.3  # m over the ground that a start may hang
 SINKING = 0.0005  # m that a resting robot presses into the ground
-HOLD = HOLD_TIME + 0.3  # s after the motion
+HOLD = HOLD_TIME + 1.5  # s after the motion; a robot may sway before its stand begins
 MAX_INTRUSION = 0.005  # m of the ground that a start may reach into
 
 

@@ -15,7 +15,9 @@ DID_IT, DID_NOT_STAND, BAD_INPUT, HARDWARE_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
     choose_gl(os.environ)
-    for name in ("SIGTERM", "SIGHUP"):  # a killed program must still let the robot go limp
+    # A program that is told to stop must let the robot go limp, and in the background too,
+    # where a shell has Ctrl-C ignored.
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name) and threading.current_thread() is threading.main_thread():
             signal.signal(getattr(signal, name), _interrupt)
     try:

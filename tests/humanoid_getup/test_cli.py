@@ -210,12 +210,13 @@ def test_a_command_line_that_cannot_be_read_leaves_with_2(arguments: list[str]):
     assert left.value.code == 2
 
 
-def test_ctrl_c_leaves_with_130_and_writes_nothing(tmp_path: Path):
+@pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
+def test_a_program_told_to_stop_leaves_with_130_and_writes_nothing(told: int, tmp_path: Path):
     command = [sys.executable, "-m", "humanoid_getup.cli", "play", "supine_sit_up_gentle"]
     command += ["--realtime", "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        time.sleep(4.0)  # it plays for seven seconds
-        process.send_signal(signal.SIGINT)
+        time.sleep(4.0)  # it plays for eight seconds
+        process.send_signal(told)
         _, error = process.communicate(timeout=30.0)
     assert process.returncode == 130
     assert error.splitlines()[-1] == "getup: interrupted, the robot is limp"

@@ -23,7 +23,7 @@ from robots.rotation import Array
 
 STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
 SLOW = 0.6  # tempo of a path's second version
-ENOUGH = 0.9  # share of the disturbed rehearsals that must stand to stop searching
+ENOUGH = 1.0  # share of the disturbed rehearsals that must stand to stop searching
 FINALISTS = 3  # rehearsals of a round that are checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 MOST_FAILURES = 2  # paths not found before the start is thought to be tangled

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.bezier import Trajectory
-from humanoid_getup.collision import CollisionChecker
+from humanoid_getup.collision import CollisionChecker, Tolerances
 from humanoid_getup.database import Connection, MotionDatabase
 from humanoid_getup.dynamics_filter import Candidate, DynamicsFilter, Rehearsed
 from humanoid_getup.lying import read_posture
@@ -26,6 +26,7 @@ SLOW = 0.6  # tempo of a path's second version
 ENOUGH = 1.0  # share of the disturbed rehearsals that must stand to stop searching
 FINALISTS = 3  # rehearsals of a round that are checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
+TANGLED = Tolerances(body=0.003)  # of limbs hooked so tightly that they must slide to part
 MOST_FAILURES = 2  # paths not found before the start is thought to be tangled
 SECOND_TRIES = 2  # rounds that go on from where the tries before ended
 LIE_DOWN = 0.6  # s after a failed try until the next path begins
@@ -50,6 +51,7 @@ class RisePlanner:
     def __init__(self, stage: Stage, database: MotionDatabase, options: RiseOptions) -> None:
         self.stage, self.database, self.options = stage, database, options
         self._checker = CollisionChecker(stage.robot, stage.scene)
+        self._tangled_checker = CollisionChecker(stage.robot, stage.scene, TANGLED)
         self.filter = DynamicsFilter(stage, torque_limit=options.torque_limit)
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
@@ -88,7 +90,10 @@ class RisePlanner:
         """Find a smooth path to a connecting posture."""
         if not self.options.planning:
             return self._straight(start, connection)
-        return plan_rise(start, connection, self._checker, rng).trajectory
+        path = plan_rise(start, connection, self._checker, rng).trajectory
+        if path is None:
+            path = plan_rise(start, connection, self._tangled_checker, rng).trajectory
+        return path
 
     def _straight(self, start: Posture, connection: Connection) -> Trajectory:
         period = self.stage.robot.control_period

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots import Robot
 from robots.rotation import Array
+
+Integers = NDArray[np.int_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,6 +33,24 @@ class State:
     """Servo temperatures [°C], shape (n,)."""
     voltage: float
     """Supply at the servos [V]."""
+    joint_age: Array = field(default_factory=lambda: np.zeros(0))
+    """How old each joint's angle, speed and current are [s], shape (n,); 0 is fresh."""
+    imu_age: float = 0.0
+    """How old gyro and orientation are [s]."""
+    alert: Integers = field(default_factory=lambda: np.zeros(0, dtype=int))
+    """Hardware error bits of each servo, shape (n,); 0 is well."""
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_pos)
+        if not len(self.joint_age):
+            object.__setattr__(self, "joint_age", np.zeros(n))
+        if not len(self.alert):
+            object.__setattr__(self, "alert", np.zeros(n, dtype=int))
+
+    @property
+    def age(self) -> float:
+        """Return how old the oldest of its angles, gyro and orientation are [s]."""
+        return max(float(self.joint_age.max()), self.imu_age)
 
     @property
     def is_finite(self) -> bool:

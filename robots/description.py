@@ -1,9 +1,11 @@
 """What a robot.toml says, and all that can be wrong with it by itself."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from robots.bus import BusSettings
+from robots.bus_description import read_bus
 from robots.faults import is_number, shown
 from robots.fields import Fields
 from robots.servo import servo_models
@@ -48,6 +50,8 @@ class Description:
     joints: tuple[JointRow, ...]
     standing: dict[str, float]
     """Angles by joint name [rad]; the joints not named stand at 0."""
+    bus: BusSettings | None
+    """None for a robot without a servo bus."""
 
 
 def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
@@ -65,7 +69,10 @@ def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
         supply_voltage=fields.number("supply_voltage", MAX_SUPPLY_VOLTAGE, "V"),
         joints=_read_joints(table.get("joints"), faults),
         standing=_read_standing(table.get("standing"), faults),
+        bus=None,
     )
+    names = tuple(row.name for row in description.joints)
+    description = replace(description, bus=read_bus(table.get("bus"), names, faults))
     faults += _repeated(description.joints)
     faults += _wrong_mirrors(description.joints)
     faults += _wrong_supply(description)

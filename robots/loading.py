@@ -99,6 +99,7 @@ def _build_robot(folder: Path, description: Description, model: mujoco.MjModel) 
         mirror_index=np.array([names.index(row.mirror) for row in rows]),
         mirror_sign=np.array([float(row.mirror_sign) for row in rows]),
         model_file=folder / description.model,
+        bus=description.bus,
     )
 
 

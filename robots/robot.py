@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots.bus import BusSettings
 from robots.posture import Posture
 from robots.rotation import Array
 from robots.servo import Servo
@@ -81,6 +82,8 @@ class Robot:
     mirror_sign: Array
     """Sign of its angle there, (n,)."""
     model_file: Path
+    bus: BusSettings | None = None
+    """How its servos are reached; None when nobody said."""
 
     @property
     def n(self) -> int:

@@ -161,6 +161,24 @@ def test_all_that_is_wrong_is_told_at_once(own_robot):
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("baud = 1_000_000", "baud = 1_000_001", "bus: baud is 1000001 bit/s, allowed 9600, 57"),
+        ("baud = 1_000_000", "watchdog = 9", "bus: watchdog is 9 s, allowed above 0 s, at most 2"),
+        ("baud = 1_000_000", "baud = 57600\nports = 3", "bus: ports is 3, allowed a table of port"),
+        ("[-1, -1, 1]", "[-1, 1]", "bus board: imu_axes is [-1, 1], allowed three signs"),
+        ("id = 200", "id = 253", "bus board: id is 253, allowed an integer from 0 to 252"),
+        ("powers_servos = true", "powers_servos = 1", "powers_servos is 1, allowed true or false"),
+        ("[bus.board]", '[bus.ports]\nlegs = ["l_hip"]\n[bus.board]', "'r_hip' is on 0 ports"),
+        ("[bus.board]", '[bus.ports]\nlegs = ["hip"]\n[bus.board]', "unknown joint 'hip'"),
+    ],
+)
+def test_a_wrong_bus_is_told_with_what_is_allowed(own_robot, old, new, words):
+    spoil(own_robot, old, new)
+    assert words in complaint(own_robot)
+
+
+@pytest.mark.parametrize(
     ("content", "words"),
     [
         (b"joints = {\n", "not TOML (Invalid initial character for a key part (at line 1"),

@@ -1,0 +1,370 @@
+"""Dynamixel Protocol 2.0: packets as bytes, and bytes as packets.
+
+Facts: ROBOTIS e-manual, "DYNAMIXEL Protocol 2.0". A frame is
+
+    FF FF FD 00 | id | length (u16) | instruction | parameters ... | CRC (u16)
+
+where the length counts all after itself. A status has the instruction 0x55 and an error
+byte before its data.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from fastcrc.crc16 import umts
+
+HEADER = b"\xff\xff\xfd\x00"
+BROADCAST = 0xFE
+MAX_ID = 252
+PREFIX = 7
+"""Bytes of a frame before its instruction: header, id and length."""
+OVERHEAD = PREFIX + 1 + 2
+"""Bytes of a frame around its parameters."""
+MAX_LENGTH = 4096
+"""Longest length field that is believed; 252 devices in a fast read need less."""
+ALERT = 0x80
+"""Bit of a status' error byte: the device has a hardware error."""
+
+_RUN, _STUFFED_RUN = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
+
+
+class Instruction(IntEnum):
+    """What a packet asks for."""
+
+    PING = 0x01
+    READ = 0x02
+    WRITE = 0x03
+    REG_WRITE = 0x04
+    ACTION = 0x05
+    FACTORY_RESET = 0x06
+    REBOOT = 0x08
+    CLEAR = 0x10
+    BACKUP = 0x20
+    STATUS = 0x55
+    SYNC_READ = 0x82
+    SYNC_WRITE = 0x83
+    FAST_SYNC_READ = 0x8A
+    BULK_READ = 0x92
+    BULK_WRITE = 0x93
+    FAST_BULK_READ = 0x9A
+
+
+class ErrorNumber(IntEnum):
+    """Bits 0 to 6 of a status' error byte."""
+
+    NONE = 0
+    RESULT_FAIL = 1
+    INSTRUCTION = 2
+    CRC = 3
+    DATA_RANGE = 4
+    DATA_LENGTH = 5
+    DATA_LIMIT = 6
+    ACCESS = 7
+
+
+class Reset(IntEnum):
+    """What a factory reset forgets."""
+
+    ALL = 0xFF
+    ALL_BUT_ID = 0x01
+    ALL_BUT_ID_AND_BAUD = 0x02
+
+
+@dataclass(frozen=True)
+class Packet:
+    """A frame's content, unstuffed."""
+
+    id: int
+    instruction: int
+    params: bytes = b""
+
+    def encode(self) -> bytes:
+        """Build the frame: stuff, count, append the CRC."""
+        body = stuff(bytes((self.instruction,)) + self.params)
+        return seal(HEADER + struct.pack("<BH", self.id, len(body) + 2) + body)
+
+
+@dataclass(frozen=True)
+class Status:
+    """An answer."""
+
+    id: int
+    error: int = 0
+    """Error byte: an `ErrorNumber`, and `ALERT`."""
+    data: bytes = b""
+
+    @property
+    def alert(self) -> bool:
+        """Tell whether the device reports a hardware error."""
+        return bool(self.error & ALERT)
+
+    @property
+    def number(self) -> int:
+        """Return the error number without the alert bit, 0 for none."""
+        return self.error & ~ALERT
+
+    @property
+    def frame_length(self) -> int:
+        """Return the bytes of the frame when nothing needs stuffing."""
+        return OVERHEAD + 1 + len(self.data)
+
+    def encode(self) -> bytes:
+        """Build the frame."""
+        return Packet(self.id, Instruction.STATUS, bytes((self.error,)) + self.data).encode()
+
+    @classmethod
+    def from_packet(cls, packet: Packet) -> Status:
+        """Read a status packet that has an error byte at least.
+
+        Raises:
+            ValueError: if it is no status.
+        """
+        if packet.instruction != Instruction.STATUS or not packet.params:
+            raise ValueError(f"instruction 0x{packet.instruction:02X} is not a status")
+        return cls(packet.id, packet.params[0], packet.params[1:])
+
+
+def crc16(data: bytes, start: int = 0) -> int:
+    """Compute the CRC-16 of polynomial 0x8005, not reflected; ``start`` continues another's."""
+    return umts(data, start)
+
+
+def seal(frame: bytes) -> bytes:
+    """Append the CRC of all before it, low byte first."""
+    return frame + struct.pack("<H", umts(frame))
+
+
+def stuff(body: bytes) -> bytes:
+    """Insert FD after each FF FF FD, so that no header appears in a body."""
+    return body.replace(_RUN, _STUFFED_RUN)
+
+
+def unstuff(body: bytes) -> bytes:
+    """Turn each FF FF FD FD into FF FF FD."""
+    return body.replace(_STUFFED_RUN, _RUN)
+
+
+@dataclass(frozen=True)
+class Span:
+    """Registers of a device: where and how many bytes."""
+
+    address: int
+    length: int
+
+
+# Instructions, as frames -------------------------------------------------------------------
+
+
+def ping(device: int = BROADCAST) -> bytes:
+    """Ask who is there."""
+    return Packet(device, Instruction.PING).encode()
+
+
+def read(device: int, span: Span) -> bytes:
+    """Ask a device for registers."""
+    params = struct.pack("<HH", span.address, span.length)
+    return Packet(device, Instruction.READ, params).encode()
+
+
+def write(device: int, address: int, data: bytes) -> bytes:
+    """Set registers of a device."""
+    return Packet(device, Instruction.WRITE, struct.pack("<H", address) + data).encode()
+
+
+def reg_write(device: int, address: int, data: bytes) -> bytes:
+    """Store a write in a device until `action`."""
+    return Packet(device, Instruction.REG_WRITE, struct.pack("<H", address) + data).encode()
+
+
+def action(device: int = BROADCAST) -> bytes:
+    """Apply what `reg_write` stored."""
+    return Packet(device, Instruction.ACTION).encode()
+
+
+def factory_reset(device: int, kept: Reset) -> bytes:
+    """Bring a device's EEPROM back to its defaults."""
+    return Packet(device, Instruction.FACTORY_RESET, bytes((kept,))).encode()
+
+
+def reboot(device: int) -> bytes:
+    """Restart a device; its RAM goes back to defaults."""
+    return Packet(device, Instruction.REBOOT).encode()
+
+
+def clear_turns(device: int) -> bytes:
+    """Bring a device's position back into one turn."""
+    return Packet(device, Instruction.CLEAR, b"\x01\x44\x58\x4c\x22").encode()
+
+
+def backup(device: int) -> bytes:
+    """Store a device's control table."""
+    return Packet(device, Instruction.BACKUP, b"\x01CTRL").encode()
+
+
+def restore(device: int) -> bytes:
+    """Bring a device's stored control table back; it reboots."""
+    return Packet(device, Instruction.BACKUP, b"\x02CTRL").encode()
+
+
+def sync_read(devices: Sequence[int], span: Span, *, fast: bool = False) -> bytes:
+    """Ask several devices for the same registers."""
+    kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
+    params = struct.pack("<HH", span.address, span.length) + bytes(devices)
+    return Packet(BROADCAST, kind, params).encode()
+
+
+def sync_write(address: int, data: Mapping[int, bytes]) -> bytes:
+    """Set the same registers of several devices.
+
+    Args:
+        address: First register.
+        data: What each device gets, all of one length.
+    """
+    length = len(next(iter(data.values())))
+    rows = b"".join(bytes((device,)) + row for device, row in data.items())
+    params = struct.pack("<HH", address, length) + rows
+    return Packet(BROADCAST, Instruction.SYNC_WRITE, params).encode()
+
+
+def bulk_read(spans: Mapping[int, Span], *, fast: bool = False) -> bytes:
+    """Ask several devices for registers of their own."""
+    kind = Instruction.FAST_BULK_READ if fast else Instruction.BULK_READ
+    rows = (struct.pack("<BHH", device, s.address, s.length) for device, s in spans.items())
+    return Packet(BROADCAST, kind, b"".join(rows)).encode()
+
+
+def bulk_write(data: Mapping[int, tuple[int, bytes]]) -> bytes:
+    """Set registers of several devices, each its own.
+
+    Args:
+        data: Of each device, the address and what is written there.
+    """
+    rows = (struct.pack("<BHH", i, address, len(row)) + row for i, (address, row) in data.items())
+    return Packet(BROADCAST, Instruction.BULK_WRITE, b"".join(rows)).encode()
+
+
+# Fast answers -------------------------------------------------------------------------------
+
+
+def encode_fast_status(answers: Iterable[Status]) -> bytes:
+    """Build the one frame that several devices write in turn; nothing in it is stuffed.
+
+    Each device adds its error, id and data, and the CRC of all that came before.
+    """
+    answers = list(answers)
+    length = 1 + sum(len(answer.data) + 4 for answer in answers)
+    frame = HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
+    for answer in answers:
+        frame = seal(frame + bytes((answer.error, answer.id)) + answer.data)
+    return frame
+
+
+def decode_fast_status(frame: bytes, lengths: Sequence[int]) -> list[Status]:
+    """Read a fast frame, whole or cut: the answers up to the first that is damaged.
+
+    Args:
+        frame: Bytes from the header on.
+        lengths: Data bytes of each device, in the order in which they were asked.
+    """
+    answers: list[Status] = []
+    start, crc = PREFIX + 1, umts(frame[: PREFIX + 1])
+    for length in lengths:
+        end = start + 2 + length
+        row = frame[start:end]
+        crc = umts(row, crc)
+        told = frame[end : end + 2]
+        if len(told) < 2 or struct.unpack("<H", told)[0] != crc:
+            break
+        answers.append(Status(row[1], row[0], row[2:]))
+        start, crc = end + 2, umts(told, crc)
+    return answers
+
+
+# Bytes to packets ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Damaged:
+    """A frame whose CRC does not match."""
+
+    id: int
+    instruction: int
+    frame: bytes
+
+
+@dataclass
+class FrameParser:
+    """Finds frames in a stream of bytes, whatever lies between them."""
+
+    noise: int = 0
+    """Bytes that belonged to no frame."""
+    damaged: int = 0
+    """Frames whose CRC did not match."""
+
+    def __post_init__(self) -> None:
+        self._buffer = bytearray()
+
+    @property
+    def pending(self) -> int:
+        """Return the number of bytes that may become a frame yet."""
+        return len(self._buffer)
+
+    def reset(self) -> None:
+        """Drop what has begun and not ended."""
+        self.noise += len(self._buffer)
+        self._buffer.clear()
+
+    def feed(self, data: bytes) -> list[Packet | Damaged]:
+        """Take bytes; return the frames that they complete.
+
+        A fast answer comes unstuffed as it is: `Packet.params` is what follows 0x55,
+        and its last two bytes of CRC are cut off as in any frame.
+        """
+        self._buffer += data
+        found: list[Packet | Damaged] = []
+        while (frame := self._next_frame()) is not None:
+            found.append(self._open(frame))
+        return found
+
+    def _next_frame(self) -> bytes | None:
+        buffer = self._buffer
+        while self._skip_to_header():
+            if len(buffer) < PREFIX:
+                return None
+            device, length = buffer[4], buffer[5] | buffer[6] << 8
+            if device > BROADCAST or device == 253 or not 3 <= length <= MAX_LENGTH:
+                self._drop(1)  # no frame begins like this
+                continue
+            end = PREFIX + length
+            return bytes(buffer[:end]) if len(buffer) >= end else None
+        return None
+
+    def _skip_to_header(self) -> bool:
+        start = self._buffer.find(HEADER)
+        if start < 0:
+            tail = next((n for n in (3, 2, 1) if self._buffer.endswith(HEADER[:n])), 0)
+            self._drop(len(self._buffer) - tail)
+            return False
+        self._drop(start)
+        return True
+
+    def _open(self, frame: bytes) -> Packet | Damaged:
+        told = frame[-2] | frame[-1] << 8
+        if umts(frame[:-2]) != told:
+            # The header may have been an accident, so its frame may hide a true one.
+            self.damaged += 1
+            self._drop(1)
+            return Damaged(frame[4], frame[7], frame)
+        del self._buffer[: len(frame)]
+        body = frame[PREFIX:-2]
+        is_fast = frame[4] == BROADCAST and body[0] == Instruction.STATUS
+        body = body if is_fast else unstuff(body)
+        return Packet(frame[4], body[0], body[1:])
+
+    def _drop(self, count: int) -> None:
+        self.noise += count
+        del self._buffer[:count]

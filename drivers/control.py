@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+import numpy as np
+
 from drivers.errors import DriverError
 from drivers.guard import SafetyGuard
 from drivers.guard_limits import ClipCounts
 from drivers.state import Command, State
+from robots.rotation import Array
 
 
 class Controller(Protocol):
@@ -40,6 +43,51 @@ class Ending(Enum):
     INTERRUPTED = "somebody interrupted it"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Where a cycle's time went, on the wall clock [s]."""
+
+    late: float
+    """After its deadline; 0 for a loop without deadlines."""
+    read: float
+    step: float
+    write: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How well the cycles of a run kept their deadlines."""
+
+    late_median: float
+    """How long after its deadline a cycle began [s]."""
+    late_p99: float
+    """[s]"""
+    late_max: float
+    """[s]"""
+    busy_median: float
+    """Time that a cycle took to measure, decide and move [s]."""
+    busy_p99: float
+    """[s]"""
+
+    @classmethod
+    def of(cls, timings: Array) -> Pace:
+        """Summarise cycles.
+
+        Args:
+            timings: Late, read, step and write times [s], shape (cycles, 4).
+        """
+        if not len(timings):
+            return cls(late_median=0.0, late_p99=0.0, late_max=0.0, busy_median=0.0, busy_p99=0.0)
+        late, busy = timings[:, 0], timings[:, 1:].sum(axis=1)
+        return cls(
+            late_median=float(np.median(late)),
+            late_p99=float(np.percentile(late, 99)),
+            late_max=float(late.max()),
+            busy_median=float(np.median(busy)),
+            busy_p99=float(np.percentile(busy, 99)),
+        )
+
+
 @dataclass(frozen=True)
 class Cycle:
     """One turn of the loop."""
@@ -49,6 +97,9 @@ class Cycle:
     """What the controller wanted."""
     sent: Command
     """What reached the servos."""
+    clips: ClipCounts
+    """What the guard has cut so far."""
+    timing: Timing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +118,9 @@ class RunReport:
     """From first to last measurement, on the backend's clock [s]."""
     clips: ClipCounts
     """What the guard cut."""
+    holds: int
+    """Cycles in which the targets stood still because a measurement was too old."""
+    pace: Pace
 
 
 def run(
@@ -110,6 +164,8 @@ def run(
         period=guard.period,
         duration=loop.duration,
         clips=guard.clips,
+        holds=guard.holds,
+        pace=Pace.of(np.array(loop.timings, dtype=float).reshape(-1, 4)),
     )
 
 
@@ -124,6 +180,8 @@ class Pacer:
     ) -> None:
         self.period = period
         self.overruns = 0
+        self.late = 0.0
+        """How long after its deadline the last cycle began [s]."""
         self._clock, self._sleep = clock, sleep
         self._deadline = clock() + period
 
@@ -134,7 +192,10 @@ class Pacer:
             self._sleep(early)
         else:
             self.overruns += 1
-            self._deadline -= early
+        now = self._clock()
+        self.late = max(now - self._deadline, 0.0)
+        if early < 0.0:
+            self._deadline = now
         self._deadline += self.period
 
 
@@ -145,6 +206,7 @@ class _Loop:
         self.guard, self.pacer = guard, pacer
         self.cycles = 0
         self.duration = 0.0
+        self.timings: list[tuple[float, float, float, float]] = []
 
     def turn(
         self,
@@ -152,6 +214,8 @@ class _Loop:
         max_time: float,
         on_cycle: Callable[[Cycle], None] | None,
     ) -> tuple[Ending, str]:
+        clock = time.perf_counter
+        began = clock()
         state = self.guard.read()
         start = state.time
         controller.reset(state)
@@ -159,15 +223,23 @@ class _Loop:
             # A backend's clock adds up periods: half of one decides, not the last bit.
             if self.duration > max_time - 0.5 * self.guard.period:
                 return Ending.TIMEOUT, f"{max_time:g} s were up"
+            measured = clock()
             asked = controller.step(state)
+            decided = clock()
             sent = self.guard.write(asked)
+            moved = clock()
+            late = self.pacer.late if self.pacer else 0.0
+            timing = (late, measured - began, decided - measured, moved - decided)
+            self.timings.append(timing)
             self.cycles += 1
             if on_cycle:
-                on_cycle(Cycle(state, asked, sent))
+                told = Timing(late=late, read=timing[1], step=timing[2], write=timing[3])
+                on_cycle(Cycle(state, asked, sent, self.guard.clips, told))
             if self.guard.fault:
                 return Ending.FAULT, str(self.guard.fault)
             if self.pacer:
                 self.pacer.wait()
+            began = clock()
             state = self.guard.read()
             self.duration = state.time - start
         return Ending.DONE, Ending.DONE.value

@@ -14,6 +14,14 @@ from robots.rotation import Array
 # earlier, while the robot can still be lowered by hand without burning anybody.
 MAX_TEMPERATURE = 75.0
 STALE_WRITES = 5  # 40 ms at the OP3's cycle: longer than a retried bus read, too short to fall
+# From here on, heat takes torque away, so that a servo cools before it switches itself off.
+DERATE_TEMPERATURE = 65.0
+DERATED_SHARE = 0.4  # of the torque limit that is left at MAX_TEMPERATURE
+# One measurement that is lost or damaged is bridged, and a second. From the third on the
+# targets stand still; a tenth of a second blind is where a rise can no longer be saved.
+HOLD_CYCLES = 3
+LIMP_CYCLES = 12
+MAX_IMU_AGE = 0.3  # s without a new orientation: a fall would not be noticed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +38,18 @@ class GuardLimits:
     """Highest torque limit of each servo [N·m], shape (n,)."""
     max_temperature: float = MAX_TEMPERATURE
     """Servo temperature that is still allowed [°C]; infinity allows any."""
+    derate_temperature: float = DERATE_TEMPERATURE
+    """Temperature from which a servo's torque limit goes down [°C]."""
+    min_voltage: float = 0.0
+    """Supply that is still allowed [V]."""
     stale_writes: int = STALE_WRITES
     """Commands in a row upon one and the same measurement that are a fault."""
+    hold_cycles: int = HOLD_CYCLES
+    """Age of a joint's values, in periods, from which the targets stand still."""
+    limp_cycles: int = LIMP_CYCLES
+    """Age of a joint's values, in periods, that is a fault."""
+    max_imu_age: float = MAX_IMU_AGE
+    """Age of gyro and orientation that is still allowed [s]."""
 
     def __post_init__(self) -> None:
         if not np.all(self.lower <= self.upper):
@@ -57,7 +75,19 @@ class GuardLimits:
             upper=robot.upper,
             max_velocity=robot.max_velocity,
             torque_limit=np.minimum(robot.max_torque, cap),
+            min_voltage=max(joint.servo.model.min_voltage for joint in robot.joints),
         )
+
+    def derate(self, temperature: Array) -> Array:
+        """Compute the torque limits [N·m] that servos of these temperatures [°C] have left, (n,).
+
+        Linear from the whole at ``derate_temperature`` to a share at ``max_temperature``.
+        """
+        span = self.max_temperature - self.derate_temperature
+        if not 0.0 < span < np.inf:
+            return self.torque_limit
+        heat = np.minimum(np.maximum((temperature - self.derate_temperature) / span, 0.0), 1.0)
+        return self.torque_limit * (1.0 - (1.0 - DERATED_SHARE) * heat)
 
     def find_command_faults(self, command: Command, joint_names: tuple[str, ...]) -> list[str]:
         """List what in a command no servo could follow; the list of a sound one is empty."""

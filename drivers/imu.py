@@ -2,47 +2,52 @@
 
 from __future__ import annotations
 
+import imufusion
 import mujoco
 import numpy as np
 
-from robots.rotation import IDENTITY, Array
+from robots.rotation import Array
 
 GRAVITY = 9.81  # m/s²
 
 # Seconds in which the accelerometer pulls the integrated gyro towards the vertical.
 TIME_CONSTANT = 1.0
-# Share of gravity by which the accelerometer's length may differ before it is not heard.
-SHAKE_TOLERANCE = 0.1
-
-_UP = np.array([0.0, 0.0, 1.0])
-_INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
+GYRO_RANGE = np.radians(2000.0)  # rad/s; beyond it the gyro is at its stop (OpenCR)
+# The accelerometer is not heard while its vertical differs by this much from the estimate
+# (blows, hard acceleration), unless it insists for so long that the estimate must be wrong.
+REJECTION_DEG = 10.0
+REJECTION_TIME = 5.0  # s
 
 
 class OrientationFilter:
-    """Fuse gyro and accelerometer into an orientation (complementary filter of [Mahony08]).
+    """Fuse gyro and accelerometer into an orientation, by the AHRS of `imufusion`.
 
-    The gyro is integrated; the accelerometer, when it measures little more than gravity,
-    slowly turns the result until both agree on the vertical. Nothing knows the yaw: it
-    starts at 0 and drifts.
-
-    [Mahony08] R. Mahony, T. Hamel, J.-M. Pflimlin: Nonlinear complementary filters on the
-    special orthogonal group. IEEE Transactions on Automatic Control 53 (5), 2008.
+    The gyro is integrated; the accelerometer slowly turns the result until both agree on
+    the vertical. Nothing knows the yaw: it starts at 0 and drifts.
     """
 
-    def __init__(self, time_constant: float = TIME_CONSTANT) -> None:
-        self.time_constant = time_constant
-        self._orientation = IDENTITY.copy()
-        self._up_b = np.zeros(3)
-        self._turn_b = np.zeros(3)
+    def __init__(self, period: float, time_constant: float = TIME_CONSTANT) -> None:
+        self._ahrs = imufusion.Ahrs()
+        settings = imufusion.AhrsSettings()
+        settings.convention = imufusion.CONVENTION_NWU
+        settings.gain = 1.0 / time_constant
+        settings.gyroscope_range = np.degrees(GYRO_RANGE)
+        settings.acceleration_rejection = REJECTION_DEG
+        settings.rejection_timeout = REJECTION_TIME
+        settings.sample_rate = 1.0 / period
+        self._ahrs.set_settings(settings)
 
     @property
     def orientation(self) -> Array:
         """Return the estimate, sensor frame to world, unit quaternion w x y z."""
-        return self._orientation.copy()
+        orientation = np.array(self._ahrs.get_quaternion(), dtype=float)
+        return orientation / np.sqrt(orientation @ orientation)
 
     def start(self, accelerometer: Array) -> None:
         """Begin at rest: the vertical from the accelerometer [m/s²], yaw 0."""
-        self._orientation = upright_from(accelerometer)
+        self._ahrs.restart()
+        self._ahrs.skip_startup()
+        self._ahrs.set_quaternion(upright_from(accelerometer))
 
     def update(self, gyro: Array, accelerometer: Array, period: float) -> None:
         """Advance the estimate by one sample.
@@ -52,14 +57,8 @@ class OrientationFilter:
             accelerometer: Specific force in the sensor frame [m/s²], shape (3,).
             period: Time since the last sample [s].
         """
-        force = float(np.sqrt(accelerometer @ accelerometer))
-        trust = 1.0 - abs(force / GRAVITY - 1.0) / SHAKE_TOLERANCE
-        turn_b = gyro
-        if trust > 0.0:
-            mujoco.mju_rotVecQuat(self._up_b, _UP, self._orientation * _INVERSE)
-            mujoco.mju_cross(self._turn_b, accelerometer, self._up_b)
-            turn_b = gyro + self._turn_b * (trust / (force * self.time_constant))
-        mujoco.mju_quatIntegrate(self._orientation, turn_b, period)
+        self._ahrs.set_sample_period(period)
+        self._ahrs.update_no_magnetometer(np.degrees(gyro), accelerometer / GRAVITY)
 
 
 def upright_from(accelerometer: Array) -> Array:

@@ -8,7 +8,6 @@ import numpy as np
 
 from robots import Robot
 from robots.rotation import Array
-from robots.servo import RAD_PER_TICK
 
 VELOCITY_STEP = 0.229 * 2.0 * np.pi / 60.0  # rad/s a count, X series (e-manual)
 CURRENT_STEP = 2.69e-3  # A a count, X430 and X540 (e-manual)
@@ -35,22 +34,6 @@ class SensorNoise:
     """[rad/s]"""
     accelerometer: float = 0.0
     """[m/s²]"""
-
-
-class Encoders:
-    """Angles as the servos' ticks tell them; ``Servo.to_ticks`` and back, for all joints."""
-
-    def __init__(self, robot: Robot) -> None:
-        servos = [joint.servo for joint in robot.joints]
-        self._sign = np.array([float(servo.sign) for servo in servos])
-
-    def quantise(self, joint_pos: Array) -> Array:
-        """Round joint angles [rad] to whole ticks, shape (n,).
-
-        Ticks at angle 0 are whole, so they do not matter here; a sign turns the angle
-        before and after rounding.
-        """
-        return self._sign * np.rint(self._sign * joint_pos / RAD_PER_TICK) * RAD_PER_TICK
 
 
 class Windings:

@@ -5,20 +5,19 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from drivers.imu import GRAVITY, OrientationFilter
+from drivers.imu import GRAVITY, GYRO_RANGE
 from drivers.servo_sensors import SensorNoise, quantise
 from robots.rotation import Array
 
 # OpenCR's ICM-20648 as the OP3 uses it: 16.4 counts per deg/s, +-2000 deg/s; 16384 counts
 # per g, +-2 g (ROBOTIS-OP3 open_cr_module).
 GYRO_STEP = np.radians(1.0 / 16.4)  # rad/s
-GYRO_RANGE = np.radians(2000.0)  # rad/s
 ACCELEROMETER_STEP = GRAVITY / 16384.0  # m/s²
 ACCELEROMETER_RANGE = 2.0 * GRAVITY  # m/s²
 
 
 class TwinImu:
-    """Read angular velocity and orientation at a site of a simulation.
+    """Read angular velocity and specific force at a site of a simulation.
 
     Both sensors give their mean over a period, as their low-pass filters do. The gyro's
     is exact: sampled at 125 Hz without a filter, impacts would cost two degrees of tilt.
@@ -30,21 +29,18 @@ class TwinImu:
         self._model = model
         self._site = model.site(site).id
         self._noise, self._rng = noise, rng
-        self._filter = OrientationFilter()
         self._pose = np.zeros(4)  # true orientation at the last sample
         self._velocity = np.zeros(6)  # true velocity there: angular, linear, in the world
         self.gyro = np.zeros(3)
-
-    @property
-    def orientation(self) -> Array:
-        """Return the estimated orientation, sensor to world but for yaw, (4,)."""
-        return self._filter.orientation
+        """Angular velocity in the sensor frame [rad/s], shape (3,)."""
+        self.accelerometer = np.zeros(3)
+        """Specific force in the sensor frame [m/s²], shape (3,)."""
 
     def start(self, data: mujoco.MjData) -> None:
         """Begin from where the simulation is, as if it had long been at rest there."""
         self._look(data)
         self.gyro = self._sense_gyro(np.zeros(3))
-        self._filter.start(self._sense_force(data, np.zeros(3)))
+        self.accelerometer = self._sense_force(data, np.zeros(3))
 
     def advance(self, data: mujoco.MjData, period: float) -> None:
         """Take one sample, ``period`` seconds after the last."""
@@ -53,8 +49,7 @@ class TwinImu:
         turn_b = np.zeros(3)
         mujoco.mju_subQuat(turn_b, self._pose, pose)
         self.gyro = self._sense_gyro(turn_b / period)
-        force_b = self._sense_force(data, (self._velocity[3:] - velocity) / period)
-        self._filter.update(self.gyro, force_b, period)
+        self.accelerometer = self._sense_force(data, (self._velocity[3:] - velocity) / period)
 
     def _look(self, data: mujoco.MjData) -> None:
         site = mujoco.mjtObj.mjOBJ_SITE

@@ -9,6 +9,7 @@ from drivers import Backend, Command, SafetyGuard, Twin
 from drivers.errors import CommandError, NotConnectedError
 from drivers.servo_sensors import CURRENT_STEP
 from robots import Robot
+from robots.servo import RAD_PER_TICK
 
 Make = Callable[[Robot], Backend]
 BACKENDS: dict[str, Make] = {
@@ -80,9 +81,11 @@ def test_a_sound_command_is_sent_as_it_is(backend: Backend):
     )
     with backend:
         sent = turn(backend, command)
-    assert np.array_equal(sent.joint_pos, command.joint_pos)
-    assert np.array_equal(sent.gain_scale, command.gain_scale)
-    assert np.array_equal(sent.torque_limit, command.torque_limit)
+    # In the servos' resolution: whole ticks, 1/800 of the gain, 1/885 of the torque.
+    assert sent.joint_pos == pytest.approx(command.joint_pos, abs=0.5 * RAD_PER_TICK + 1e-12)
+    assert sent.gain_scale == pytest.approx(command.gain_scale, abs=1.0 / 800)
+    assert np.all(sent.torque_limit <= command.torque_limit)
+    assert sent.torque_limit == pytest.approx(command.torque_limit, abs=4.1 / 885)
 
 
 def test_the_robot_goes_where_it_is_sent(backend: Backend):

@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.description import Description, JointRow, read_description
 from robots.faults import shown
 from robots.model_faults import find_model_faults
@@ -16,6 +17,8 @@ from robots.servo import Servo, servo_models
 
 def load_robot(name_or_folder: str | Path) -> Robot:
     """Load a robot by name, or from a user's own folder that holds a robot.toml.
+
+    A calibration.toml in the folder replaces what the description says of zeros and signs.
 
     Raises:
         RobotError: if there is no such robot, or naming all that is wrong in its description.
@@ -35,9 +38,12 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     try:
         robot = _build_robot(folder, description, model)
         robot.spec().compile()
+        calibration = folder / CALIBRATION_FILE
+        return Calibration.load(calibration, robot).apply(robot) if calibration.exists() else robot
+    except CalibrationError as error:
+        raise RobotError(str(error)) from error
     except (ValueError, mujoco.FatalError) as error:
         raise RobotError(f"{file}: {_in_one_line(error)}") from error
-    return robot
 
 
 def _find_folder(name_or_folder: str | Path) -> Path:

@@ -1,0 +1,83 @@
+"""The operator's stop key: any key of the terminal stops the robot, and the stop latches."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+PRESSED = "the operator pressed a key"
+LOST = "the terminal is gone"
+
+
+class StopKey:
+    """Watches a terminal while it is open, in a thread of its own.
+
+    Without a terminal there is no key to press: signals still stop the program.
+    """
+
+    def __init__(self, stop: Callable[[str], None], terminal: int | None = None) -> None:
+        """Prepare to watch.
+
+        Args:
+            stop: Called once, with the reason, from the watching thread.
+            terminal: File descriptor; ``None`` for the program's standard input.
+        """
+        self._stop = stop
+        self._terminal = _standard_input() if terminal is None else terminal
+        self._thread: threading.Thread | None = None
+
+    @property
+    def is_watching(self) -> bool:
+        """Tell whether there is a terminal whose keys stop the robot."""
+        return self._thread is not None
+
+    def __enter__(self) -> Self:
+        """Begin to watch."""
+        if self._terminal is not None and os.isatty(self._terminal):
+            self._before = termios.tcgetattr(self._terminal)
+            tty.setcbreak(self._terminal)
+            self._wake, self._waker = os.pipe()
+            self._thread = threading.Thread(target=self._watch, name="stop key", daemon=True)
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Stop watching and leave the terminal as it was."""
+        if self._thread is None or self._terminal is None:
+            return
+        os.close(self._waker)
+        self._thread.join()
+        os.close(self._wake)
+        self._thread = None
+        with contextlib.suppress(termios.error):  # a terminal that is gone has no settings
+            termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
+
+    def _watch(self) -> None:
+        assert self._terminal is not None
+        ready, _, _ = select.select([self._terminal, self._wake], [], [])
+        if self._terminal in ready:
+            try:
+                pressed = os.read(self._terminal, 1)
+            except OSError:
+                pressed = b""
+            self._stop(PRESSED if pressed else LOST)
+
+
+def _standard_input() -> int | None:
+    try:
+        return sys.stdin.fileno()
+    except (AttributeError, OSError, ValueError):  # closed, or a test's stand-in
+        return None

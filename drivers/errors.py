@@ -7,6 +7,10 @@ class DriverError(Exception):
     """A backend cannot do what it promised."""
 
 
+class SetupError(DriverError):
+    """What was asked for cannot be set up as it was asked for: the user's to mend."""
+
+
 class NotConnectedError(DriverError):
     """A backend was used before ``connect`` or after ``close``."""
 
@@ -23,5 +27,5 @@ class CommandError(DriverError):
         self.faults = faults
 
 
-class ModelError(DriverError):
+class ModelError(SetupError):
     """A simulation model does not fit the robot or its control period."""

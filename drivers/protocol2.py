@@ -256,8 +256,7 @@ def encode_fast_status(answers: Iterable[Status]) -> bytes:
     Each device adds its error, id and data, and the CRC of all that came before.
     """
     answers = list(answers)
-    length = 1 + sum(len(answer.data) + 4 for answer in answers)
-    frame = HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
+    frame = _begin_fast_status([len(answer.data) for answer in answers])
     for answer in answers:
         frame = seal(frame + bytes((answer.error, answer.id)) + answer.data)
     return frame
@@ -266,12 +265,18 @@ def encode_fast_status(answers: Iterable[Status]) -> bytes:
 def decode_fast_status(frame: bytes, lengths: Sequence[int]) -> list[Status]:
     """Read a fast frame, whole or cut: the answers up to the first that is damaged.
 
+    A frame whose length is not that of the devices asked is an answer to another question,
+    and gives none.
+
     Args:
         frame: Bytes from the header on.
         lengths: Data bytes of each device, in the order in which they were asked.
     """
     answers: list[Status] = []
-    start, crc = PREFIX + 1, umts(frame[: PREFIX + 1])
+    start = PREFIX + 1
+    if frame[:start] != _begin_fast_status(lengths):
+        return answers
+    crc = umts(frame[:start])
     for length in lengths:
         end = start + 2 + length
         row = frame[start:end]
@@ -282,6 +287,11 @@ def decode_fast_status(frame: bytes, lengths: Sequence[int]) -> list[Status]:
         answers.append(Status(row[1], row[0], row[2:]))
         start, crc = end + 2, umts(told, crc)
     return answers
+
+
+def _begin_fast_status(lengths: Sequence[int]) -> bytes:
+    length = 1 + sum(lengths) + 4 * len(lengths)
+    return HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
 
 
 # Bytes to packets ---------------------------------------------------------------------------
@@ -317,6 +327,18 @@ class FrameParser:
         """Drop what has begun and not ended."""
         self.noise += len(self._buffer)
         self._buffer.clear()
+
+    def give_up(self) -> list[Packet | Damaged]:
+        """Stop waiting for the rest of what has begun; return the frames that hide in it.
+
+        A damaged length makes a frame swallow those behind it until as many bytes have
+        come. Whoever knows that no more will come finds them so.
+        """
+        found: list[Packet | Damaged] = []
+        while self._buffer:
+            self._drop(1)
+            found += self.feed(b"")
+        return found
 
     def feed(self, data: bytes) -> list[Packet | Damaged]:
         """Take bytes; return the frames that they complete.

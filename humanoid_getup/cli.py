@@ -38,14 +38,14 @@ def _run(arguments: Sequence[str] | None) -> int:
     except RuntimeError as error:  # MUJOCO_GL holds no GL that there is
         return _refuse(f"{error}, allowed egl, osmesa, glfw or disable", BAD_INPUT)
     from drivers import DriverError
-    from drivers.errors import ModelError
+    from drivers.errors import SetupError
     from humanoid_getup.commands import parse
     from humanoid_getup.commands.errors import BadInputError
 
     command = parse(arguments)
     try:
         return command.run()
-    except (BadInputError, ModelError) as error:
+    except (BadInputError, SetupError) as error:
         return _refuse(str(error), BAD_INPUT)
     except DriverError as error:
         return _refuse(str(error), HARDWARE_FAULT)

@@ -45,11 +45,12 @@ class SafetyGuard(ClosesItself):
     """A backend around a backend that keeps every command within its limits.
 
     The laws, for each joint of each command that it lets through. The *reference* is the
-    last target sent, or the measured angle where the joint was limp:
+    last target let through, or the measured angle where the joint was limp:
 
     - The target never lies beyond the joint's range, or beyond a reference that already
       does: a joint outside may stay or come back, never go further out.
-    - The target never moves further from the reference than top speed times the period.
+    - The target never moves further from the reference than top speed times the period,
+      before the servos round it to whole ticks.
     - The torque limit lies between 0 and the guard's own, less where a servo is hot; the
       gain share lies between 0 and 1.
     - While the measurement of a joint is some periods old, the targets stand still.
@@ -79,7 +80,7 @@ class SafetyGuard(ClosesItself):
         self._state: State | None = None
         self._judged_time = -np.inf
         self._stale_writes = 0
-        self._sent = Command.limp(self._backend.robot.n)
+        self._sent = self._allowed = Command.limp(self._backend.robot.n)
 
     @property
     def robot(self) -> Robot:
@@ -137,24 +138,24 @@ class SafetyGuard(ClosesItself):
     def write(self, command: Command) -> Command:
         """Send what the limits leave of a command, or go limp; return what was sent."""
         state = self.read() if self._state is None else self._state
+        if self._stop_reason is not None:  # whatever else is wrong, that is for a person to end
+            self._fault = Fault(FaultKind.STOPPED, self._stop_reason, state.time)
         if self._fault is None:
             self._fault = self._find_fault(command, state)
         if self._fault:
             allowed = Command.limp(self.robot.n)
         elif self._must_hold(state) and not command.is_limp:
             self.holds += 1
-            allowed = self._sent
+            allowed = self._allowed
         else:
             allowed = self._limit(command, state)
-        self._sent = self._backend.write(allowed)
+        self._allowed, self._sent = allowed, self._backend.write(allowed)
         return self._sent
 
     def _find_fault(self, command: Command, state: State) -> Fault | None:
         self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
         self._judged_time = state.time
         names, limits = self.robot.joint_names, self.limits
-        if self._stop_reason is not None:
-            return Fault(FaultKind.STOPPED, self._stop_reason, state.time)
         if not state.is_finite:
             return Fault(FaultKind.BAD_MEASUREMENT, _name_bad_joints(state, names), state.time)
         if self._stale_writes >= limits.stale_writes:
@@ -202,7 +203,8 @@ class SafetyGuard(ClosesItself):
 
     def _limit(self, command: Command, state: State) -> Command:
         limits = self.limits
-        reference = np.where(self._sent.torque_limit > 0.0, self._sent.joint_pos, state.joint_pos)
+        driven = self._sent.torque_limit > 0.0
+        reference = np.where(driven, self._allowed.joint_pos, state.joint_pos)
         released = command.torque_limit == 0.0
         wanted = np.where(released, state.joint_pos, command.joint_pos)
         in_range = _clip(wanted, limits.lower, limits.upper, reference)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -85,6 +86,8 @@ class Simulation:
         self._windings = Windings(robot)
         self.imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
         self.truth = Truth(robot, self.model, self.data, ground)
+        self.on_look: list[Callable[[], None]] = []
+        """Called after each look of the sensors, by whoever lets time pass."""
         self.place(robot.standing)
 
     @property
@@ -106,6 +109,11 @@ class Simulation:
     def joint_current(self) -> Array:
         """Return the motor currents [A], noise on them, (n,)."""
         return self._add_noise(self._current, self._noise.joint_current)
+
+    @property
+    def has_torque(self) -> bool:
+        """Tell whether any servo drives its motor."""
+        return self._drives is not None and bool(self._drives.torque_limit.any())
 
     @property
     def temperature(self) -> Array:
@@ -181,6 +189,8 @@ class Simulation:
             velocity = self.data.qvel[self._layout.dof]
             power = self._windings.compute_power(self._current, torque, velocity)
             self._voltage = self._supply - self._supply_resistance * power / self._voltage
+        for look in self.on_look:
+            look()
 
     def _add_noise(self, value: Array, deviation: float) -> Array:
         return value + self._rng.normal(0.0, deviation, len(value)) if deviation else value

@@ -124,8 +124,10 @@ def _describe_way(report: dict[str, Any]) -> str:
 def _describe_load(report: dict[str, Any]) -> str:
     if report["peak_torque_nm"] is None:
         return ""
+    about = "about " if report.get("judged_by") == "sensors" else ""
     return (
-        f"peak {report['peak_torque_nm']:.2f} N·m ({report['torque_use']:.0%} of the limit), "
+        f"peak {about}{report['peak_torque_nm']:.2f} N·m "
+        f"({report['torque_use']:.0%} of the limit), "
         f"RMS {report['rms_torque_nm']:.2f} N·m, peak {report['peak_velocity_rad_s']:.1f} rad/s"
     )
 

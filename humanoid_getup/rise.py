@@ -3,38 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State, Twin, run
-from humanoid_getup.ground import lowest_point
+from drivers import Cycle, Ending, GuardLimits, RunReport, SafetyGuard, Twin, run
+from humanoid_getup.attempt import UNCLASSED, AttemptManager, AttemptOptions, Judge, Plans
+from humanoid_getup.attempt_result import AttemptResult, AttemptStatus, PhaseChange
 from humanoid_getup.motion import Motion
 from humanoid_getup.player import MotionPlayer
-from humanoid_getup.rise_plan import RisePlan
+from humanoid_getup.recovery import RebootsServos
+from humanoid_getup.rise_plan import RisePlan, RiseStatus
 from humanoid_getup.rising import RisePlanner
-from humanoid_getup.stage import Stage, place
+from humanoid_getup.stage import Stage
 from humanoid_getup.standing import HOLD_TIME
+from humanoid_getup.start import check_start
+from humanoid_getup.supervisor import HOLD
 from humanoid_getup.watch import Watch, Watched
-from robots import Posture, Robot, rotation
-
-REST_TIME = 0.8  # s without motion, limp, before the posture is measured
-REST_SPEED = 0.1  # rad/s of any joint or the torso, a few steps of the sensors
-MAX_SETTLE = 10.0  # s
-MAX_DROP = 0.3  # m over the ground that a start may hang
-SINKING = 0.0005  # m that a resting robot presses into the ground
-HOLD = HOLD_TIME + 1.5  # s after the motion; a robot may sway before its stand begins
-MAX_INTRUSION = 0.005  # m of the ground that a start may reach into
-
-
-class StartError(ValueError):
-    """A start posture cannot be risen from."""
+from robots import Posture, Robot
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rise:
-    """How one rise went, from the lying posture to the judged stand."""
+    """How one rise went, from the lying posture to the judged stand.
+
+    Where it took several attempts, plan, run and what was watched are the last one's.
+    """
 
     robot: Robot
     start_class: str
@@ -42,16 +38,22 @@ class Rise:
     run: RunReport | None
     """None when there was nothing to play."""
     watched: Watched | None
+    result: AttemptResult | None = None
+    """Every attempt; None for a motion that was played outside the attempt manager."""
 
     @property
     def stood(self) -> bool:
         """Tell whether the robot ended in a held stand."""
+        if self.result is not None:
+            return self.result.status is AttemptStatus.STOOD
         finished = self.run is not None and self.run.ending is Ending.DONE
         return finished and self.watched is not None and self.watched.stand.stood
 
     @property
     def reason(self) -> str:
         """Return in one line why the rise ended as it did."""
+        if self.result is not None:
+            return self.result.reason
         if self.run is None or self.watched is None:
             return self.plan.reason
         if self.stood:
@@ -59,6 +61,13 @@ class Rise:
         if self.run.ending is not Ending.DONE:
             return self.run.reason
         return f"fell: held {self.watched.stand.hold_time:.1f} s, needed {HOLD_TIME:.1f} s"
+
+    @property
+    def attempts(self) -> int:
+        """Return how many times something was played."""
+        if self.result is None:
+            return 1 if self.run else 0
+        return sum(attempt.run is not None for attempt in self.result.attempts)
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the rise under report.json's keys."""
@@ -78,14 +87,19 @@ class Rise:
             "robust": None if math.isnan(plan.robust) else plan.robust,
             "connection": connection.motion.name if connection else None,
             "strategy": connection.motion.strategy if connection else None,
-            "attempts": 1 if self.run else 0,
+            "attempts": self.attempts,
             "period_s": self.run.period if self.run else None,
             "overruns": self.run.overruns if self.run else 0,
             "clips": self.run.clips.total if self.run else 0,
             "clips_by_joint": self.run.clips.describe(self.robot) if self.run else [],
         }
+        if self.result is not None:
+            tried = self.result.attempts
+            record["attempt_reasons"] = [attempt.reason for attempt in tried]
+            record["warnings"] = [text for attempt in tried for text in attempt.warnings]
         if watched:
             record |= {
+                "judged_by": "sensors" if watched.is_sensed else "truth",
                 "peak_torque_nm": watched.peak_torque,
                 "peak_velocity_rad_s": watched.peak_velocity,
                 "torque_use": watched.torque_use,
@@ -105,101 +119,132 @@ def rise(
     rng: np.random.Generator,
     *,
     realtime: bool = False,
+    max_attempts: int = 1,
+    report: Callable[[PhaseChange], None] = lambda _: None,
+    on_cycle: Callable[[Cycle], None] | None = None,
 ) -> Rise:
     """Get a twin up from a posture: settle, measure, plan, play, judge.
 
     Raises:
         StartError: if the start reaches into the ground.
+        KeyboardInterrupt: once the robot is limp, if somebody interrupted.
     """
     check_start(planner.stage, start)
     limit = planner.options.torque_limit
     guard = SafetyGuard(twin, GuardLimits.of(twin.robot, torque_limit=limit))
     twin.place(start)
-    measured = estimate_posture(planner.stage, settle(guard))
-    plan = planner.plan(measured, rng)
-    if plan.motion is None:
-        return Rise(robot=twin.robot, start_class=start_class, plan=plan, run=None, watched=None)
-    report, watched = play(guard, twin, plan.motion, limit, realtime=realtime)
-    return Rise(robot=twin.robot, start_class=start_class, plan=plan, run=report, watched=watched)
+    options = AttemptOptions(
+        max_attempts=max_attempts,
+        torque_limit=limit,
+        # Without the filter, what is asked for is to see the raw path fail or stand.
+        preflight=planner.options.filtering,
+        realtime=realtime,
+    )
+    return get_up(
+        guard,
+        planner.stage,
+        planner,
+        rng,
+        options,
+        judge=lambda: Watch(twin.simulation, limit),
+        start_class=start_class,
+        report=report,
+        on_cycle=on_cycle,
+    )
 
 
-def play(
+def get_up(
     guard: SafetyGuard,
-    twin: Twin,
-    motion: Motion,
-    torque_limit: float | None,
+    stage: Stage,
+    plans: Plans,
+    rng: np.random.Generator,
+    options: AttemptOptions,
     *,
-    realtime: bool = False,
-) -> tuple[RunReport, Watched]:
-    """Play a motion on a twin through loop and guard and watch how it ends.
+    judge: Callable[[], Judge] | None = None,
+    start_class: str | None = None,
+    services: RebootsServos | None = None,
+    report: Callable[[PhaseChange], None] = lambda _: None,
+    on_cycle: Callable[[Cycle], None] | None = None,
+) -> Rise:
+    """Get a robot up from where it lies, on any backend.
+
+    Args:
+        guard: Robot.
+        stage: Robot and scene that plans and preflight work with.
+        plans: Finds motions.
+        rng: Source of the plans' chance.
+        options: How to try, and how often.
+        judge: Makes the judge of one run; ``None`` for sensors alone.
+        start_class: Side on which it lies, where that is known; else as first measured.
+        services: Reboots servos, where the backend can.
+        report: Hears of every phase.
+        on_cycle: Sees every cycle of the runs, to record it.
 
     Raises:
         KeyboardInterrupt: once the robot is limp, if somebody interrupted.
     """
-    player = MotionPlayer(twin.robot, motion, hold=HOLD, torque_limit=torque_limit)
-    watch = Watch(twin, torque_limit)
+    manager = AttemptManager(
+        guard,
+        stage,
+        plans,
+        options,
+        judge=judge,
+        services=services,
+        report=report,
+        on_cycle=on_cycle,
+    )
+    result = manager.get_up(rng)
+    last = result.attempts[-1] if result.attempts else None
+    measured = next((a.start_class for a in result.attempts if a.start_class), UNCLASSED)
+    return Rise(
+        robot=guard.robot,
+        start_class=start_class or measured,
+        plan=(last and last.plan) or _no_plan(result.reason),
+        run=last and last.run,
+        watched=last and last.watched,
+        result=result,
+    )
+
+
+def _no_plan(reason: str) -> RisePlan:
+    """Stand in for the plan of a robot that could not even be looked at."""
+    return RisePlan(
+        status=RiseStatus.NOT_PLANNED,
+        reason=reason,
+        motion=None,
+        connection=None,
+        planned=False,
+        stand_time=math.nan,
+        robust=math.nan,
+        rehearsals=0,
+        rounds=0,
+        plan_s=0.0,
+        filter_s=0.0,
+    )
+
+
+def play(
+    guard: SafetyGuard,
+    judge: Judge,
+    motion: Motion,
+    torque_limit: float | None,
+    *,
+    realtime: bool = False,
+    on_cycle: Callable[[Cycle], None] = lambda _: None,
+) -> tuple[RunReport, Watched]:
+    """Play a motion on a simulated robot through loop and guard and watch how it ends.
+
+    Raises:
+        KeyboardInterrupt: once the robot is limp, if somebody interrupted.
+    """
+    player = MotionPlayer(guard.robot, motion, hold=HOLD, torque_limit=torque_limit)
+
+    def look(cycle: Cycle) -> None:
+        judge(cycle)
+        on_cycle(cycle)
+
     longest = motion.duration + HOLD + 5.0
-    report = run(player, guard, max_time=longest, realtime=realtime, on_cycle=watch)
+    report = run(player, guard, max_time=longest, realtime=realtime, on_cycle=look)
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt
-    return report, watch.conclude()
-
-
-def check_start(stage: Stage, start: Posture) -> None:
-    """Refuse a start that reaches into the ground or hangs high over it.
-
-    Raises:
-        StartError: saying how far.
-    """
-    lowest = lowest_point(stage.model, place(stage.robot, stage.model, start))
-    if lowest > MAX_DROP:
-        raise StartError(
-            f"start posture hangs {lowest:.3g} m over the ground, allowed {MAX_DROP} m: "
-            f"lower its position z by {lowest:.3g} m"
-        )
-    if lowest < -MAX_INTRUSION:
-        raise StartError(
-            f"start posture reaches {-lowest * 1000:.1f} mm into the ground, allowed "
-            f"{MAX_INTRUSION * 1000:.0f} mm: raise its position z by {-lowest:.4f} m"
-        )
-
-
-def settle(guard: SafetyGuard) -> State:
-    """Let the robot lie limp until it is still; return the last measurement.
-
-    Raises:
-        StartError: if it does not come to rest.
-    """
-    still, wanted = 0, round(REST_TIME / guard.period)
-    with guard:
-        for _ in range(round(MAX_SETTLE / guard.period)):
-            guard.write(Command.limp(guard.robot.n))
-            state = guard.read()
-            speed = max(np.abs(state.joint_vel).max(), np.abs(state.gyro).max())
-            still = still + 1 if speed < REST_SPEED else 0
-            if still == wanted:
-                return state
-    raise StartError(
-        f"the robot does not come to rest: {speed:.2f} rad/s after {MAX_SETTLE:g} s, "
-        f"allowed {REST_SPEED} rad/s for {REST_TIME:g} s"
-    )
-
-
-def estimate_posture(stage: Stage, state: State) -> Posture:
-    """Estimate where a lying robot is: it touches the ground; place and heading are free.
-
-    Angles, IMU orientation and the way the IMU sits in the torso give the rest.
-    """
-    robot: Robot = stage.robot
-    joint_pos = np.clip(state.joint_pos, robot.lower, robot.upper)
-    imu_in_torso = stage.model.site(robot.imu_site).quat
-    orientation = rotation.multiply(state.orientation, rotation.inverse(imu_in_torso))
-    raised = Posture(
-        position=np.array([0.0, 0.0, 1.0]), orientation=orientation, joint_pos=joint_pos
-    )
-    lowest = lowest_point(stage.model, place(robot, stage.model, raised))
-    return Posture(
-        position=np.array([0.0, 0.0, 1.0 - lowest - SINKING]),
-        orientation=orientation,
-        joint_pos=joint_pos,
-    )
+    return report, judge.conclude()

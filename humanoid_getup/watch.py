@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers import Cycle, Twin
+from drivers import Cycle
+from drivers.simulation import Simulation
 from humanoid_getup.standing import Stand, is_upright, judge
 from robots.rotation import Array
 
@@ -29,16 +30,18 @@ class Watched:
     """Largest share of its limit that any servo used."""
     rms_torque: float
     """Over all joints and the way up [N·m]."""
-    self_collisions: int
-    """Times that the robot began to press into itself."""
-    ground_penetrations: int
-    """Times that it began to press deeper into the ground than it rests."""
+    self_collisions: int | None
+    """Times that the robot began to press into itself; None where nobody can tell."""
+    ground_penetrations: int | None
+    """Times that it began to press deeper into the ground than it rests; None as above."""
     limit_violations: int
     """Times that a joint left its range."""
     torque: Array
     """Servo torques [N·m], (T, n)."""
     qpos: Array
     """Where the robot went, MuJoCo positions (T, nq)."""
+    is_sensed: bool = False
+    """Seen by sensors alone: torques are estimates from currents, touches unknown."""
 
 
 def count_episodes(present: np.ndarray, apart: int) -> list[int]:
@@ -51,11 +54,15 @@ def count_episodes(present: np.ndarray, apart: int) -> list[int]:
 
 
 class Watch:
-    """Looks at the truth of a twin after each cycle."""
+    """Looks at the truth of a simulation, period by period, while a servo has torque.
 
-    def __init__(self, twin: Twin, torque_limit: float | None) -> None:
-        self._twin = twin
-        limit = twin.robot.max_torque
+    It looks when the sensors do, from whatever thread lets time pass, so it judges the
+    twin and the robot behind a virtual bus alike.
+    """
+
+    def __init__(self, simulation: Simulation, torque_limit: float | None) -> None:
+        self._simulation = simulation
+        limit = simulation.robot.max_torque
         self._limit = limit if torque_limit is None else np.minimum(limit, torque_limit)
         self._neck: list[float] = []
         self._tilt: list[float] = []
@@ -64,10 +71,15 @@ class Watch:
         self._velocity: list[float] = []
         self._qpos: list[Array] = []
         self._faults: list[tuple[bool, bool, bool]] = []
+        simulation.on_look.append(self._look)
 
     def __call__(self, _cycle: Cycle) -> None:
-        """Look once."""
-        truth, robot = self._twin.truth, self._twin.robot
+        """Take note that a cycle has passed; what is to be seen is seen in the simulation."""
+
+    def _look(self) -> None:
+        if not self._simulation.has_torque:
+            return
+        truth, robot = self._simulation.truth, self._simulation.robot
         self._neck.append(truth.neck_height)
         self._tilt.append(truth.tilt)
         self._foreign.append(truth.foreign_contact)
@@ -86,7 +98,9 @@ class Watch:
 
     def conclude(self) -> Watched:
         """Judge what was seen; a run that ended before its first cycle did not stand."""
-        robot, period = self._twin.robot, self._twin.period
+        if self._look in self._simulation.on_look:
+            self._simulation.on_look.remove(self._look)
+        robot, period = self._simulation.robot, self._simulation.period
         upright = is_upright(
             np.array(self._neck), np.array(self._tilt), np.array(self._foreign, dtype=bool), robot
         )

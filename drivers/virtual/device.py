@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from enum import Enum
 
@@ -194,7 +195,9 @@ class VirtualDevice:
     # Instructions --------------------------------------------------------------------------
 
     def _identity(self) -> bytes:
-        return self.table.number.to_bytes(2, "little") + bytes((self.firmware,))
+        """Return model number and firmware version."""
+        firmware = self.registers["firmware_version"]
+        return struct.pack("<HB", self.registers["model_number"], firmware)
 
     def _handle_read(self, params: bytes) -> tuple[int, bytes]:
         if len(params) != 4:

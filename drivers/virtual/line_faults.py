@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers.protocol2 import BROADCAST, Damaged, FrameParser, Packet, Status
+from drivers.protocol2 import MAX_ID, Damaged, FrameParser, Packet, Status
 from drivers.virtual.bench import Answer
 
 LONGEST_NOISE = 8  # bytes
@@ -175,7 +175,7 @@ class LineFaults:
 
 def _rename(data: bytes, device: int) -> bytes:
     """Give a status another id, with the CRC that fits; a part of a fast one only the id."""
-    other = (device + 1) % BROADCAST
+    other = (device + 1) % (MAX_ID + 1)
     items = FrameParser().feed(data)
     if len(items) == 1 and isinstance(items[0], Packet) and items[0].id == device:
         return replace(Status.from_packet(items[0]), id=other).encode()

@@ -8,7 +8,6 @@ from drivers.virtual.profile import (
     approach,
     plan_by_time,
     plan_by_velocity,
-    plan_step,
 )
 from drivers.virtual.registers import Registers
 from robots.servo import RAD_PER_TICK
@@ -46,9 +45,10 @@ class Motion:
     def aim(self, now: float, goal: float) -> None:
         """Set out for a position [ticks] by the profile registers."""
         velocity, acceleration = self._profile()
-        if not velocity:
-            self._trajectory = plan_step(now, goal)
-        elif self._is_time_based():
+        if not velocity:  # the usual case: no profile
+            self.halt(goal)
+            return
+        if self._is_time_based():
             self._trajectory = plan_by_time(
                 now, self.position, self._velocity, goal, velocity * 1e-3, acceleration * 1e-3
             )
@@ -64,7 +64,7 @@ class Motion:
         self.shape = self._trajectory.shape
         self.running = self._trajectory.end > now
         if not self.running:
-            self.position, self._velocity = goal, 0.0
+            self.halt(goal)
         self._show()
 
     def aim_speed(self, goal: float) -> None:

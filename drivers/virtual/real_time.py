@@ -49,7 +49,7 @@ class RealTime:
         *,
         adapter_latency: float = 0.0,
     ) -> None:
-        """Serve a wire from the thread that calls; its time begins now."""
+        """Serve a wire from the thread that calls; its time goes on from the body's."""
         self._wire, self._exchange, self._time, self._wait = wire, exchange, time, wait
         self._adapter_latency = adapter_latency
         self._statistics = exchange.statistics
@@ -60,7 +60,7 @@ class RealTime:
         self._batches: deque[Batch] = deque()
         self._delivered_at = 0.0  # when the last of them will be
         self._last_look = 0.0
-        self._start = monotonic()
+        self._start = monotonic() - time.now  # the body may have lived before
         _sleep_precisely()
 
     @property
@@ -121,10 +121,12 @@ class RealTime:
             request = self._requests[0]
             begin = max(request.arrival, self._free_at)
             self._complete_at = begin + request.size * _byte_time(request.baud)
+            # Nothing can happen to the devices before that: physics may go ahead already,
+            # and the answer need not wait for it.
+            self._time.pass_until(self._complete_at)
 
     def _answer(self) -> None:
         request, self._free_at = self._requests.popleft(), self._complete_at
-        self._time.pass_until(self._complete_at)
         self._plan(self._exchange.answer(request), _byte_time(request.baud))
         self._complete_at = math.inf
         self._begin_next()

@@ -56,6 +56,7 @@ class VirtualRobot:
             NoBusError: if the robot has no bus.
         """
         self.robot, self.simulation = simulation.robot, simulation
+        self.quirks = quirks = quirks or Quirks()
         self.bus = check_bus(self.robot)
         self.servos = [
             VirtualServo(
@@ -169,9 +170,10 @@ class VirtualPorts:
                 _Passenger(robot.body) if passenger else robot.body,
                 pace=pace,
                 link=_link(link, name, len(names)),
-                rng=rng,
+                rng=rng.spawn(1)[0] if rng else None,
                 schedule=schedule if leads else None,
                 adapter_latency=adapter_latency,
+                strict_stuffing=robot.quirks.strict_stuffing,
             )
         self._open = ExitStack()
 

@@ -17,8 +17,8 @@ from typing import Any
 
 from drivers.control_table import HardwareError
 from drivers.errors import SetupError
+from drivers.virtual.fault_kinds import KINDS, Kind, ScheduledFault
 from drivers.virtual.faults import Faults
-from drivers.virtual.line_faults import LineFault
 from robots.faults import is_number, shown
 
 Action = Callable[[Faults], None]
@@ -30,31 +30,6 @@ class ScheduleError(SetupError):
     def __init__(self, file: Path, faults: list[str]) -> None:
         super().__init__(f"{file}: {'; '.join(faults)}")
         self.file, self.faults = file, faults
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScheduledFault:
-    """One entry: what happens when; fields that its kind does not have are None."""
-
-    at: float
-    """Bus time [s]."""
-    kind: str
-    duration: float | None = None
-    """Time after which it ends again [s]; None for never."""
-    device: int | None = None
-    """Id; None for the whole bus."""
-    rate: float | None = None
-    """Share of answers, requests or bytes, 0 to 1."""
-    count: int | None = None
-    """Number of answers or requests."""
-    seconds: float | None = None
-    """How long an answer is kept back [s]."""
-    error: str | None = None
-    """Name of a hardware error, in lower case."""
-    temperature: float | None = None
-    """[°C]"""
-    voltage: float | None = None
-    """[V]"""
 
 
 @dataclass(frozen=True)
@@ -81,7 +56,9 @@ class Schedule:
         for key in table.keys() - {"fault"}:
             faults.append(f"unknown table {shown(key)}, allowed fault")
         if not isinstance(entries, list):
-            raise ScheduleError(file, ["fault is one table, allowed [[fault]] tables"])
+            raise ScheduleError(
+                file, [*faults, f"fault is {shown(entries)}, allowed [[fault]] tables"]
+            )
         read = [
             _read_entry(entry, f"fault {i}: ", devices, faults)
             for i, entry in enumerate(entries, start=1)
@@ -99,83 +76,6 @@ class Schedule:
             if kind.end and fault.duration is not None:
                 actions.append((fault.at + fault.duration, _bind(kind.end, fault)))
         return sorted(actions, key=lambda action: action[0])
-
-
-@dataclass(frozen=True)
-class Kind:
-    """What a kind of fault needs, and does."""
-
-    start: Callable[[Faults, Any], None]
-    end: Callable[[Faults, Any], None] | None = None
-    """None where nothing ends."""
-    needs: tuple[str, ...] = ()
-    takes: tuple[str, ...] = ()
-
-
-def _bind(act: Callable[[Faults, Any], None], fault: ScheduledFault) -> Action:
-    return lambda faults: act(faults, fault)
-
-
-def _disturb_line(faults: Faults, fault: ScheduledFault) -> None:
-    kind = LineFault(fault.kind)
-    if kind is LineFault.LATE:
-        faults.set_times(late_by=fault.seconds)
-    if kind is LineFault.SPLIT:
-        faults.set_times(split_pause=fault.seconds)
-    if fault.rate is None:
-        faults.order(kind, fault.device, fault.count or 1)
-    else:
-        faults.set_rate(kind, fault.rate)
-
-
-def _calm_line(faults: Faults, fault: ScheduledFault) -> None:
-    if fault.rate is not None:
-        faults.set_rate(LineFault(fault.kind), 0.0)
-
-
-def _line_kind(fault: LineFault) -> Kind:
-    takes = ("rate", "count", "for")
-    if fault not in (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO):
-        takes += ("id",)
-    if fault in (LineFault.LATE, LineFault.SPLIT):
-        takes += ("seconds",)
-    return Kind(_disturb_line, _calm_line, takes=takes)
-
-
-KINDS: Mapping[str, Kind] = {fault.value: _line_kind(fault) for fault in LineFault} | {
-    "kill": Kind(
-        lambda faults, fault: faults.kill(fault.device),
-        lambda faults, fault: faults.revive(fault.device),
-        needs=("id",),
-        takes=("for",),
-    ),
-    "revive": Kind(lambda faults, fault: faults.revive(fault.device), needs=("id",)),
-    "reboot": Kind(lambda faults, fault: faults.reboot(fault.device), needs=("id",)),
-    "trip": Kind(
-        lambda faults, fault: faults.trip(fault.device, HardwareError[fault.error.upper()]),
-        needs=("id", "error"),
-    ),
-    "heat": Kind(
-        lambda faults, fault: faults.heat(fault.device, fault.temperature),
-        needs=("id", "temperature"),
-    ),
-    "sag": Kind(lambda faults, fault: faults.sag(fault.voltage), needs=("voltage",)),
-    "freeze_imu": Kind(
-        lambda faults, _: faults.freeze_imu(),
-        lambda faults, _: faults.freeze_imu(False),
-        takes=("for",),
-    ),
-    "silence": Kind(
-        lambda faults, _: faults.silence(),
-        lambda faults, _: faults.silence(False),
-        takes=("for",),
-    ),
-    "unplug": Kind(
-        lambda faults, _: faults.unplug(), lambda faults, _: faults.replug(), takes=("for",)
-    ),
-    "replug": Kind(lambda faults, _: faults.replug()),
-}
-"""Kinds of faults by their names in a file."""
 
 
 @dataclass(frozen=True)
@@ -263,3 +163,7 @@ def _find_entry_faults(entry: dict[str, Any], kind: Kind, devices: Collection[in
         yield "has a rate and also a count or an id, allowed one or the other"
     if "for" in entry and "rate" in kind.takes and "rate" not in entry:
         yield "has a time to last and no rate, allowed a rate"
+
+
+def _bind(act: Callable[[Faults, Any], None], fault: ScheduledFault) -> Action:
+    return lambda faults: act(faults, fault)

@@ -124,7 +124,7 @@ class Sensors:
             quirks = self._quirks
             arrived = abs(self._registers["goal_position"] - position) <= quirks.in_position_ticks
             astray = abs(motion.position - position) > quirks.following_error_ticks
-            status |= arrived | astray << 3
+            status |= arrived | (astray and self._registers["torque_enable"]) << 3
         memory, at = self._registers.memory, self._at_flags
         memory[at] = running or abs(self._speed_counts) > self._threshold
         memory[at + 1] = status

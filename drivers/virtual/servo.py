@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from drivers.control_table import HardwareError, OperatingMode, table_named
-from drivers.protocol2 import ALERT, MAX_ID, ErrorNumber, Instruction, Reset
-from drivers.virtual.device import Call, VirtualDevice
+from drivers.protocol2 import ALERT, MAX_ID
+from drivers.virtual.device import VirtualDevice
 from drivers.virtual.drive import POSITION_MODES, Drive
+from drivers.virtual.maintenance import Maintenance
 from drivers.virtual.motion import Motion
-from drivers.virtual.persistence import GAINS, PROFILE, Backup, reset, reset_eeprom, reset_ram
+from drivers.virtual.persistence import GAINS, PROFILE, Backup, reset, reset_ram
 from drivers.virtual.protection import Protection
 from drivers.virtual.quirks import Quirks
 from drivers.virtual.rules import TRIPPED, Rules
@@ -20,9 +21,6 @@ TORQUE_BY_GOAL = 8  # bit of drive_mode
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
 FARTHEST_GOAL = 1_048_575  # ticks
 WATCHDOG_UNIT = 0.02  # s
-CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
-STORE_BACKUP, RESTORE_BACKUP = b"\x01CTRL", b"\x02CTRL"
-CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
 
 
 class VirtualServo(VirtualDevice):
@@ -58,21 +56,17 @@ class VirtualServo(VirtualDevice):
         self._restart()
 
     def _connect_rules(self) -> None:
-        self._handlers |= {
-            Instruction.REBOOT: self._handle_reboot,
-            Instruction.CLEAR: self._handle_clear,
-            Instruction.FACTORY_RESET: self._handle_factory_reset,
-            Instruction.BACKUP: self._handle_backup,
-        }
+        self._handlers |= Maintenance(self, self._backup).handlers
         self._checks |= Rules(self.registers, self.quirks).checks
         self._checks["torque_enable"] = self._check_torque
-        configuration = ("drive_mode", "homing_offset", "moving_threshold", *GAINS)
+        configuration = ("homing_offset", "moving_threshold", *GAINS)
         limits = ("temperature_limit", "min_voltage_limit", "max_voltage_limit")
         goal_limits = ("pwm_limit", "current_limit", "velocity_limit")
         self._effects |= dict.fromkeys((*configuration, *limits), self._reload)
         self._effects |= dict.fromkeys(goal_limits, self._clamp_goals)
         self._effects |= {
             "operating_mode": self._change_mode,
+            "drive_mode": self._change_direction,
             "torque_enable": self._switch_torque,
             "bus_watchdog": self._set_watchdog,
             "goal_position": self._aim,
@@ -153,9 +147,17 @@ class VirtualServo(VirtualDevice):
             self._is_shut_down = True
             self._release()
 
-    def reboot(self) -> None:
-        """Restart with the RAM of a power-up; deaf for a while."""
+    def reboot(self, *, restore: bool = False) -> None:
+        """Restart with the RAM of a power-up, deaf for a while; ``restore`` its backup of RAM."""
         self._boot()
+        if restore:
+            self._backup.restore_ram(self.registers)
+            self._reload()
+
+    def clear_turns(self) -> None:
+        """Bring the position back into one turn, and stay there."""
+        self._sensors.fold()
+        self._seed_goal()
 
     def advance(self, now: float) -> None:
         """Let time pass until a bus time [s]: clock, watchdog, profile, overload."""
@@ -341,6 +343,11 @@ class VirtualServo(VirtualDevice):
             self._sensors.fold()
         self._seed_goal()
 
+    def _change_direction(self, drive_mode: int) -> None:
+        del drive_mode
+        self._reload()
+        self.clear_turns()
+
     def _free_goals(self) -> None:
         """Set the goals that are limits as well to their widest (e-manual, Operating Mode)."""
         for quantity in ("pwm", "current"):
@@ -372,62 +379,9 @@ class VirtualServo(VirtualDevice):
         self._protection.restart()
         self._free_goals()
         self._reload()
-        self._sensors.fold()
-        self._seed_goal()
+        self.clear_turns()
 
     def _finish_boot(self) -> None:
         self._is_booting = False
         if self.registers.value_or_zero("startup_configuration") & TORQUE_AT_BOOT:
             self._switch_torque(1)
-
-    def _handle_reboot(self, params: bytes, call: Call) -> int:
-        del params, call
-        self._boot()
-        return ErrorNumber.NONE
-
-    def _handle_clear(self, params: bytes, call: Call) -> int:
-        del call
-        if self.firmware < CLEAR_FIRMWARE:
-            return ErrorNumber.INSTRUCTION
-        if params != CLEAR_TURNS:
-            return ErrorNumber.DATA_RANGE
-        if self.peek("moving"):
-            return ErrorNumber.RESULT_FAIL
-        self._sensors.fold()
-        self._seed_goal()
-        return ErrorNumber.NONE
-
-    def _handle_factory_reset(self, params: bytes, call: Call) -> int:
-        if len(params) != 1:
-            return ErrorNumber.DATA_LENGTH
-        if params[0] not in set(Reset):
-            return ErrorNumber.DATA_RANGE
-        kept = Reset(params[0])
-        if call is Call.SECONDARY:
-            return ErrorNumber.ACCESS
-        if call is Call.BROADCAST and kept is Reset.ALL and self.firmware >= CLEAR_FIRMWARE:
-            return ErrorNumber.RESULT_FAIL  # every id would become 1
-        reset_eeprom(self.registers, kept)
-        self._boot()
-        return ErrorNumber.NONE
-
-    def _handle_backup(self, params: bytes, call: Call) -> int:
-        if not self.table.supports_backup(self.firmware):
-            return ErrorNumber.INSTRUCTION
-        if params not in (STORE_BACKUP, RESTORE_BACKUP):
-            return ErrorNumber.DATA_RANGE
-        if self._torque_on:
-            return ErrorNumber.RESULT_FAIL
-        if params == STORE_BACKUP:
-            self._backup.store(self.registers)
-            self.registers["backup_ready"] = 1
-            return ErrorNumber.NONE
-        if call is Call.SECONDARY:
-            return ErrorNumber.ACCESS
-        if not self._backup.is_ready:
-            return ErrorNumber.RESULT_FAIL
-        self._backup.restore_eeprom(self.registers)
-        self._boot()
-        self._backup.restore_ram(self.registers)
-        self._reload()
-        return ErrorNumber.NONE

@@ -20,6 +20,7 @@ from humanoid_getup.rise import play
 from humanoid_getup.scene import GROUND, Scene
 from humanoid_getup.stage import Stage
 from humanoid_getup.standing import HOLD_TIME, is_upright, judge
+from humanoid_getup.watch import Watch
 from robots import Robot
 from robots.rotation import Array
 
@@ -107,5 +108,5 @@ def _play_disturbed(
         twin = Twin(robot, model, voltage=float(conditions.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
         guard = SafetyGuard(twin, GuardLimits.of(robot))
-        stood.append(play(guard, twin, motion, None)[1].stand.stood)
+        stood.append(play(guard, Watch(twin.simulation, None), motion, None)[1].stand.stood)
     return stood

@@ -9,8 +9,11 @@ import tyro
 from tyro.conf import subcommand
 
 from humanoid_getup.commands.bench import BenchFilter, BenchMotions, BenchRise
+from humanoid_getup.commands.bus import ServeBus
 from humanoid_getup.commands.motions import BuildMotions, ListMotions, ShowMotion
 from humanoid_getup.commands.play import Play
+from humanoid_getup.commands.preflight import Preflight
+from humanoid_getup.commands.replay import Replay
 from humanoid_getup.commands.rise import RiseCommand
 from humanoid_getup.commands.robots import ListRobots
 
@@ -32,6 +35,9 @@ COMMANDS: Any = (
         MOTIONS, subcommand("motions", description="List, build, show or play rising motions.")
     ]
     | Annotated[BENCHMARKS, subcommand("bench", description="Measure on the twin.")]
+    | Annotated[ServeBus, subcommand("bus")]
+    | Annotated[Preflight, subcommand("preflight")]
+    | Annotated[Replay, subcommand("replay")]
     | Annotated[ListRobots, subcommand("robots")]
 )
 

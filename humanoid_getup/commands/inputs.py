@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,15 +11,22 @@ from typing import Annotated
 import numpy as np
 from tyro.conf import arg
 
+from humanoid_getup.commands.bodies import (
+    BACKENDS,
+    RELEASES,
+    TWIN,
+    Body,
+    find_port_faults,
+    open_body,
+)
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.outputs import find_folder_faults, find_json_faults
 from humanoid_getup.lying import CLASSES, Fall, classify, sample_falls
-from humanoid_getup.rise import check_start
 from humanoid_getup.scene import load_scene
 from humanoid_getup.stage import Stage
+from humanoid_getup.start import check_start
 from robots import Robot, load_posture, load_robot
 
-BACKENDS = ("twin",)
 UNCLASSED = "other"  # start class of a posture that lies on no side
 
 
@@ -66,24 +74,57 @@ class StageOptions(RobotOption):
 class TrialOptions(StageOptions):
     """What every command that moves a robot is told."""
 
-    backend: str = "twin"
-    """The robot's body: twin."""
+    backend: str = TWIN
+    """The robot's body: twin, virtual (servos on a virtual bus) or dynamixel."""
+    port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")] = ()
+    """Serial port; of a robot with several, one NAME=PATH each. A virtual robot without it
+    comes into being with the command."""
+    release: str = "limp"
+    """What a bus is left with at the end: limp, or hold for a robot that shall stay up."""
     torque_limit: Annotated[float | None, arg(metavar="N·m")] = None
     """Cap on every servo [N·m]; without it, what the servos can."""
     realtime: bool = False
     """Play at the speed of life."""
     out: Annotated[Path | None, arg(metavar="DIR")] = None
-    """Folder for report.json, motion.npz, strip.png and torque.png."""
+    """Folder for report.json, motion.npz, flight.mcap, strip.png and torque.png."""
 
     def find_faults(self) -> list[str]:
         """Tell all that is wrong with the options' values."""
         faults = super().find_faults()
         if self.backend not in BACKENDS:
             faults.append(f"unknown backend '{self.backend}': allowed {', '.join(BACKENDS)}")
+        faults += find_port_faults(self.backend, self.port)
+        if self.release not in RELEASES:
+            faults.append(f"release is '{self.release}', allowed {', '.join(RELEASES)}")
         faults += find_torque_faults(self.torque_limit)
         if self.out is not None:
             faults += find_folder_faults(self.out)
         return faults
+
+    @property
+    def is_real(self) -> bool:
+        """Tell whether the robot may be a real one."""
+        return bool(self.port)
+
+    def open_body(self, stage: Stage) -> AbstractContextManager[Body]:
+        """Make the robot that is to be moved."""
+        return open_body(
+            stage,
+            self.backend,
+            ports=self.port,
+            realtime=self.realtime,
+            release=self.release,
+            seed=self.seed,
+        )
+
+
+def find_start_faults(origin: str | None, *, is_real: bool, needs_one: bool) -> list[str]:
+    """Tell what is wrong with the choice of a start: only a simulated robot can be placed."""
+    if is_real and origin is not None:
+        return [f"from is '{origin}', allowed only for a simulated robot: a real one lies as it is"]
+    if needs_one and not is_real and origin is None:
+        return [f"from is missing, allowed {', '.join(CLASSES)}, or a posture file"]
+    return []
 
 
 def find_torque_faults(limit: float | None) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,18 +11,25 @@ import numpy as np
 from rich.console import Console
 from tyro.conf import Positional, arg
 
-from drivers import GuardLimits, SafetyGuard, Twin
+from drivers import GuardLimits, SafetyGuard
+from drivers.simulation import Simulation
+from humanoid_getup.attempt import AttemptOptions
 from humanoid_getup.build import settle_posture
+from humanoid_getup.commands.bodies import Body
 from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.inputs import TrialOptions, find_start
+from humanoid_getup.commands.flights import recording
+from humanoid_getup.commands.inputs import TrialOptions, find_start, find_start_faults
 from humanoid_getup.commands.results import hand_over
+from humanoid_getup.commands.rise import WHERE_IT_LAY, stop_key
 from humanoid_getup.database import load_database
 from humanoid_getup.lying import Fall, read_posture
 from humanoid_getup.motion import Motion
-from humanoid_getup.rise import Rise, play, settle
-from humanoid_getup.rise_plan import RisePlan, RiseStatus
+from humanoid_getup.nearest_motion import TheMotion, as_it_is
+from humanoid_getup.rise import Rise, get_up, play
 from humanoid_getup.stage import Stage
-from robots import Robot
+from humanoid_getup.start import settle
+from humanoid_getup.watch import Watch
+from robots import Posture, Robot
 
 OWN_START = "the motion's own"
 
@@ -36,40 +43,94 @@ class Play(TrialOptions):
     origin: Annotated[str | None, arg(name="from", metavar="supine|prone|left|right|FILE")] = None
     """Class of the fall to draw, or a posture file; without it, the motion's own start."""
 
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        faults = super().find_faults()
+        return faults + find_start_faults(self.origin, is_real=self.is_real, needs_one=False)
+
     def run(self) -> int:
-        """Lie down and play."""
+        """Lie down, or find the robot lying, and play."""
         stage = self.load_stage()
         motion = find_motion(stage.robot, self.motion)
-        with Console(stderr=True).status("lying down") as status:
-            guard, twin, start_class = self._lie_down(stage, motion)
+        with Console(stderr=True).status("lying down") as status, self.open_body(stage) as body:
             status.update("playing")
-            limit = self.torque_limit
-            report, watched = play(guard, twin, motion, limit, realtime=self.realtime)
-            result = Rise(
-                robot=stage.robot,
-                start_class=start_class,
-                plan=_as_it_is(motion),
-                run=report,
-                watched=watched,
-            )
+            guard = SafetyGuard(body.backend, GuardLimits.of(stage.robot, self.torque_limit))
+            with stop_key(body, guard):
+                if body.simulation is None or body.place is None:
+                    rise = self._play_where_it_lies(stage, motion, body, guard)
+                else:
+                    start = self._lie_down(stage, motion, guard, body.place)
+                    rise = self._play(motion, body, body.simulation, guard, start)
             status.update("drawing")
             extra = {"motion": motion.name, "strategy": motion.strategy}
-            return hand_over(result, stage, self, self.origin or OWN_START, extra)
+            origin = WHERE_IT_LAY if self.is_real else self.origin or OWN_START
+            return hand_over(rise, stage, self, origin, extra)
 
-    def _lie_down(self, stage: Stage, motion: Motion) -> tuple[SafetyGuard, Twin, str]:
-        robot = stage.robot
-        twin = Twin(robot, stage.model)
-        guard = SafetyGuard(twin, GuardLimits.of(robot, torque_limit=self.torque_limit))
+    def _lie_down(
+        self,
+        stage: Stage,
+        motion: Motion,
+        guard: SafetyGuard,
+        place: Callable[[Posture], None],
+    ) -> Fall:
         if self.origin is None:
             at_rest = settle_posture(stage, motion.posture(0))
-            posture = read_posture(robot, stage.model, at_rest)
-            fall = Fall(posture=posture, start_class=motion.start_class)
-            twin.place(posture)
-        else:
-            fall = find_start(stage, self.origin, np.random.default_rng(self.seed))
-            twin.place(fall.posture)
-            settle(guard)
-        return guard, twin, fall.start_class
+            posture = read_posture(stage.robot, stage.model, at_rest)
+            place(posture)
+            return Fall(posture=posture, start_class=motion.start_class)
+        fall = find_start(stage, self.origin, np.random.default_rng(self.seed))
+        place(fall.posture)
+        settle(guard)
+        return fall
+
+    def _play(
+        self,
+        motion: Motion,
+        body: Body,
+        simulation: Simulation,
+        guard: SafetyGuard,
+        start: Fall,
+    ) -> Rise:
+        limit = self.torque_limit
+        known = start.posture if self.origin is None else None
+        with recording(self.out, guard.robot, self._about(motion), known) as recorder:
+            report, watched = play(
+                guard,
+                Watch(simulation, limit),
+                motion,
+                limit,
+                realtime=body.realtime,
+                on_cycle=recorder.log,
+            )
+        return Rise(
+            robot=guard.robot,
+            start_class=start.start_class,
+            plan=as_it_is(motion),
+            run=report,
+            watched=watched,
+        )
+
+    def _play_where_it_lies(
+        self, stage: Stage, motion: Motion, body: Body, guard: SafetyGuard
+    ) -> Rise:
+        """Play on a robot that may be a real one: after the preflight, supervised, once."""
+        options = AttemptOptions(max_attempts=1, torque_limit=self.torque_limit, realtime=True)
+        rng = np.random.default_rng(self.seed)
+        with recording(self.out, stage.robot, self._about(motion)) as recorder:
+            return get_up(
+                guard,
+                stage,
+                TheMotion(motion),
+                rng,
+                options,
+                services=body.services,
+                report=recorder.note,
+                on_cycle=recorder.log,
+            )
+
+    def _about(self, motion: Motion) -> dict[str, str | int]:
+        scene = {"seed": self.seed, "scene": self.scene}
+        return {**scene, "backend": self.backend, "motion": motion.name}
 
 
 def find_motion(robot: Robot, name: str) -> Motion:
@@ -89,19 +150,3 @@ def find_motion(robot: Robot, name: str) -> Motion:
                 f"allowed '{robot.name}' with {robot.n}"
             )
         return motion
-
-
-def _as_it_is(motion: Motion) -> RisePlan:
-    return RisePlan(
-        status=RiseStatus.UNREHEARSED,
-        reason="played as it is",
-        motion=motion,
-        connection=None,
-        planned=False,
-        stand_time=math.nan,
-        robust=math.nan,
-        rehearsals=0,
-        rounds=0,
-        plan_s=0.0,
-        filter_s=0.0,
-    )

@@ -8,6 +8,7 @@ from typing import Any
 from drivers import Ending
 from humanoid_getup import film, plots
 from humanoid_getup.cli import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.commands.flights import FLIGHT
 from humanoid_getup.commands.inputs import TrialOptions
 from humanoid_getup.commands.outputs import (
     ARTEFACTS,
@@ -51,11 +52,15 @@ def hand_over(
             report["strip_reason"] = _draw(rise, stage, options, folder)
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
+            files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
     write_json(to_json(report), options.json)
     print_summary(report, files, console_for(options.json))
-    if rise.run is not None and rise.run.ending is Ending.FAULT:
+    if rise.stood:
+        return DID_IT
+    by_fault = rise.result.by_fault if rise.result else False
+    if by_fault or (rise.run is not None and rise.run.ending is Ending.FAULT):
         return HARDWARE_FAULT
-    return DID_IT if rise.stood else DID_NOT_STAND
+    return DID_NOT_STAND
 
 
 def _draw(rise: Rise, stage: Stage, options: TrialOptions, folder: Path) -> str | None:

@@ -11,6 +11,7 @@ from recording_backend import RecordingBackend, still_state
 
 from drivers import Command, FaultKind, GuardLimits, SafetyGuard, Twin
 from robots import Posture, load_robot
+from robots.servo import RAD_PER_TICK
 
 ROBOT = load_robot(Path(__file__).parent.parent / "robots" / "tiny")
 N = ROBOT.n
@@ -45,8 +46,10 @@ def is_understood(command: Command, joint_pos: np.ndarray) -> bool:
     return bool(np.isfinite(numbers).all() and (command.torque_limit >= 0.0).all())
 
 
-def check_laws(sent: Command, reference: np.ndarray, limits: GuardLimits) -> None:
-    """The guard's laws, joint by joint, in plain arithmetic."""
+def check_laws(
+    sent: Command, reference: np.ndarray, limits: GuardLimits, resolution: float = 0.0
+) -> None:
+    """The guard's laws, joint by joint, in plain arithmetic; servos round targets to ticks."""
     assert np.isfinite(np.concatenate(list(vars(sent).values()))).all()
     for i in range(N):
         assert 0.0 <= sent.torque_limit[i] <= limits.torque_limit[i]
@@ -55,7 +58,7 @@ def check_laws(sent: Command, reference: np.ndarray, limits: GuardLimits) -> Non
             continue
         target, ref = sent.joint_pos[i], reference[i]
         assert min(limits.lower[i], ref) <= target <= max(limits.upper[i], ref)
-        rounding = 1e-12 * abs(ref)
+        rounding = 1e-12 * abs(ref) + resolution
         assert abs(target - ref) <= limits.max_velocity[i] * PERIOD + rounding + 1e-15
 
 
@@ -107,7 +110,8 @@ def test_no_command_drives_the_twin_beyond_a_limit(start, commands):
         for command in commands:
             measured = guard.read().joint_pos
             sent = guard.write(command)
-            check_laws(sent, np.where(last.torque_limit > 0, last.joint_pos, measured), limits)
+            reference = np.where(last.torque_limit > 0, last.joint_pos, measured)
+            check_laws(sent, reference, limits, resolution=RAD_PER_TICK)
             assert np.all(np.abs(TWIN.truth.joint_torque) <= limits.torque_limit)
             assert np.array_equal(TWIN.data.ctrl, sent.joint_pos)
             last = sent
@@ -271,7 +275,7 @@ def test_clearing_without_a_fault_keeps_the_last_target(op3):
         guard.read()
         far = guard.write(Command.position(op3, target + 0.5))
         reach = op3.max_velocity * guard.period
-        assert np.all(np.abs(far.joint_pos - sent.joint_pos) <= reach + 1e-12)
+        assert np.all(np.abs(far.joint_pos - sent.joint_pos) <= reach + RAD_PER_TICK)
         assert guard.clips.total > 0
 
 

@@ -58,7 +58,30 @@ RISE = ("rise", "--from", "supine", "--out", "out", "--json", "figures.json")
         ((*RISE, "--robot", "nao"), ["unknown robot 'nao'", "op3"]),
         ((*RISE, "--scene", "moon"), ["unknown scene 'moon'", "allowed flat"]),
         ((*RISE, "--from", "upside"), ["unknown start 'upside'", "supine, prone, left, right"]),
-        ((*RISE, "--backend", "dynamixel"), ["unknown backend 'dynamixel'", "allowed twin"]),
+        (("rise",), ["from is missing", "allowed supine, prone, left, right"]),
+        ((*RISE, "--backend", "gazebo"), ["unknown backend 'gazebo'", "twin, virtual, dynamixel"]),
+        ((*RISE, "--backend", "dynamixel"), ["port is missing", "--port /dev/ttyUSB0"]),
+        ((*RISE, "--port", "/dev/x"), ["port is /dev/x", "virtual and dynamixel only"]),
+        (
+            (*RISE, "--backend", "dynamixel", "--port", "/dev/x"),
+            ["from is 'supine'", "a real one lies as it is"],
+        ),
+        (
+            ("rise", "--backend", "virtual", "--port", "a=/dev/x"),
+            ["port is a=/dev/x", "allowed for robot 'op3': --port main=PATH"],
+        ),
+        (
+            ("rise", "--backend", "dynamixel", "--port", "/dev/x", "--no-filtering"),
+            ["no-filtering", "simulated robot"],
+        ),
+        ((*RISE, "--release", "drop"), ["release is 'drop'", "allowed limp, hold"]),
+        ((*RISE, "--attempts", "0"), ["attempts is 0", "1 or more"]),
+        (("bus", "--voltage", "-1"), ["voltage is -1 V", "above 0 V"]),
+        (("bus", "--latency", "3"), ["latency is 3 s", "0 s to 0.1 s"]),
+        (("bus", "--faults", "none.toml"), ["none.toml"]),
+        (("bus", "--link", "no/such/port"), ["no/such/port", "there is no folder"]),
+        (("preflight", "moonwalk"), ["unknown motion 'moonwalk'", MOTION]),
+        (("replay", "none.mcap"), ["none.mcap"]),
         ((*RISE, "--torque-limit", "0"), ["torque limit is 0 N·m", "above 0 N·m"]),
         ((*RISE, "--torque-limit", "-2.5"), ["torque limit is -2.5 N·m", "above 0 N·m"]),
         ((*RISE, "--torque-limit", "nan"), ["torque limit is nan N·m", "above 0 N·m"]),
@@ -202,7 +225,7 @@ def test_a_json_file_that_is_a_folder_is_refused(run: Run):
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["fly"], ["rise"], ["rise", "--from", "supine", "--torque-limit", "much"], ["motions"]],
+    [[], ["fly"], ["rise", "--from", "supine", "--torque-limit", "much"], ["motions"]],
 )
 def test_a_command_line_that_cannot_be_read_leaves_with_2(arguments: list[str]):
     with pytest.raises(SystemExit) as left:
@@ -211,7 +234,7 @@ def test_a_command_line_that_cannot_be_read_leaves_with_2(arguments: list[str]):
 
 
 @pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
-def test_a_program_told_to_stop_leaves_with_130_and_writes_nothing(told: int, tmp_path: Path):
+def test_a_program_told_to_stop_leaves_with_130_and_the_flight_log_alone(told: int, tmp_path: Path):
     command = [sys.executable, "-m", "humanoid_getup.cli", "play", "supine_sit_up_gentle"]
     command += ["--realtime", "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
@@ -220,7 +243,7 @@ def test_a_program_told_to_stop_leaves_with_130_and_writes_nothing(told: int, tm
         _, error = process.communicate(timeout=30.0)
     assert process.returncode == 130
     assert error.splitlines()[-1] == "getup: interrupted, the robot is limp"
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["flight.mcap"]
 
 
 def test_without_a_display_mujoco_is_told_to_render_by_egl():

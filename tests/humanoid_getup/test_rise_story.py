@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers import Ending, GuardLimits, SafetyGuard, Twin
+from drivers import Ending, SafetyGuard, Twin
 from humanoid_getup.cli import main
 from humanoid_getup.commands.play import Play
 from humanoid_getup.commands.results import hand_over
@@ -21,6 +21,7 @@ from humanoid_getup.rise_plan import RiseOptions
 from humanoid_getup.rising import RisePlanner
 from humanoid_getup.stage import Stage, place
 from humanoid_getup.standing import HOLD_TIME
+from humanoid_getup.watch import Watch
 from robots import Robot, load_robot
 
 MOTION = "supine_sit_up_fast"
@@ -64,7 +65,7 @@ def test_a_fallen_robot_gets_up(report: dict):
 
 def test_everything_lies_in_the_output_folder(risen: Path, report: dict, op3: Robot, stage: Stage):
     pictures = ["strip.png", "torque.png"] if has_gl(op3, stage) else ["torque.png"]
-    expected = ["figures.json", "motion.npz", "report.json", *pictures]
+    expected = ["figures.json", "flight.mcap", "motion.npz", "report.json", *pictures]
     assert sorted(path.name for path in risen.iterdir()) == sorted(expected)
     assert [path.name for path in risen.parent.iterdir()] == ["out"]
     assert (report["strip_reason"] is None) == ("strip.png" in pictures)
@@ -146,6 +147,6 @@ def played(op3: Robot, stage: Stage) -> Rise:
     twin = Twin(op3, stage.model)
     twin.place(squat.posture(0))
     plan = RisePlanner(stage, database, options).plan(squat.posture(0), np.random.default_rng(0))
-    run, watched = play(SafetyGuard(twin, GuardLimits.of(op3)), twin, squat, None)
+    run, watched = play(SafetyGuard(twin), Watch(twin.simulation, None), squat, None)
     assert watched.stand.stood
     return Rise(robot=load_robot("op3"), start_class="squat", plan=plan, run=run, watched=watched)

@@ -9,6 +9,7 @@ from humanoid_getup.database import load_database
 from humanoid_getup.lying import classify, read_posture
 from humanoid_getup.motion import MIRRORED_SUFFIX
 from humanoid_getup.rise import play
+from humanoid_getup.watch import Watch
 from robots import load_robot
 
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
@@ -33,7 +34,7 @@ def test_a_stored_motion_ends_in_a_held_stand(name, op3, stage):
     twin = Twin(op3, stage.model)
     twin.place(start)
     guard = SafetyGuard(twin)
-    report, watched = play(guard, twin, motion, None)
+    report, watched = play(guard, Watch(twin.simulation, None), motion, None)
     assert watched.stand.stood, report.reason
     assert report.clips.total == 0
     assert watched.limit_violations == 0

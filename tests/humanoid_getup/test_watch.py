@@ -11,7 +11,7 @@ def test_a_fault_counts_once_until_it_stayed_away_long_enough():
 
 
 def test_a_run_without_a_cycle_did_not_stand(op3):
-    watched = Watch(Twin(op3), None).conclude()
+    watched = Watch(Twin(op3).simulation, None).conclude()
     assert not watched.stand.stood
     assert watched.peak_torque == 0.0
     assert watched.self_collisions == 0

@@ -1,0 +1,267 @@
+"""Cycle time of the Dynamixel backend against the wire's limit and against its peers.
+
+    python benchmarks/bus_cycle.py --cycles 500 --json bus_cycle.json
+
+A virtual bus in a process of its own, in real time and with physics, answers at the pace of
+the wire. On it, one after another, each client does the same job as fast as it can: current,
+velocity and position of 20 servos, the IMU, and 20 goals. Peers: the group handlers of
+`dynamixel-sdk`, plain and fast, and LeRobot's Dynamixel bus, which reads one quantity at a time
+(pip install --no-deps lerobot deepdiff orderly-set tqdm cachebox).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import sys
+import time
+import types
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers import Command, SafetyGuard
+from drivers.dynamixel import DynamixelBackend
+from drivers.simulation import Simulation
+from drivers.virtual.robot import VirtualPorts, VirtualRobot
+from drivers.virtual.server import Pace
+from robots import Robot, load_robot
+
+BITS_PER_BYTE = 10
+BAUDS = (1_000_000, 2_000_000, 3_000_000, 4_000_000)
+WARM_UP = 50  # cycles
+STATE, GOAL, IMU = (126, 10), (116, 4), (32, 12)  # register and bytes
+PERIOD = 0.008  # s, OP3's cycle
+
+
+@dataclass(frozen=True)
+class Client:
+    """One program that talks to the bus."""
+
+    turn: Callable[[], None]
+    """Do one cycle."""
+    cycle_bytes: int
+    """Bytes on the wire in one cycle, both ways, when nothing is stuffed."""
+
+
+def robot_at(baud: int) -> Robot:
+    """Load an OP3 whose bus runs at a rate [bit/s]."""
+    robot = load_robot("op3")
+    assert robot.bus is not None
+    return replace(robot, bus=replace(robot.bus, baud=baud))
+
+
+def serve(baud: int, pipe: Connection) -> None:
+    """Serve a bus until told to stop."""
+    robot = VirtualRobot(Simulation(robot_at(baud)), powered=True)
+    for servo in robot.servos:
+        servo.poke("return_delay_time", 0)
+    with VirtualPorts(robot, pace=Pace.REAL_TIME) as ports:
+        pipe.send(ports.main.path)
+        pipe.recv()
+        statistics = ports.main.statistics
+        pipe.send(statistics.lateness_total / max(statistics.sendings, 1))
+
+
+@contextmanager
+def bus_at(baud: int) -> Iterator[tuple[str, list[float]]]:
+    """Run a bus in a process of its own; yield its path, and later how late it was [s]."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=serve, args=(baud, theirs), daemon=True)
+    process.start()
+    lateness: list[float] = []
+    try:
+        yield ours.recv(), lateness
+        ours.send("stop")
+        lateness.append(ours.recv())
+    finally:
+        process.join(10.0)
+        process.terminate()
+
+
+@contextmanager
+def our_backend(path: str, baud: int) -> Iterator[Client]:
+    """Talk by our backend, behind the guard as always."""
+    robot = robot_at(baud)
+    backend = DynamixelBackend(robot, {"main": path})
+    with SafetyGuard(backend) as guard:
+        command = Command.position(robot, guard.read().joint_pos)
+
+        def turn() -> None:
+            guard.read()
+            guard.write(command)
+
+        for _ in range(WARM_UP):
+            turn()
+        yield Client(turn, backend.cycle_bytes)
+
+
+@contextmanager
+def our_backend_unguarded(path: str, baud: int) -> Iterator[Client]:
+    """Talk by our backend without the guard's arithmetic, as the peers do."""
+    robot = robot_at(baud)
+    with DynamixelBackend(robot, {"main": path}) as backend:
+        command = Command.position(robot, backend.read().joint_pos)
+
+        def turn() -> None:
+            backend.read()
+            backend.write(command)
+
+        for _ in range(WARM_UP):
+            turn()
+        yield Client(turn, backend.cycle_bytes)
+
+
+@contextmanager
+def sdk_handlers(path: str, baud: int, *, fast: bool) -> Iterator[Client]:
+    """Talk by the group handlers of dynamixel-sdk."""
+    import dynamixel_sdk as sdk
+    from dynamixel_sdk import port_handler
+
+    port_handler.LATENCY_TIMER = 1
+    port, packets = sdk.PortHandler(path), sdk.PacketHandler(2.0)
+    assert port.openPort() and port.setBaudRate(baud)
+    ids = [joint.servo.id for joint in robot_at(baud).joints]
+    kind = sdk.GroupFastSyncRead if fast and hasattr(sdk, "GroupFastSyncRead") else None
+    reader = (kind or sdk.GroupSyncRead)(port, packets, *STATE)
+    for device in ids:
+        reader.addParam(device)
+    read = reader.txRxPacket
+    if fast and kind is None:
+        read = reader.fastSyncRead
+    writer = sdk.GroupSyncWrite(port, packets, *GOAL)
+
+    def turn() -> None:
+        assert read() == sdk.COMM_SUCCESS
+        for device in ids:
+            current = reader.getData(device, 126, 2)
+            velocity = reader.getData(device, 128, 4)
+            position = reader.getData(device, 132, 4)
+            del current, velocity
+            writer.addParam(device, position.to_bytes(4, "little"))
+        _, result, _ = packets.readTxRx(port, 200, *IMU)
+        assert result == sdk.COMM_SUCCESS
+        writer.txPacket()
+        writer.clearParam()
+
+    for _ in range(WARM_UP):
+        turn()
+    answer = 8 + 14 * len(ids) if fast else 21 * len(ids)
+    yield Client(turn, 14 + len(ids) + answer + 14 + 23 + 14 + 5 * len(ids))
+    port.closePort()
+
+
+@contextmanager
+def lerobot_bus(path: str, baud: int) -> Iterator[Client]:
+    """Talk by LeRobot's bus; the IMU, which it does not know, by the handler inside it."""
+    import dynamixel_sdk as sdk
+
+    _stub_learning_libraries()
+    from lerobot.motors import Motor, MotorNormMode
+    from lerobot.motors.dynamixel import DynamixelMotorsBus
+
+    robot = robot_at(baud)
+    motors = {
+        joint.name: Motor(joint.servo.id, "xm430-w350", MotorNormMode.DEGREES)
+        for joint in robot.joints
+    }
+    bus = DynamixelMotorsBus(path, motors)
+    bus.connect(handshake=False)
+    bus.set_baudrate(baud)
+
+    def turn() -> None:
+        bus.sync_read("Present_Current", normalize=False)
+        bus.sync_read("Present_Velocity", normalize=False)
+        position = bus.sync_read("Present_Position", normalize=False)
+        _, result, _ = bus.packet_handler.readTxRx(bus.port_handler, 200, *IMU)
+        assert result == sdk.COMM_SUCCESS
+        bus.sync_write("Goal_Position", position, normalize=False)
+
+    for _ in range(WARM_UP):
+        turn()
+    n = robot.n
+    yield Client(turn, 3 * (14 + n) + (13 + 15 + 15) * n + 14 + 23 + 14 + 5 * n)
+    bus.disconnect(disable_torque=False)
+
+
+def _stub_learning_libraries() -> None:
+    """Let LeRobot's motors be imported without its learning libraries: they need none."""
+
+    class Anything(types.ModuleType):
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("__"):
+                raise AttributeError(name)
+            return object
+
+    names = ("torch", "accelerate", "datasets", "datasets.utils", "datasets.utils.logging")
+    for name in names:
+        if name not in sys.modules:
+            sys.modules[name] = Anything(name)
+
+
+CLIENTS: dict[str, Callable[..., Any]] = {
+    "ours": our_backend_unguarded,
+    "ours, guarded": our_backend,
+    "dynamixel-sdk, fast": lambda path, baud: sdk_handlers(path, baud, fast=True),
+    "dynamixel-sdk, plain": lambda path, baud: sdk_handlers(path, baud, fast=False),
+    "lerobot": lerobot_bus,
+}
+
+
+def measure(client: Client, cycles: int, baud: int) -> dict[str, float]:
+    """Time cycles back to back, and the processor time that the client spends in them."""
+    wall = np.zeros(cycles)
+    busy = time.process_time()
+    for k in range(cycles):
+        begun = time.perf_counter()
+        client.turn()
+        wall[k] = time.perf_counter() - begun
+    busy = (time.process_time() - busy) / cycles
+    wire = client.cycle_bytes * BITS_PER_BYTE / baud
+    median = float(np.median(wall))
+    return {
+        "bytes": client.cycle_bytes,
+        "wire_us": wire * 1e6,
+        "cycle_us": median * 1e6,
+        "cycle_p99_us": float(np.percentile(wall, 99)) * 1e6,
+        "over_wire": median / wire,
+        "processor_us": busy * 1e6,
+        "missed_125_hz": float(np.mean(wall > PERIOD)),
+    }
+
+
+def main() -> None:
+    """Measure every client at every rate."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cycles", type=int, default=500)
+    parser.add_argument("--json", default=None)
+    parser.add_argument("--bauds", type=int, nargs="+", default=BAUDS)
+    options = parser.parse_args()
+    cases: dict[str, dict[str, float]] = {}
+    for baud in options.bauds:
+        for name, client in CLIENTS.items():
+            with bus_at(baud) as (path, lateness):
+                try:
+                    with client(path, baud) as ready:
+                        case = measure(ready, options.cycles, baud)
+                except ImportError as error:
+                    print(f"{name}: left out, {error}", file=sys.stderr)
+                    continue
+            case["bus_late_us"] = lateness[0] * 1e6
+            cases[f"{name} at {baud / 1e6:g} Mbps"] = case
+            told = ", ".join(f"{key} {value:.4g}" for key, value in case.items())
+            print(f"{name:22} {baud / 1e6:g} Mbps: {told}", flush=True)
+    if options.json:
+        record = {"name": "bus_cycle", "seed": None, "n": options.cycles, "cases": cases}
+        Path(options.json).write_text(json.dumps(record, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

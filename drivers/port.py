@@ -1,0 +1,259 @@
+"""Serial ports: bytes out, bytes in, and plain words when a port does not work."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import grp
+import os
+import select
+import termios
+import time
+from pathlib import Path
+from typing import Protocol
+
+import serial
+
+from drivers.errors import SetupError
+
+CHUNK = 4096  # bytes, more than any answer
+# Longest wait for the system to take bytes that are to be sent [s]. It takes them at once
+# unless the adapter hangs; waiting for them to leave the wire is the caller's business.
+SEND_TIMEOUT = 0.1
+
+
+class PortError(SetupError):
+    """A serial port cannot be used; the message says what to do."""
+
+    def __init__(self, path: str, text: str) -> None:
+        super().__init__(f"port {path}: {text}")
+        self.path = path
+
+
+class PortLostError(PortError):
+    """A port went away while it was in use."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(path, "lost; is the adapter still plugged in?")
+
+
+class Port(Protocol):
+    """A wire to a bus: half duplex, 8 data bits, no parity, 1 stop bit."""
+
+    @property
+    def path(self) -> str:
+        """Return the device file."""
+        ...
+
+    @property
+    def baud(self) -> int:
+        """Return the speed [bit/s]."""
+        ...
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether bytes can pass."""
+        ...
+
+    def open(self) -> None:
+        """Open the device; harmless when it is open."""
+        ...
+
+    def close(self) -> None:
+        """Close the device; harmless when it is closed."""
+        ...
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed [bit/s], open or not."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the device, without waiting until they have left it."""
+        ...
+
+    def read(self, deadline: float) -> bytes:
+        """Return what has come; wait for a byte until a deadline of the monotonic clock [s].
+
+        Nothing came if nothing is returned.
+        """
+        ...
+
+    def flush(self) -> int:
+        """Throw away what has come; return how many bytes."""
+        ...
+
+
+class SerialPort:
+    """A port over pyserial, locked against other programs.
+
+    pyserial opens and configures the device; bytes go past it, straight to the descriptor:
+    a read then waits in one `select` until a deadline, and a hung adapter cannot block.
+    """
+
+    def __init__(self, path: str, baud: int) -> None:
+        self._path, self._baud = path, baud
+        self._serial: serial.Serial | None = None
+        self._fd = -1
+
+    @property
+    def path(self) -> str:
+        """Return the device file."""
+        return self._path
+
+    @property
+    def baud(self) -> int:
+        """Return the speed [bit/s]."""
+        return self._baud
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether bytes can pass."""
+        return self._fd >= 0
+
+    def open(self) -> None:
+        """Open and lock the device; harmless when it is open.
+
+        Raises:
+            PortError: when it is missing, busy, forbidden, or no serial port.
+        """
+        if self.is_open:
+            return
+        try:
+            self._serial = self._open_serial()
+            self._fd = self._serial.fileno()
+            _claim(self._fd)
+        except (OSError, ValueError, termios.error) as error:
+            self.close()
+            raise PortError(self._path, explain_refusal(self._path, self._baud, error)) from error
+
+    def close(self) -> None:
+        """Unlock and close the device; harmless when it is closed."""
+        device, self._serial, self._fd = self._serial, None, -1
+        if device is not None:
+            # A device that was unplugged refuses even this; there is nothing left to close.
+            with contextlib.suppress(OSError, termios.error):
+                fcntl.ioctl(device.fileno(), termios.TIOCNXCL)
+            with contextlib.suppress(OSError, termios.error):
+                device.close()
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed [bit/s], open or not."""
+        was_open = self.is_open
+        self.close()
+        self._baud = baud
+        if was_open:
+            self.open()
+
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the device, without waiting until they have left it.
+
+        Raises:
+            PortLostError: when the device is gone or takes no bytes any more.
+        """
+        deadline = time.monotonic() + SEND_TIMEOUT
+        while data:
+            try:
+                data = data[os.write(self._fd, data) :]
+            except BlockingIOError:
+                left = deadline - time.monotonic()
+                if left <= 0.0 or not select.select((), (self._fd,), (), left)[1]:
+                    raise PortLostError(self._path) from None
+            except OSError as error:
+                raise PortLostError(self._path) from error
+
+    def read(self, deadline: float) -> bytes:
+        """Return what has come; wait for a byte until a deadline of the monotonic clock [s].
+
+        Raises:
+            PortLostError: when the device is gone.
+        """
+        try:
+            left = max(deadline - time.monotonic(), 0.0)
+            if not select.select((self._fd,), (), (), left)[0]:
+                return b""
+            data = os.read(self._fd, CHUNK)
+        except BlockingIOError:
+            return b""
+        except (OSError, ValueError) as error:
+            raise PortLostError(self._path) from error
+        if not data:  # ready, and yet nothing to read: the other end has hung up
+            raise PortLostError(self._path)
+        return data
+
+    def flush(self) -> int:
+        """Throw away what has come; return how many bytes.
+
+        Raises:
+            PortLostError: when the device is gone.
+        """
+        count = 0
+        while True:
+            try:
+                data = os.read(self._fd, CHUNK)
+            except BlockingIOError:
+                return count
+            except OSError as error:
+                raise PortLostError(self._path) from error
+            if not data:  # pyserial's raw mode: nothing there
+                return count
+            count += len(data)
+
+    def _open_serial(self) -> serial.Serial:
+        return serial.Serial(self._path, self._baud, timeout=0, exclusive=True)
+
+
+class SdkPort(SerialPort):
+    """A port over the port handler of ROBOTIS' dynamixel-sdk."""
+
+    def _open_serial(self) -> serial.Serial:
+        from dynamixel_sdk import PortHandler  # only who asks for it needs it
+
+        handler = PortHandler(self._path)
+        if not handler.setBaudRate(self._baud):
+            raise ValueError(f"dynamixel-sdk cannot set {self._baud} bit/s; use pyserial")
+        device = handler.ser
+        assert device is not None
+        try:
+            fcntl.flock(device.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            device.close()
+            raise
+        return device
+
+
+def _claim(fd: int) -> None:
+    """Keep other programs out, also those that do not ask for the lock."""
+    fcntl.ioctl(fd, termios.TIOCEXCL)
+
+
+def explain_refusal(path: str, baud: int, error: Exception) -> str:
+    """Tell why a port does not open, and what to do."""
+    number = getattr(error, "errno", None)
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return "in use by another program; stop that one first"
+    if number in (errno.EACCES, errno.EPERM):
+        return f"not allowed; {_explain_permission(path)}"
+    if not Path(path).exists():
+        return "does not exist; plug the adapter in, or name another port (ls /dev/serial/by-id)"
+    if isinstance(error, ValueError):
+        return f"{baud} bit/s is refused ({error})"
+    if "configure" in str(error) or isinstance(error, termios.error):
+        return "is no serial port; name the adapter's device (ls /dev/serial/by-id)"
+    return f"does not open ({error})"
+
+
+def _explain_permission(path: str) -> str:
+    with contextlib.suppress(OSError, KeyError):
+        group = grp.getgrgid(Path(path).stat().st_gid).gr_name
+        if group != "root":
+            return f"join the group '{group}' (sudo usermod -aG {group} $USER) and log in again"
+    return "its owner is root: ask for a udev rule that gives it to the group 'dialout'"
+
+
+def read_latency_timer(path: str) -> int | None:
+    """Read how long a USB adapter holds back a short answer [ms]; ``None`` when it has no say."""
+    name = Path(path).resolve().name
+    with contextlib.suppress(OSError, ValueError):
+        return int(Path(f"/sys/bus/usb-serial/devices/{name}/latency_timer").read_text())
+    return None

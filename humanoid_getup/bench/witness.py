@@ -1,0 +1,135 @@
+"""The witness: what truly happens behind a virtual bus, beside what the driver believes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from drivers import Backend, Command, State
+from drivers.backend import ClosesItself
+from drivers.servo_units import ServoUnits
+from drivers.virtual.robot import VirtualPorts, VirtualRobot
+from robots import Robot
+from robots.rotation import Array
+from robots.servo import RAD_PER_TICK
+
+HELD = 3  # periods without a new target are holding
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One period of physics, as the servos lived it."""
+
+    time: float
+    """Bus time [s]."""
+    torque_on: np.ndarray
+    """Which servos drive, (n,)."""
+    target: Array
+    """Where they aim [rad], (n,)."""
+    ticks: Array
+    """What their encoders tell, as angles [rad], (n,)."""
+
+
+class Witness(ClosesItself):
+    """A backend around a backend of a virtual robot in lock-step, that compares.
+
+    In lock-step nothing happens between an answer and the next request, so what the
+    driver calls fresh must be what the encoders tell, tick for tick.
+    """
+
+    def __init__(self, backend: Backend, robot: VirtualRobot, ports: VirtualPorts) -> None:
+        """Watch a virtual robot and the backend that drives it."""
+        self._backend, self._virtual, self._ports = backend, robot, ports
+        self._units = ServoUnits(robot.robot)
+        self.sights: list[Sight] = []
+        self.believed_wrong: list[str] = []
+        """Each value that the driver called fresh and that was not true."""
+        robot.simulation.on_look.append(self._look)
+
+    @property
+    def robot(self) -> Robot:
+        """Return the robot."""
+        return self._backend.robot
+
+    @property
+    def period(self) -> float:
+        """Return the control period [s]."""
+        return self._backend.period
+
+    def connect(self) -> None:
+        """Open the backend."""
+        self._backend.connect()
+
+    def close(self) -> None:
+        """Close the backend."""
+        self._backend.close()
+
+    def read(self) -> State:
+        """Measure, and compare with the truth."""
+        seen, before = len(self.sights), self._measure()
+        state = self._backend.read()
+        # Waiting for what never comes lets time pass: any moment of the reading is true.
+        true = np.stack([before, *(sight.ticks for sight in self.sights[seen:]), self._measure()])
+        off = np.maximum(true.min(axis=0) - state.joint_pos, state.joint_pos - true.max(axis=0))
+        wrong = (state.joint_age == 0.0) & (off > 0.5 * RAD_PER_TICK)
+        self.believed_wrong += [
+            f"{state.time:.3f} s: joint '{self.robot.joint_names[i]}' at "
+            f"{state.joint_pos[i]:+.4f} rad, truly {true[-1][i]:+.4f} rad"
+            for i in np.flatnonzero(wrong)
+        ]
+        return state
+
+    def _measure(self) -> Array:
+        return self._ports.main.call(
+            lambda: self._units.quantise(self._virtual.simulation.joint_pos)
+        )
+
+    def write(self, command: Command) -> Command:
+        """Send a command."""
+        return self._backend.write(command)
+
+    def _look(self) -> None:
+        drives = [servo.drive() for servo in self._virtual.servos]
+        self.sights.append(
+            Sight(
+                time=self._virtual.body.time,
+                torque_on=np.array([drive.torque_on for drive in drives]),
+                target=self._units.to_rad(np.array([drive.target_ticks for drive in drives])),
+                ticks=self._units.quantise(self._virtual.simulation.joint_pos),
+            )
+        )
+
+    def count_beyond_limits(self) -> int:
+        """Count targets of driven servos outside their ranges, or moved faster than they can.
+
+        A joint that lay outside may aim where it lies, or back.
+        """
+        robot = self.robot
+        reach = robot.max_velocity * self.period + RAD_PER_TICK
+        beyond = 0
+        for before, now in pairwise(self.sights):
+            lower = np.minimum(robot.lower, before.ticks) - RAD_PER_TICK
+            upper = np.maximum(robot.upper, before.ticks) + RAD_PER_TICK
+            outside = (now.target < lower) | (now.target > upper)
+            reference = np.where(before.torque_on, before.target, before.ticks)
+            jumps = np.abs(now.target - reference) > reach
+            beyond += int(np.sum(now.torque_on & (outside | jumps)))
+        return beyond
+
+    def find_safe_time(self, since: float) -> float | None:
+        """Find when the robot was limp or held for good, after a bus time [s]; None for never.
+
+        A servo that nobody reaches any more and that holds its last target is safe as well.
+        """
+        later = [sight for sight in self.sights if sight.time > since]
+        safe: float | None = None
+        for before, now in pairwise(later):
+            moves = now.torque_on & before.torque_on & (now.target != before.target)
+            begins = now.torque_on & ~before.torque_on
+            if moves.any() or begins.any():
+                safe = None
+            elif safe is None:
+                safe = before.time
+        return safe if safe is None else max(safe - since, 0.0)

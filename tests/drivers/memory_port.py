@@ -1,0 +1,76 @@
+"""A port without a device file: instructions go straight to a chain of virtual servos."""
+
+from collections.abc import Callable
+
+from drivers.port import PortError, PortLostError
+from drivers.protocol2 import FrameParser, Packet
+from drivers.virtual.chain import Chain
+from drivers.virtual.lock_step import QUIET, asks_for_answer, ends_cycle
+
+
+class MemoryPort:
+    """Answers at once; ``spoil`` may change what comes back, and ``unplugged`` ends all."""
+
+    def __init__(self, chain: Chain, baud: int, body=None) -> None:
+        self.chain, self.baud, self.body = chain, baud, body
+        self.path = "memory"
+        self.is_open = False
+        self.unplugged = False
+        self.opened = 0
+        self.sent: list[Packet] = []
+        self.spoil: Callable[[Packet, list[bytes]], list[bytes]] = lambda _, answers: answers
+        self.late: list[bytes] = []
+        """Comes with the next instruction's answers, before them."""
+        self._parser, self._came, self._time = FrameParser(), b"", 0.0
+
+    def open(self) -> None:
+        if self.unplugged:
+            raise PortError(self.path, "does not exist")
+        self.opened += not self.is_open
+        self.is_open = True
+
+    def close(self) -> None:
+        self.is_open = False
+
+    def set_baud(self, baud: int) -> None:
+        self.baud = baud
+
+    def write(self, data: bytes) -> None:
+        self._check()
+        for packet in self._parser.feed(data):
+            assert isinstance(packet, Packet), "the driver sent a damaged frame"
+            self.sent.append(packet)
+            answers = [a.data for a in self.chain.handle(packet, baud=self.baud)]
+            answers = self.spoil(packet, answers)
+            self._came += b"".join([*self.late, *answers])
+            self.late = []
+            if self.body is not None and ends_cycle(packet):
+                self.body.pass_period()
+            elif asks_for_answer(packet) and not answers:
+                self._pass(QUIET)
+
+    def read(self, deadline: float) -> bytes:
+        del deadline
+        self._check()
+        came, self._came = self._came, b""
+        return came
+
+    def flush(self) -> int:
+        self._check()
+        count, self._came = len(self._came), b""
+        return count
+
+    def frames(self, instruction: int) -> list[Packet]:
+        """List what was sent of one instruction."""
+        return [packet for packet in self.sent if packet.instruction == instruction]
+
+    def _pass(self, duration: float) -> None:
+        if self.body is not None:
+            self.body.advance(self.body.time + duration)
+        else:
+            self._time += duration
+            self.chain.advance(self._time)
+
+    def _check(self) -> None:
+        if self.unplugged or not self.is_open:
+            raise PortLostError(self.path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -56,6 +56,8 @@ class Body:
         self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
         self._steps_since_look = 0
+        self.on_pass: list[Callable[[], None]] = []
+        """Called after each stretch of time, by whoever lets it pass."""
         self._sense()
 
     @property
@@ -119,6 +121,8 @@ class Body:
         if self._board is not None:
             self._board.advance(self.time)
         self._sense()
+        for look in self.on_pass:
+            look()
         return steps
 
     def _convert(self, drives: list[Drive], plain: bool, step: float) -> Drives:

@@ -63,7 +63,7 @@ def _play_once(stage: Stage, motion: Motion, start: Array) -> dict[str, Any]:
     robot = stage.robot
     twin = Twin(robot, stage.model)
     twin.place(read_posture(robot, stage.model, start))
-    run, watched = play(SafetyGuard(twin), twin, motion, None)
+    run, watched = play(SafetyGuard(twin), Watch(twin.simulation, None), motion, None)
     return {
         "start_class": motion.start_class,
         "strategy": motion.strategy,

@@ -15,12 +15,10 @@ from robots import Robot
 from robots.rotation import Array
 from robots.servo import RAD_PER_TICK
 
-HELD = 3  # periods without a new target are holding
-
 
 @dataclass(frozen=True)
 class Sight:
-    """One period of physics, as the servos lived it."""
+    """The end of a stretch of physics, as the servos live it."""
 
     time: float
     """Bus time [s]."""
@@ -30,6 +28,56 @@ class Sight:
     """Where they aim [rad], (n,)."""
     ticks: Array
     """What their encoders tell, as angles [rad], (n,)."""
+
+
+class Sights:
+    """Every stretch of a virtual robot's life, seen where physics is."""
+
+    def __init__(self, virtual: VirtualRobot) -> None:
+        """Watch a virtual robot from now on."""
+        self._virtual = virtual
+        self._units = ServoUnits(virtual.robot)
+        self.seen: list[Sight] = []
+        virtual.body.on_pass.append(self._look)
+
+    def _look(self) -> None:
+        drives = [servo.drive() for servo in self._virtual.servos]
+        self.seen.append(
+            Sight(
+                time=self._virtual.body.time,
+                torque_on=np.array([drive.torque_on for drive in drives]),
+                target=self._units.to_rad(np.array([drive.target_ticks for drive in drives])),
+                ticks=self._units.quantise(self._virtual.simulation.joint_pos),
+            )
+        )
+
+    def count_beyond_limits(self) -> int:
+        """Count the targets of driven servos outside their ranges.
+
+        A joint that lay outside may aim where it lies, or back.
+        """
+        robot, beyond = self._virtual.robot, 0
+        for before, now in pairwise(self.seen):
+            lower = np.minimum(robot.lower, before.ticks) - RAD_PER_TICK
+            upper = np.maximum(robot.upper, before.ticks) + RAD_PER_TICK
+            beyond += int(np.sum(now.torque_on & ((now.target < lower) | (now.target > upper))))
+        return beyond
+
+    def find_safe_time(self, since: float) -> float | None:
+        """Find when the robot was limp or held for good, after a bus time [s]; None for never.
+
+        A servo that nobody reaches any more and that holds its last target is safe as well.
+        """
+        later = [sight for sight in self.seen if sight.time > since]
+        safe: float | None = None
+        for before, now in pairwise(later):
+            moves = now.torque_on & before.torque_on & (now.target != before.target)
+            begins = now.torque_on & ~before.torque_on
+            if moves.any() or begins.any():
+                safe = None
+            elif safe is None:
+                safe = before.time
+        return safe if safe is None else max(safe - since, 0.0)
 
 
 class Witness(ClosesItself):
@@ -43,10 +91,12 @@ class Witness(ClosesItself):
         """Watch a virtual robot and the backend that drives it."""
         self._backend, self._virtual, self._ports = backend, robot, ports
         self._units = ServoUnits(robot.robot)
-        self.sights: list[Sight] = []
+        self.sights = Sights(robot)
+        self.too_fast = 0
+        """Targets sent that moved further in a period than the joint's top speed allows."""
+        self._sent: Command | None = None
         self.believed_wrong: list[str] = []
         """Each value that the driver called fresh and that was not true."""
-        robot.simulation.on_look.append(self._look)
 
     @property
     def robot(self) -> Robot:
@@ -68,15 +118,16 @@ class Witness(ClosesItself):
 
     def read(self) -> State:
         """Measure, and compare with the truth."""
-        seen, before = len(self.sights), self._measure()
+        seen, before = len(self.sights.seen), self._measure()
         state = self._backend.read()
         # Waiting for what never comes lets time pass: any moment of the reading is true.
-        true = np.stack([before, *(sight.ticks for sight in self.sights[seen:]), self._measure()])
-        off = np.maximum(true.min(axis=0) - state.joint_pos, state.joint_pos - true.max(axis=0))
+        moments = [before, *(sight.ticks for sight in self.sights.seen[seen:]), self._measure()]
+        low, high = np.min(moments, axis=0), np.max(moments, axis=0)
+        off = np.maximum(low - state.joint_pos, state.joint_pos - high)
         wrong = (state.joint_age == 0.0) & (off > 0.5 * RAD_PER_TICK)
         self.believed_wrong += [
             f"{state.time:.3f} s: joint '{self.robot.joint_names[i]}' at "
-            f"{state.joint_pos[i]:+.4f} rad, truly {true[-1][i]:+.4f} rad"
+            f"{state.joint_pos[i]:+.4f} rad, truly {high[i]:+.4f} rad"
             for i in np.flatnonzero(wrong)
         ]
         return state
@@ -87,49 +138,12 @@ class Witness(ClosesItself):
         )
 
     def write(self, command: Command) -> Command:
-        """Send a command."""
-        return self._backend.write(command)
-
-    def _look(self) -> None:
-        drives = [servo.drive() for servo in self._virtual.servos]
-        self.sights.append(
-            Sight(
-                time=self._virtual.body.time,
-                torque_on=np.array([drive.torque_on for drive in drives]),
-                target=self._units.to_rad(np.array([drive.target_ticks for drive in drives])),
-                ticks=self._units.quantise(self._virtual.simulation.joint_pos),
-            )
-        )
-
-    def count_beyond_limits(self) -> int:
-        """Count targets of driven servos outside their ranges, or moved faster than they can.
-
-        A joint that lay outside may aim where it lies, or back.
-        """
-        robot = self.robot
-        reach = robot.max_velocity * self.period + RAD_PER_TICK
-        beyond = 0
-        for before, now in pairwise(self.sights):
-            lower = np.minimum(robot.lower, before.ticks) - RAD_PER_TICK
-            upper = np.maximum(robot.upper, before.ticks) + RAD_PER_TICK
-            outside = (now.target < lower) | (now.target > upper)
-            reference = np.where(before.torque_on, before.target, before.ticks)
-            jumps = np.abs(now.target - reference) > reach
-            beyond += int(np.sum(now.torque_on & (outside | jumps)))
-        return beyond
-
-    def find_safe_time(self, since: float) -> float | None:
-        """Find when the robot was limp or held for good, after a bus time [s]; None for never.
-
-        A servo that nobody reaches any more and that holds its last target is safe as well.
-        """
-        later = [sight for sight in self.sights if sight.time > since]
-        safe: float | None = None
-        for before, now in pairwise(later):
-            moves = now.torque_on & before.torque_on & (now.target != before.target)
-            begins = now.torque_on & ~before.torque_on
-            if moves.any() or begins.any():
-                safe = None
-            elif safe is None:
-                safe = before.time
-        return safe if safe is None else max(safe - since, 0.0)
+        """Send a command; count the targets that move faster than their joints can."""
+        sent = self._backend.write(command)
+        before, self._sent = self._sent, sent
+        if before is not None:
+            driven = (before.torque_limit > 0.0) & (sent.torque_limit > 0.0)
+            reach = self.robot.max_velocity * self.period + RAD_PER_TICK
+            jumps = np.abs(sent.joint_pos - before.joint_pos) > reach
+            self.too_fast += int(np.sum(driven & jumps))
+        return sent

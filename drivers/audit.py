@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from drivers.bus import DynamixelBus
@@ -25,6 +25,9 @@ MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
 REVERSED = 1  # bit of the drive mode
 OUTSIDE_RANGE = 0.1  # rad that a joint may lie beyond its range without a word
+# On the wire in a cycle: for each servo its id twice, its goal and a plain status; once the
+# frames around them, and the question for IMU and slow values with its answers.
+SERVO_BYTES, CYCLE_BYTES = 26, 94
 FAR_RATES = tuple(reversed(BAUD_RATES[1:]))
 """Speeds at which to look for servos that are silent at the right one [bit/s]."""
 
@@ -33,7 +36,9 @@ class Severity(Enum):
     """What a finding means for the robot."""
 
     ERROR = "error"
-    """It must not move like this."""
+    """It must not move like this, and cannot be connected to."""
+    FAULT = "fault"
+    """It can be connected to, but stays limp until somebody mends this."""
     WARNING = "warning"
     """It may move, but somebody should know."""
 
@@ -158,9 +163,9 @@ def audit(bus: DynamixelBus, joints: Iterable[Joint]) -> Audit:
     findings: list[Finding] = []
     silent: list[Joint] = []
     for joint in joints:
-        damaged = bus.statistics.damaged
+        heard = bus.statistics.bytes_in
         pong = bus.ping(joint.servo.id, TRIES)
-        if pong is None and bus.statistics.damaged > damaged:
+        if pong is None and bus.statistics.bytes_in > heard:
             findings.append(_doubled(joint))
         elif pong is None:
             silent.append(joint)
@@ -211,7 +216,9 @@ def judge(servo: ServoFacts) -> list[Finding]:
         )
     if alert := HardwareError(told["hardware_error_status"]):
         names = " and ".join(str(bit.name).lower() for bit in alert)
-        error(f"has switched itself off: {names}", "let it cool down and reboot it")
+        # The guard keeps such a robot limp; whoever may reboot the servo has to reach it first.
+        text, remedy = f"has switched itself off: {names}", "let it cool down and restart it"
+        found.append(Finding(Severity.FAULT, servo.name, text, remedy))
     if not model.min_voltage <= servo.voltage <= model.max_voltage:
         error(
             f"supply is {servo.voltage:.1f} V, allowed {model.min_voltage:.1f} to "
@@ -288,6 +295,22 @@ def find_far_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
     return None
 
 
+def check_speed(bus: DynamixelBus, count: int, period: float) -> list[Finding]:
+    """Tell when a bus is too slow for a control period [s] of so many servos.
+
+    On such a bus every value would come too late, and nothing else would be wrong.
+    """
+    needed = (CYCLE_BYTES + count * SERVO_BYTES) * bus.byte_time
+    if needed <= period:
+        return []
+    text = (
+        f"at {bus.port.baud} bit/s a cycle of {count} servos takes {needed * 1e3:.1f} ms, "
+        f"allowed {period * 1e3:.1f} ms"
+    )
+    remedy = "set the servos and bus.baud in robot.toml to a higher speed"
+    return [Finding(Severity.ERROR, f"port {bus.port.path}", text, remedy)]
+
+
 def name_of(joint: Joint) -> str:
     """Return how to call a joint's servo in a message."""
     return f"joint '{joint.name}' (id {joint.servo.id})"
@@ -326,10 +349,11 @@ def _examine(
     if found := check_model(joint, table):
         findings += found
         return None
-    damaged = bus.statistics.damaged
+    before = replace(bus.statistics)
     registers = read_items(bus, joint.servo.id, table, AUDITED)
     if registers is None:
-        if bus.statistics.damaged > damaged:
+        since = bus.statistics - before
+        if since.damaged or since.stale:
             findings.append(_doubled(joint))
         else:
             text = "answers a ping but does not tell its registers"

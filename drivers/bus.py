@@ -143,9 +143,11 @@ class DynamixelBus:
     """Longest wait of a device before it answers [s]."""
     naps: bool = True
     """Sleep while the answer is on the wire, instead of taking it in byte by byte."""
+    limit: float = np.inf
+    """Time of the monotonic clock after which `put` waits for nobody [s]."""
     statistics: BusStatistics = field(default_factory=BusStatistics)
     _quiet_at: float = 0.0  # when the last byte sent has left the wire
-    _limit: float = 0.0  # deadline of the open question
+    _deadline: float = 0.0  # of the open question
 
     @property
     def byte_time(self) -> float:
@@ -171,7 +173,7 @@ class DynamixelBus:
         self.port.write(question.frame)
         self._note_sent(question.frame)
         answering = self.duration(question) - len(question.frame) * self.byte_time
-        self._limit = self._quiet_at + answering + self.answer_margin
+        self._deadline = self._quiet_at + answering + self.answer_margin
 
     def collect(self, question: Question, limit: float = np.inf) -> Iterator[Status]:
         """Take in the answers to the question that was asked last, one by one.
@@ -208,7 +210,7 @@ class DynamixelBus:
         for attempt in range(tries):
             self.statistics.retries += attempt > 0
             self.ask(question)
-            answers |= {status.id: status for status in self.collect(question)}
+            answers |= {status.id: status for status in self.collect(question, self.limit)}
             if len(answers) == len(question.lengths):
                 if attempt:
                     self._drain()
@@ -266,13 +268,13 @@ class DynamixelBus:
     def _nap(self, limit: float) -> None:
         """Sleep until just before the answers can be complete."""
         if self.naps:
-            answered = min(self._limit - self.answer_margin, limit)
+            answered = min(self._deadline - self.answer_margin, limit)
             left = answered - _NAP_END - time.monotonic()
             if left > _NAP_END:
                 time.sleep(left)
 
     def _take_statuses(self, question: Question, limit: float) -> list[Status]:
-        limit = min(limit, self._limit)
+        limit = min(limit, self._deadline)
         order = question.places
         parser, found = FrameParser(), list[tuple[int, Status]]()
         if len(order) > 1:
@@ -304,7 +306,7 @@ class DynamixelBus:
 
     def _take_fast(self, question: Question, limit: float) -> tuple[Answers | list[Status], bool]:
         """Take in one frame of all; tell also whether it was damaged."""
-        limit = min(limit, self._limit)
+        limit = min(limit, self._deadline)
         frame = question.fast_frame
         frame.stale = 0
         buffer = b""

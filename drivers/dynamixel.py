@@ -8,19 +8,20 @@ from enum import Enum
 
 import numpy as np
 
-from drivers.audit import (
-    Audit,
-    AuditError,
-    Finding,
-    Severity,
-    audit,
-    list_doubled_ids,
-    name_all,
-    name_of,
-)
+from drivers.audit import Audit, AuditError, name_of
 from drivers.backend import ClosesItself
-from drivers.bus import ANSWER_MARGIN, FACTORY_RETURN_DELAY, BusStatistics, DynamixelBus
+from drivers.bus import ANSWER_MARGIN, BusStatistics, DynamixelBus
 from drivers.clock import Clock, WallClock
+from drivers.connecting import (
+    BOOT_MARGIN,
+    BOOT_TIME,
+    SETUP_MARGIN,
+    look_at_all,
+    margin,
+    measure_first,
+    open_ports,
+    set_up_all,
+)
 from drivers.errors import NotConnectedError, SetupError
 from drivers.opencr import BodyImu, OpenCr
 from drivers.port import Port, PortError, SerialPort
@@ -28,21 +29,16 @@ from drivers.protocol2 import ALERT
 from drivers.servo_bank import ServoBank
 from drivers.servo_line import ServoLine
 from drivers.servo_orders import FRESH, Orders, Translator
-from drivers.servo_setup import ALL_ANSWERED
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
-from robots import BoardSettings, BusSettings, Joint, Robot
+from robots import BusSettings, Joint, Robot
 
 READ_SHARE = 0.75  # of the period in which all reading has to be done
 WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped
 # by themselves.
 PAUSE_SHARE = 0.8
-SETUP_MARGIN = 0.03  # s that an answer may take where no cycle is waiting
-BOOT_TIME = 3.0  # s until servos answer that were given power or rebooted; they take 0.3 s
-BOOT_MARGIN = 0.01  # s to wait for each answer meanwhile
 REBOOT_TRIES = 3
-FIRST_READS = 10  # tries to get a first value of every joint
 
 MakePort = Callable[[str, int], Port]
 
@@ -169,19 +165,22 @@ class DynamixelBackend(ClosesItself):
         if self._connected:
             return
         self._forget()
+        lines, bank = self.lines, self._bank
         try:
-            self._open_ports()
-            self._set_margin(max(self._margin, SETUP_MARGIN))
-            self.audit = self._look_at_all()
-            if self.audit.errors:
-                raise AuditError(self.audit.errors)
-            self._set_up_all()
-            self._measure_first()
+            open_ports(lines)
+            with margin(lines, max(self._margin, SETUP_MARGIN)):
+                period = self._period if self._clock.is_real else None
+                self.audit = look_at_all(self._robot, lines, period)
+                if self.audit.errors:
+                    raise AuditError(self.audit.errors)
+                set_up_all(self.audit, lines, bank)
+                now = self._clock.now()
+                self._imu.start(measure_first(lines, bank, now), now)
         except BaseException:
             self.close()
             raise
-        finally:
-            self._set_margin(self._margin)
+        for servo in self.audit.servos:
+            self._translator.pwm_limit[bank.row(servo.id)] = servo.registers["pwm_limit"]
         self._connected = True
 
     def close(self) -> None:
@@ -196,110 +195,6 @@ class DynamixelBackend(ClosesItself):
             line.bus.port.close()
             line.is_lost = False
         self.unreleased = tuple(joint.name for joint in unreleased)
-
-    def _set_margin(self, margin: float) -> None:
-        for line in self.lines:
-            line.bus.answer_margin = margin
-
-    def _open_ports(self) -> None:
-        errors: list[PortError] = []
-        for line in self.lines:
-            line.bus.return_delay = FACTORY_RETURN_DELAY
-            try:
-                line.bus.port.open()
-            except PortError as error:
-                errors.append(error)
-        if len(errors) == 1:
-            raise errors[0]
-        if errors:
-            raise SetupError("; ".join(map(str, errors)))
-
-    def _look_at_all(self) -> Audit:
-        findings = [*list_doubled_ids(self._robot), *self._check_speed()]
-        boards = [f for line in self.lines if line.board for f in _check_board(line.board)]
-        if not boards:
-            self._await_servos()
-        findings += boards
-        servos = []
-        for line in self.lines:
-            line.writer.ask_for_answers(ALL_ANSWERED)
-            line.writer.release_all()
-            told = audit(line.bus, line.joints)
-            servos += told.servos
-            findings += told.findings
-        return Audit(tuple(servos), tuple(findings))
-
-    def _check_speed(self) -> list[Finding]:
-        """Tell when a bus is too slow for the control period, before values come in too late."""
-        findings = []
-        for line in self.lines:
-            count = len(line.joints)
-            size = 24 + 26 * count + 70  # goals out; question, positions, IMU and one more back
-            needed = size * line.bus.byte_time
-            if self._clock.is_real and needed > self._period:
-                findings.append(
-                    Finding(
-                        Severity.ERROR,
-                        f"port {line.bus.port.path}",
-                        f"at {line.bus.port.baud} bit/s a cycle of {count} servos takes "
-                        f"{needed * 1e3:.1f} ms, allowed {self._period * 1e3:.1f} ms",
-                        "set the servos and bus.baud in robot.toml to a higher speed",
-                    )
-                )
-        return findings
-
-    def _await_servos(self) -> None:
-        """Wait for servos that have just been given power; who stays silent is the audit's."""
-        until = time.monotonic() + BOOT_TIME
-        missing = [(line, joint.servo.id) for line in self.lines for joint in line.joints]
-        self._set_margin(min(self._margin, BOOT_MARGIN))
-        while missing and time.monotonic() < until:
-            missing = [(line, device) for line, device in missing if not line.bus.ping(device)]
-        self._set_margin(max(self._margin, SETUP_MARGIN))
-
-    def _set_up_all(self) -> None:
-        bank, faults = self._bank, list[Finding]()
-        bank.adopt(self.audit.servos)
-        for servo in self.audit.servos:
-            row = bank.row(servo.id)
-            line = next(line for line in self.lines if row in line.rows)
-            line.adopt(
-                {bank.row(s.id): s for s in self.audit.servos if bank.row(s.id) in line.rows}
-            )
-            self._translator.pwm_limit[row] = servo.registers["pwm_limit"]
-            if fault := line.configure(row):
-                remedy = "check its cable and power, then connect again"
-                faults.append(Finding(Severity.ERROR, servo.name, fault, remedy))
-            else:
-                bank.note_ready(row)
-        if faults:
-            raise AuditError(faults)
-        for line in self.lines:
-            line.bus.return_delay = 0.0
-
-    def _measure_first(self) -> None:
-        """Take one value of every joint and of the IMU: none is ever made up."""
-        now = self._clock.now()
-        for _ in range(FIRST_READS):
-            for line in self.lines:
-                line.ask_group()
-                line.collect_group(np.inf)
-                line.take_group(self._bank, now)
-            if np.isfinite(self._bank.stamp).all():
-                break
-        board = next(line.board for line in self.lines if line.board)
-        sample = board.read_imu()
-        silent = [j for j, s in zip(self._robot.joints, self._bank.stamp, strict=True) if s < now]
-        faults = []
-        if silent:
-            text = "set up, but silent when asked for a position"
-            remedy = "check cables and power along the chain"
-            faults.append(Finding(Severity.ERROR, name_all(silent), text, remedy))
-        if sample is None:
-            faults.append(_board_finding(board.settings, "does not tell its IMU"))
-        if faults or sample is None:
-            raise AuditError(faults)
-        self._imu.start(sample, now)
 
     # The cycle --------------------------------------------------------------------------------
 
@@ -396,13 +291,11 @@ class DynamixelBackend(ClosesItself):
         if bank.is_on[row] and not bank.alert[row]:
             raise RebootError(device, "has torque; release it before it is rebooted")
         bank.note_restart(row)
-        self._set_margin(min(self._margin, BOOT_MARGIN))
         try:
-            self._restart(line, row)
+            with margin(self.lines, BOOT_MARGIN):
+                self._restart(line, row)
         except PortError as error:
             raise RebootError(device, str(error)) from error
-        finally:
-            self._set_margin(self._margin)
 
     def _restart(self, line: ServoLine, row: int) -> None:
         device, bank = self._robot.joints[row], self._bank
@@ -461,21 +354,3 @@ def _check_robot(robot: Robot, ports: Mapping[str, str]) -> BusSettings:
             f"devices were named for: {', '.join(ports) or 'none'}"
         )
     return bus
-
-
-def _check_board(board: OpenCr) -> list[Finding]:
-    """Look whether the board is there, and switch the servos' power on."""
-    status = board.ping()
-    if status is None:
-        return [_board_finding(board.settings, "silent")]
-    number = int.from_bytes(status.data[:2], "little")
-    if number != board.model_number:
-        return [_board_finding(board.settings, f"is of model {number}")]
-    if board.settings.powers_servos and not board.power_servos():
-        return [_board_finding(board.settings, "does not switch the servos' power on")]
-    return []
-
-
-def _board_finding(board: BoardSettings, text: str) -> Finding:
-    name = f"board '{board.model}' (id {board.id})"
-    return Finding(Severity.ERROR, name, text, "check its power, its cable and bus.board")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.audit import Finding, Severity
 from drivers.bus import DynamixelBus
 from drivers.control_table import table_named
 from drivers.imu import GRAVITY, OrientationFilter
@@ -69,6 +70,15 @@ class OpenCr:
         self._bus.write(self.id, power.address, b"\x01", TRIES)
         told = self._bus.read(self.id, power.span, TRIES)
         return told is not None and told.data == b"\x01"
+
+    def answer_at_once(self) -> bool:
+        """Take the board's return delay away, where it has one; tell whether it confirms."""
+        delay = self._table["return_delay_time"]
+        told = self._bus.read(self.id, delay.span, TRIES)
+        if told is not None and told.data == b"\x00":
+            return True
+        done = self._bus.write(self.id, delay.address, b"\x00", TRIES)
+        return done is not None and not done.number
 
     def span(self, cycle: int) -> Span:
         """Return the registers to read in a cycle; their length turns, so late answers show."""
@@ -152,3 +162,22 @@ def _is_quiet(sample: ImuSample) -> bool:
     force = float(np.sqrt(sample.accelerometer @ sample.accelerometer))
     turn = float(np.sqrt(sample.gyro @ sample.gyro))
     return abs(force / GRAVITY - 1.0) < QUIET_FORCE and turn < QUIET_TURN
+
+
+def check_board(board: OpenCr) -> list[Finding]:
+    """Look whether the board is there, and switch the servos' power on."""
+    status = board.ping()
+    if status is None:
+        return [blame_board(board.settings, "silent")]
+    number = int.from_bytes(status.data[:2], "little")
+    if number != board.model_number:
+        return [blame_board(board.settings, f"is of model {number}")]
+    if board.settings.powers_servos and not board.power_servos():
+        return [blame_board(board.settings, "does not switch the servos' power on")]
+    return []
+
+
+def blame_board(board: BoardSettings, text: str) -> Finding:
+    """Build the finding that something is wrong with the board."""
+    name = f"board '{board.model}' (id {board.id})"
+    return Finding(Severity.ERROR, name, text, "check its power, its cable and bus.board")

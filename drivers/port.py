@@ -185,19 +185,17 @@ class SerialPort:
         """Throw away what has come; return how many bytes.
 
         Raises:
-            PortLostError: when the device is gone.
+            PortLostError: when the device is known to be gone.
         """
         count = 0
-        while True:
-            try:
-                data = os.read(self._fd, CHUNK)
-            except BlockingIOError:
-                return count
-            except OSError as error:
-                raise PortLostError(self._path) from error
-            if not data:  # pyserial's raw mode: nothing there
-                return count
-            count += len(data)
+        try:
+            while data := os.read(self._fd, CHUNK):
+                count += len(data)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise PortLostError(self._path) from error
+        return count
 
     def _open_serial(self) -> serial.Serial:
         return serial.Serial(self._path, self._baud, timeout=0, exclusive=True)

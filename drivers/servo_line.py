@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from drivers.errors import SetupError
 from drivers.group_read import GroupKind, GroupRead
 from drivers.opencr import BodyImu, OpenCr
 from drivers.port import PortError, PortLostError
-from drivers.protocol2 import ALERT, Span, Status
+from drivers.protocol2 import ALERT, Span
 from drivers.servo_bank import GROUP_BYTES, ServoBank
 from drivers.servo_orders import Orders, OrderWriter
 from drivers.servo_setup import ServoSetup
+from drivers.slow_look import SlowLook, has_time
 from robots import Joint, Robot
 from robots.servo import TICKS_PER_TURN
 
@@ -31,13 +32,11 @@ SYNC_WRITTEN = (
 )
 TRIES = 3
 REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
-SLOW_ITEMS = ("torque_enable", "bus_watchdog", "present_input_voltage")
-TRIPPED = 0xFF  # Bus Watchdog register: -1, the servo has stopped by itself
+MUTE_TIME = 1.0  # s without a single byte after which a port is opened anew
 SETUP_STEPS = 4  # instructions to servos that are set up again, a cycle
 STEP_TIME = 0.0015  # s that one of them may take
 VERIFY_TRIES = 3  # reads of torque registers after a change, before the servos are doubted
 POLL_WAIT = 0.0015  # s for a left-out servo's answer to a ping
-SPARE = 0.0005  # s of a cycle beyond an answer's bytes without which it is not asked for
 
 
 class ServoLine:
@@ -75,14 +74,17 @@ class ServoLine:
         self._facts: dict[int, ServoFacts] = {}
         self._setups: dict[int, ServoSetup] = {}
         self._group: GroupRead | None = None
-        self._slow = self._turn_slowly()
+        self._look = SlowLook(bus, rows, self._ids.tolist(), self._tables, board)
         self._cycle = 0
         self._reopen_at = 0.0
+        self._heard, self._heard_at = -1, 0.0
         self._verify_left = 0
         self._answers: Answers | None = None
-        self._look: tuple[Question, int, str] | None = None
-        self._looks: dict[tuple[int, str, int, bool], Question | None] = {}
-        self._board_misses = 0
+
+    @property
+    def places(self) -> list[tuple[Joint, int]]:
+        """Return the line's joints with their places in the robot's joint order."""
+        return list(zip(self.joints, self.rows.tolist(), strict=True))
 
     # Setting up -------------------------------------------------------------------------------
 
@@ -129,10 +131,14 @@ class ServoLine:
     def ask_group(self) -> None:
         """Send the question for everybody's position, velocity and current."""
         self._cycle += 1
-        if self._group is None or not self._is_usable():
-            return
+        if self._is_mute():
+            self._lose()  # for a cycle at least, in which everybody hears of it
+        elif self._group is not None and self._is_usable():
+            self._ask(self._group)
+
+    def _ask(self, group: GroupRead) -> None:
         try:
-            self._group.ask()
+            group.ask()
         except PortLostError:
             self._lose()
 
@@ -168,38 +174,19 @@ class ServoLine:
 
     def ask_look(self, bank: ServoBank, limit: float) -> None:
         """Ask the board for its IMU, and one servo for one of the values that change slowly."""
-        self._look = None
         if self.is_lost:
             return
-        row, item = self._choose_slow(bank)
-        question = self._build_look(row, item)
-        if row >= 0 and not self._has_time(question, limit):
-            row, item = -1, ""
-            question = self._build_look(row, item)
-        if question is None or not self._has_time(question, limit):
-            return
-        self._look = question, row, item
         try:
-            self.bus.ask(question)
+            self._look.ask(bank, self.left_out, limit)
         except PortLostError:
             self._lose()
 
     def take_look(self, bank: ServoBank, imu: BodyImu, now: float, limit: float) -> None:
         """Take in what `ask_look` asked for."""
-        if self.is_lost or self._look is None:
+        if self.is_lost:
             return
-        question, row, item = self._look
-        self._board_misses += self.board is not None
         try:
-            for status in self.bus.collect(question, limit):
-                if status.number or not status.data:
-                    continue
-                if self.board is not None and status.id == self.board.id:
-                    self._board_misses = 0
-                    speed = float(np.abs(bank.velocity).max())
-                    imu.take(self.board.decode(status.data), now, speed)
-                else:
-                    self._take_slow(bank, row, item, status)
+            self._look.take(bank, imu, now, limit)
         except PortLostError:
             self._lose()
 
@@ -207,6 +194,7 @@ class ServoLine:
         """Do what is left of a cycle's reading: verify torque, find lost servos, set up again."""
         if self.is_lost or self._group is None:
             return
+        self.bus.limit = limit
         try:
             if self._verify_left:
                 self._verify_torque(bank, limit)
@@ -214,6 +202,8 @@ class ServoLine:
             self._set_up_again(bank, limit)
         except PortLostError:
             self._lose()
+        finally:
+            self.bus.limit = np.inf
 
     # Writing ----------------------------------------------------------------------------------
 
@@ -273,9 +263,21 @@ class ServoLine:
 
     def _lose(self) -> None:
         self.is_lost = True
-        self._look = self._answers = None
+        self._answers = None
+        self._look.forget()
         self.bus.port.close()
         self._reopen_at = time.monotonic() + REOPEN_EVERY
+
+    def _is_mute(self) -> bool:
+        """Tell whether nothing at all has come from the port for long.
+
+        Whoever else opens a port may change its speed, and some adapters hang: to open it
+        anew is all that can be done from here.
+        """
+        heard, now = self.bus.statistics.bytes_in, time.monotonic()
+        if heard != self._heard or self.is_lost:
+            self._heard, self._heard_at = heard, now
+        return now - self._heard_at > MUTE_TIME
 
     def _is_usable(self) -> bool:
         """Tell whether the port is there; open it again if it was lost."""
@@ -292,65 +294,6 @@ class ServoLine:
             self._lose()
         return not self.is_lost
 
-    # Slow values ------------------------------------------------------------------------------
-
-    def _turn_slowly(self) -> Iterator[tuple[int, str]]:
-        while True:
-            for item in SLOW_ITEMS:
-                for row in self.rows:
-                    yield int(row), item
-
-    def _build_look(self, row: int, item: str) -> Question | None:
-        """Build the question to the board and to a servo; the same ones come round again."""
-        is_board_last = self._board_misses > 0
-        key = (row, item, self._cycle % 2, is_board_last)
-        if key not in self._looks:
-            servo = {self._id(row): self._slow_span(item)} if row >= 0 else {}
-            board = {self.board.id: self.board.span(self._cycle)} if self.board else {}
-            # A board that is silent may keep from answering who comes behind it.
-            spans = servo | board if is_board_last else board | servo
-            self._looks[key] = Question.group(spans) if spans else None
-        return self._looks[key]
-
-    def _choose_slow(self, bank: ServoBank) -> tuple[int, str]:
-        """Choose whom to ask for what: what is urgent, else whose turn it is."""
-        out = self.left_out
-        rows = self.rows
-        if bank.alert.any():
-            for row in rows[bank.alert[rows] == ALERT]:
-                if self._id(row) not in out:
-                    return int(row), "hardware_error_status"
-        if bank.is_unsure.any():
-            for row in rows[bank.is_unsure[rows]]:
-                if self._id(row) not in out:
-                    return int(row), "torque_enable"
-        for _ in rows:
-            row, item = next(self._slow)
-            if self._id(row) not in out:
-                if item == "torque_enable" and bank.alert[row]:
-                    item = "hardware_error_status"  # more may have come
-                return row, item
-        return -1, ""
-
-    def _take_slow(self, bank: ServoBank, row: int, item: str, status: Status) -> None:
-        data = status.data
-        if item == "torque_enable":
-            bank.take_torque(row, data[0])
-        elif item == "bus_watchdog":
-            bank.must_seed[row] |= data[0] == TRIPPED and bool(bank.is_on[row])
-        elif item == "hardware_error_status":
-            bank.alert[row] = data[0] or ALERT
-        else:
-            table = self._table(row)
-            bank.voltage[row] = int.from_bytes(data[:2], "little") * table[item].scale
-            bank.temperature[row] = data[2]
-
-    def _slow_span(self, item: str) -> Span:
-        table = self._tables[0]
-        if item == "present_input_voltage":
-            return table.span(item, "present_temperature")
-        return table[item].span
-
     # Servos that need care --------------------------------------------------------------------
 
     def _verify_torque(self, bank: ServoBank, limit: float) -> None:
@@ -362,7 +305,7 @@ class ServoLine:
             return
         fast = self.group_kind is GroupKind.FAST and len(spans) > 1
         question = Question.group(spans, fast=fast)
-        if not self._has_time(question, limit):
+        if not has_time(self.bus, question, limit):
             return
         self.bus.ask(question)
         told = self.bus.collect_group(question, limit)
@@ -401,21 +344,22 @@ class ServoLine:
         if bank.is_ready.all():
             return
         out, steps = self.left_out, 0
-        for row in self.rows[~bank.is_ready[self.rows] & (bank.alert[self.rows] == 0)]:
+        waiting = self.rows[~bank.is_ready[self.rows] & (bank.alert[self.rows] == 0)]
+        # Another one begins in each cycle, should one of them not get on.
+        for row in np.roll(waiting, self._cycle).tolist():
             if self._id(row) in out or row not in self._facts:
                 continue
-            setup = self._setups.setdefault(int(row), ServoSetup(self._facts[row], recheck=True))
+            setup = self._setups.setdefault(row, ServoSetup(self._facts[row], recheck=True))
             while not setup.done:
                 if steps == SETUP_STEPS or time.monotonic() + STEP_TIME > limit:
                     return
                 steps += 1
                 if not setup.step(self.bus):
-                    break
-            if setup.done:
-                self.eeprom_writes += setup.eeprom_writes
-                del self._setups[int(row)]
-                bank.note_ready(int(row))
-                self.writer.forget()
+                    return
+            self.eeprom_writes += setup.eeprom_writes
+            del self._setups[row]
+            bank.note_ready(row)
+            self.writer.forget()
 
     # Small helpers ----------------------------------------------------------------------------
 
@@ -424,11 +368,6 @@ class ServoLine:
 
     def _table(self, row: int) -> ControlTable:
         return self._tables[int(np.searchsorted(self.rows, row))]
-
-    def _has_time(self, question: Question | None, limit: float) -> bool:
-        if question is None:
-            return False
-        return time.monotonic() + self.bus.duration(question) + SPARE < limit
 
 
 def _check_registers(tables: list[ControlTable]) -> None:

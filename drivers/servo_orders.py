@@ -151,15 +151,18 @@ class OrderWriter:
         off = ~wanted & (was_on | bank.must_release[rows])
         if off.any():
             self._switch_off(off, bank)
+        on = wanted & fresh[rows] & (~was_on | bank.must_seed[rows])
+        goes_on = bool(on.any())
         shadows, writers = self._shadows, (self._p_gain, self._pwm)
         for i, values in enumerate((orders.p_gain[rows], orders.pwm[rows])):
             due = shadows[i].find_due(values)
             if self._cycle % REFRESH == i * REFRESH // 2:
                 due = self._all
+            if goes_on:
+                due = due | on  # whatever they were told before, they may have forgotten it
             if due.any():
                 send(writers[i].encode_some(due, values))
-        on = wanted & fresh[rows] & (~was_on | bank.must_seed[rows])
-        if on.any():
+        if goes_on:
             self._switch_on(on, bank)
         present = np.minimum(np.maximum(bank.ticks[rows], 0), TICKS_PER_TURN - 1)
         send(self._goal.encode(np.where(bank.is_on[rows], orders.goal[rows], present)))

@@ -57,6 +57,8 @@ class RobotBus:
         self.written: list[str] = []
         """What was written in order to look, in words."""
         self.board = _find_board(robot, lines)
+        self.answering_board: OpenCr | None = None
+        """The board, when it is there and is one."""
         self.findings: list[Finding] = list_doubled_ids(robot)
         """What is wrong with the description and the board."""
         if self.board is None:
@@ -119,6 +121,7 @@ class RobotBus:
         if number != board.model_number:
             self._complain(who, f"is of model {number}, allowed {board.model_number}", remedy)
             return
+        self.answering_board = board
         power = table_named(board.settings.model)["dynamixel_power"]
         told = bus.read(board.id, power.span, TRIES)
         if not board.settings.powers_servos or (told is not None and told.data == b"\x01"):

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from serial.tools import list_ports
 
 from drivers.audit import read_items
-from drivers.bus import DynamixelBus
+from drivers.bus import PING_DATA, BusStatistics, DynamixelBus
 from drivers.control_table import BAUD_RATES, UnknownModelError, table_for
 from drivers.errors import DriverError
 from drivers.port import Port, PortError, PortLostError, read_latency_timer
-from drivers.protocol2 import MAX_ID, Status
+from drivers.protocol2 import MAX_ID, OVERHEAD, Status
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """Speeds at which robots are usually run, and the one as shipped [bit/s]."""
 SURE = 2  # garbled answers in a row that are no chance any more
+PONG = OVERHEAD + 1 + PING_DATA  # bytes of an answer to a ping
 BOARD_PORT = re.compile(r"/ttyS\d+$")  # soldered to the computer; no USB adapter
 
 # What changes all the time or differs from servo to servo: two of one id that answer a ping
@@ -58,6 +59,8 @@ class Answering:
     """Supply [V]; None where it does not tell it, as None is everywhere here."""
     temperature: float | None = None
     """[°C]"""
+    is_board: bool = False
+    """True when it is known to be no servo."""
     doubled: bool = False
     """True when its answers are garbled, as by two devices of one id."""
 
@@ -136,33 +139,36 @@ def scan_port(port: Port, rates: Sequence[int]) -> PortScan:
 
 def find_devices(bus: DynamixelBus) -> list[Answering]:
     """List who answers on a bus at its present speed, in the order of the ids."""
-    damaged = bus.statistics.damaged
+    before = replace(bus.statistics)
     statuses = bus.find()
-    is_garbled = bus.statistics.damaged > damaged
+    is_garbled = _count_strange(bus, before) > len(statuses) * PONG
     found = [_examine(bus, status) for status in statuses.values()]
     if is_garbled:
         found += _ask_the_others(bus, statuses.keys())
     return sorted(found, key=lambda device: device.id)
 
 
-def _ask_the_others(bus: DynamixelBus, known: Sequence[int] | set[int] | object) -> Iterator[Answering]:
+def _ask_the_others(bus: DynamixelBus, known: Container[int]) -> Iterator[Answering]:
     """Ping each id alone of which no sound answer came to the ping of all."""
-    assert hasattr(known, "__contains__")
     for device in range(MAX_ID + 1):
-        if device in known:  # type: ignore[operator]
+        if device in known:
             continue
-        garbled = 0
-        while garbled < SURE:
-            damaged = bus.statistics.damaged
+        for _ in range(SURE):
+            before = replace(bus.statistics)
             status = bus.ping(device)
             if status is not None:
                 yield _examine(bus, status)
                 break
-            if bus.statistics.damaged == damaged:
+            if not _count_strange(bus, before):
                 break
-            garbled += 1
         else:
             yield Answering(id=device, baud=bus.port.baud, doubled=True)
+
+
+def _count_strange(bus: DynamixelBus, before: BusStatistics) -> int:
+    """Count the bytes that came since, unless an adapter only gave back what was sent."""
+    passed = bus.statistics - before
+    return 0 if passed.bytes_in == passed.bytes_out else passed.bytes_in
 
 
 def _examine(bus: DynamixelBus, status: Status) -> Answering:
@@ -172,9 +178,9 @@ def _examine(bus: DynamixelBus, status: Status) -> Answering:
         table = table_for(number, firmware)
     except UnknownModelError:
         return Answering(id=status.id, baud=baud, number=number, firmware=firmware)
-    damaged = bus.statistics.damaged
+    before = replace(bus.statistics)
     told = read_items(bus, status.id, table, TELLTALES)
-    is_doubled = told is None and bus.statistics.damaged >= damaged + SURE
+    is_doubled = told is None and _count_strange(bus, before) > 0
     told = told or {}
 
     def scaled(name: str) -> float | None:
@@ -188,5 +194,6 @@ def _examine(bus: DynamixelBus, status: Status) -> Answering:
         firmware=firmware,
         voltage=scaled("present_input_voltage"),
         temperature=scaled("present_temperature"),
+        is_board=not table.modes,
         doubled=is_doubled,
     )

@@ -56,6 +56,8 @@ class Body:
         self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
         self._steps_since_look = 0
+        self._drives: Drives | None = None
+        self._last_drives: list[Drive] = []
         self.on_pass: list[Callable[[], None]] = []
         """Called after each stretch of time, by whoever lets it pass."""
         self._sense()
@@ -109,7 +111,9 @@ class Body:
         moving = not plain or any(servo.has_profile for servo in self._servos)
         until_look = body.steps_per_period - self._steps_since_look
         steps = 1 if moving else min(left, until_look)
-        body.drive(self._convert(drives, plain, step))
+        if moving or self._drives is None or not _are_the_same(drives, self._last_drives):
+            self._drives, self._last_drives = self._convert(drives, plain, step), drives
+        body.drive(self._drives)
         body.step(steps)
         self.time += steps * step
         self._steps_since_look += steps
@@ -199,3 +203,8 @@ class Body:
 
     def _counts(self, value: Array, step: float) -> list[int]:
         return np.rint(self._imu_axes * value / step).astype(int).tolist()
+
+
+def _are_the_same(drives: list[Drive], others: list[Drive]) -> bool:
+    """Tell whether servos do what they did: a servo keeps its `Drive` until something changes."""
+    return all(a is b for a, b in zip(drives, others, strict=True))

@@ -9,13 +9,17 @@ import tyro
 from tyro.conf import subcommand
 
 from humanoid_getup.commands.bench import BenchFilter, BenchMotions, BenchRise
+from humanoid_getup.commands.bench_bus import BenchFaults, BenchSoak
 from humanoid_getup.commands.bus import ServeBus
+from humanoid_getup.commands.calibrate import Calibrate
+from humanoid_getup.commands.doctor import Doctor
 from humanoid_getup.commands.motions import BuildMotions, ListMotions, ShowMotion
 from humanoid_getup.commands.play import Play
 from humanoid_getup.commands.preflight import Preflight
 from humanoid_getup.commands.replay import Replay
 from humanoid_getup.commands.rise import RiseCommand
 from humanoid_getup.commands.robots import ListRobots
+from humanoid_getup.commands.scan import Scan
 
 MOTIONS = (
     Annotated[ListMotions, subcommand("list")]
@@ -27,6 +31,8 @@ BENCHMARKS = (
     Annotated[BenchRise, subcommand("rise")]
     | Annotated[BenchMotions, subcommand("motions")]
     | Annotated[BenchFilter, subcommand("filter")]
+    | Annotated[BenchFaults, subcommand("faults")]
+    | Annotated[BenchSoak, subcommand("soak")]
 )
 COMMANDS: Any = (
     Annotated[RiseCommand, subcommand("rise")]
@@ -36,6 +42,9 @@ COMMANDS: Any = (
     ]
     | Annotated[BENCHMARKS, subcommand("bench", description="Measure on the twin.")]
     | Annotated[ServeBus, subcommand("bus")]
+    | Annotated[Scan, subcommand("scan")]
+    | Annotated[Doctor, subcommand("doctor")]
+    | Annotated[Calibrate, subcommand("calibrate")]
     | Annotated[Preflight, subcommand("preflight")]
     | Annotated[Replay, subcommand("replay")]
     | Annotated[ListRobots, subcommand("robots")]

@@ -36,7 +36,9 @@ SPEED_FIGURES = ("n", "filter_over_bare_steps_per_s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class _BenchOptions(StageOptions):
+class BenchOptions(StageOptions):
+    """What every benchmark is told."""
+
     n: int = 1
 
     def find_faults(self) -> list[str]:
@@ -63,7 +65,7 @@ class _BenchOptions(StageOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(_BenchOptions):
+class BenchRise(BenchOptions):
     """Rise from many settled falls: success rates, times and faults."""
 
     n: int = 20
@@ -93,7 +95,7 @@ class BenchRise(_BenchOptions):
             assistance=self.assistance,
             torque_limit=self.torque_limit,
         )
-        with _counting("rises", len(CLASSES) * self.n) as count:
+        with counting("rises", len(CLASSES) * self.n) as count:
             robot, scene = stage.robot, stage.scene
             result = bench_rise(
                 robot, scene, seed=self.seed, each=self.n, options=options, report=count
@@ -102,7 +104,7 @@ class BenchRise(_BenchOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchMotions(_BenchOptions):
+class BenchMotions(BenchOptions):
     """Play every motion of the database: time, load, reserve and robustness."""
 
     n: int = 50
@@ -112,14 +114,14 @@ class BenchMotions(_BenchOptions):
         """Run the benchmark."""
         stage = self.load_stage()
         motions = len(list((stage.robot.folder / MOTION_FOLDER).glob("*.npz")))
-        with _counting("motions", motions) as count:
+        with counting("motions", motions) as count:
             robot, scene = stage.robot, stage.scene
             result = bench_motions(robot, scene, seed=self.seed, plays=self.n, report=count)
         return self.hand_over(result, MOTION_FIGURES)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchFilter(_BenchOptions):
+class BenchFilter(BenchOptions):
     """Compare the speed of the filter's simulation with bare physics."""
 
     n: int = 5
@@ -134,7 +136,7 @@ class BenchFilter(_BenchOptions):
 
 
 @contextmanager
-def _counting(what: str, total: int) -> Iterator[Callable[[dict[str, Any]], None]]:
+def counting(what: str, total: int) -> Iterator[Callable[[dict[str, Any]], None]]:
     """Show a bar on standard error; yield what moves it on by one."""
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:

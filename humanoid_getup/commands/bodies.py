@@ -72,6 +72,8 @@ def open_body(
     if ports:
         named = name_ports(robot, ports)
         driver = DynamixelBackend(robot, named, release=RELEASES[release])
+        with driver:  # what is wrong with port or servos is told before anything is planned
+            pass
         yield Body(backend=driver, realtime=True, services=driver)
         return
     virtual = VirtualRobot(Simulation(robot, stage.model))

@@ -1,26 +1,50 @@
 """What every backend promises. A new backend joins ``BACKENDS`` and passes it all."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 import numpy as np
 import pytest
 
 from drivers import Backend, Command, SafetyGuard, Twin
+from drivers.clock import CycleClock
+from drivers.dynamixel import DynamixelBackend
 from drivers.errors import CommandError, NotConnectedError
 from drivers.servo_sensors import CURRENT_STEP
+from drivers.simulation import Simulation
+from drivers.virtual.robot import VirtualPorts, VirtualRobot
+from drivers.virtual.server import Pace
 from robots import Robot
 from robots.servo import RAD_PER_TICK
 
-Make = Callable[[Robot], Backend]
+Make = Callable[[Robot], AbstractContextManager[Backend]]
+
+
+@contextmanager
+def virtual(robot: Robot) -> Iterator[Backend]:
+    """The real driver, its port, and servos that speak the protocol with physics behind them."""
+    with VirtualPorts(VirtualRobot(Simulation(robot)), pace=Pace.LOCK_STEP) as ports:
+        yield DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
+
+
+@contextmanager
+def guarded_virtual(robot: Robot) -> Iterator[Backend]:
+    with virtual(robot) as backend:
+        yield SafetyGuard(backend)
+
+
 BACKENDS: dict[str, Make] = {
-    "twin": Twin,
-    "guarded twin": lambda robot: SafetyGuard(Twin(robot)),
+    "twin": lambda robot: nullcontext(Twin(robot)),
+    "guarded twin": lambda robot: nullcontext(SafetyGuard(Twin(robot))),
+    "virtual bus": virtual,
+    "guarded virtual bus": guarded_virtual,
 }
 
 
 @pytest.fixture(params=BACKENDS)
-def backend(request: pytest.FixtureRequest, tiny: Robot) -> Backend:
-    return BACKENDS[request.param](tiny)
+def backend(request: pytest.FixtureRequest, tiny: Robot) -> Iterator[Backend]:
+    with BACKENDS[request.param](tiny) as backend:
+        yield backend
 
 
 def turn(backend: Backend, command: Command, cycles: int = 1) -> Command:

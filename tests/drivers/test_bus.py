@@ -1,6 +1,7 @@
 """Questions on a bus find their answers, and only theirs."""
 
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -113,7 +114,7 @@ def test_echo_noise_and_damage_around_an_answer_do_not_matter():
 def test_stuffed_answers_come_out_as_they_went_in_however_they_are_cut(data, cuts):
     frame = Status(3, 0, b"\xff\xff\xfd" + data[3:]).encode()
     places = sorted({0, len(frame), *cuts})
-    chunks = [frame[a:b] for a, b in zip(places, places[1:], strict=False)]
+    chunks = [frame[a:b] for a, b in pairwise(places)]
     told = bus_with(chunks).read(3, SPAN)
     assert told is not None and told.data == b"\xff\xff\xfd" + data[3:]
 
@@ -233,13 +234,8 @@ def test_all_ids_are_pinged_at_once():
 @given(values=st.lists(st.integers(-(2**31), 2**31 - 1), min_size=3, max_size=3))
 def test_a_sync_write_is_what_the_protocol_builds(values):
     writer = SyncWriter(116, "<i4", [1, 20, 252])
-    expected = protocol2.sync_write(
-        116,
-        {
-            i: v.to_bytes(4, "little", signed=True)
-            for i, v in zip((1, 20, 252), values, strict=True)
-        },
-    )
+    rows = [value.to_bytes(4, "little", signed=True) for value in values]
+    expected = protocol2.sync_write(116, dict(zip((1, 20, 252), rows, strict=True)))
     assert writer.encode(np.array(values)) == expected
     some = np.array([True, False, True])
     (packet,) = FrameParser().feed(writer.encode_some(some, np.array(values)))

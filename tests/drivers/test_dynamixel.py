@@ -10,13 +10,18 @@ from memory_rig import Rig, split
 
 from drivers import Backend, Command
 from drivers.audit import AuditError
+from drivers.clock import CycleClock
 from drivers.control_table import HardwareError, OperatingMode
 from drivers.dynamixel import DynamixelBackend, RebootError, Release
 from drivers.errors import CommandError, NotConnectedError, SetupError
 from drivers.group_read import MISSES, GroupKind
+from drivers.port import PortError, SdkPort, SerialPort
 from drivers.protocol2 import HEADER, Instruction
 from drivers.servo_orders import Translator
+from drivers.simulation import Simulation
 from drivers.virtual.quirks import Gap, Quirks
+from drivers.virtual.robot import VirtualPorts, VirtualRobot
+from drivers.virtual.server import Pace
 from robots.servo import RAD_PER_TICK
 
 GOAL, TORQUE, PWM, WATCHDOG = 116, 64, 100, 98
@@ -566,7 +571,7 @@ def test_a_silent_board_makes_the_orientation_older_and_nothing_else(op3_rig):
     assert state.imu_age == pytest.approx(10 * rig.robot.control_period)
     assert state.joint_age.max() == 0.0
     rig.virtual.board.alive = True
-    assert rig.turn(Command.limp(20), 2).imu_age == 0.0
+    assert rig.turn(Command.limp(20), 6).imu_age < 5 * rig.robot.control_period
 
 
 def test_an_imu_that_repeats_itself_while_joints_move_is_not_believed(op3_rig):
@@ -616,6 +621,24 @@ def test_a_port_that_is_back_is_opened_but_torque_waits_until_it_is_asked_for_an
     rig.turn(Command.limp(2))
     rig.turn(cycles=2)
     assert rig.peek("torque_enable") == [1, 1]
+
+
+@pytest.mark.usefixtures("quick_reopen")
+def test_a_port_from_which_nothing_comes_any_more_is_opened_anew(rig, monkeypatch):
+    monkeypatch.setattr("drivers.servo_line.MUTE_TIME", 0.0)
+    rig.turn(cycles=3)
+    rig.port.baud = 57_600  # somebody else changed it
+    reopen = rig.port.open
+
+    def open_at_its_speed():
+        rig.port.baud = 1_000_000
+        reopen()
+
+    rig.port.open = open_at_its_speed
+    state = rig.turn(cycles=40)
+    assert rig.port.opened >= 2
+    assert state.joint_age.max() == 0.0
+    assert rig.peek("torque_enable") == [0, 0], "nobody asked for it anew"
 
 
 def test_two_ports_are_asked_together_and_move_one_robot(op3):
@@ -684,3 +707,57 @@ def test_no_frame_holds_a_header_inside(op3_rig):
     assert len(rig.port.sent) > 100
     assert all(HEADER[:3] not in packet.encode()[4:] for packet in rig.port.sent)
     assert MISSES == 3
+
+
+# Over a real port ------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=[SerialPort, SdkPort])
+def plugged(request, tiny):
+    """Drive the tiny robot over a pseudo-terminal."""
+    virtual = VirtualRobot(Simulation(tiny), powered=True)
+    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+        backend = DynamixelBackend(
+            tiny, ports.paths, clock=CycleClock(), answer_margin=0.1, make_port=request.param
+        )
+        with backend:
+            yield backend, virtual, ports.main
+
+
+def hold_over(backend: DynamixelBackend, cycles: int):
+    for _ in range(cycles):
+        state = backend.read()
+        backend.write(Command.position(backend.robot, np.array([0.1, -0.1])))
+    return state
+
+
+def test_over_a_port_the_robot_goes_where_it_is_sent(plugged):
+    backend, _, _ = plugged
+    state = hold_over(backend, 60)
+    assert state.joint_pos == pytest.approx([0.1, -0.1], abs=0.05)
+    assert state.joint_age.max() == 0.0
+
+
+@pytest.mark.usefixtures("quick_reopen")
+def test_unplugged_under_torque_and_plugged_in_again_the_robot_is_limp(plugged):
+    backend, virtual, bus = plugged
+    before = hold_over(backend, 10)
+    bus.faults.unplug()
+    state = hold_over(backend, 10)
+    assert backend.lost_ports == ["main"]
+    assert state.joint_age.max() > 0.0
+    assert np.all(np.abs(state.joint_pos - before.joint_pos) < 0.1)
+    bus.faults.replug()
+    state = hold_over(backend, 30)
+    assert backend.lost_ports == []
+    assert state.joint_age.max() == 0.0
+    assert [servo.peek("torque_enable") for servo in virtual.servos] == [0, 0]
+    backend.write(Command.limp(2))
+    hold_over(backend, 3)
+    assert [servo.peek("torque_enable") for servo in virtual.servos] == [1, 1]
+
+
+def test_a_port_that_another_program_has_is_refused(plugged, tiny):
+    _, _, bus = plugged
+    with pytest.raises(PortError, match="in use by another program"):
+        DynamixelBackend(tiny, {"main": bus.path}).connect()

@@ -142,12 +142,8 @@ def test_a_speed_that_the_sdk_does_not_know_is_refused(wire):
         SdkPort(wire.path, 4_500_000).open()
 
 
-def test_an_unplugged_port_is_lost_whatever_is_asked_of_it(wire):
-    for action in (
-        lambda port: port.read(soon()),
-        lambda port: port.write(b"x" * 8),
-        lambda port: port.flush(),
-    ):
+def test_an_unplugged_port_is_lost_for_reading_and_for_writing(wire):
+    for action in (lambda port: port.read(soon()), lambda port: port.write(b"x" * 8)):
         if not wire.plugged:
             wire.plug()
         port = SerialPort(wire.path, 1_000_000)

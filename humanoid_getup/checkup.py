@@ -1,0 +1,231 @@
+"""The checkup of a robot on its bus before first torque: figures, findings, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drivers.audit import Finding, ServoFacts, Severity, name_all
+from drivers.bus import BITS_PER_BYTE
+from drivers.dynamixel import READ_SHARE
+from drivers.guard_limits import DERATE_TEMPERATURE, MAX_TEMPERATURE
+from drivers.imu import GRAVITY
+from drivers.opencr import ImuSample
+from drivers.port import read_latency_timer
+from drivers.servo_setup import list_eeprom_settings
+from humanoid_getup.cycle_timing import ROUNDS, CycleReading, Latency
+from humanoid_getup.robot_bus import Line, RobotBus
+from robots import Joint, Robot
+from robots.calibration import CALIBRATION_FILE
+
+BEST_TIMER = 1  # ms, the least that an adapter's latency timer can be
+QUESTIONS = 2  # of a cycle that wait for answers
+LEAST_FORCE, MOST_FORCE = 0.8 * GRAVITY, 1.2 * GRAVITY  # m/s², of a body at rest
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineReport:
+    """What was found of one port."""
+
+    name: str
+    path: str
+    baud: int
+    """[bit/s]"""
+    latency_timer: int | None
+    """How long the adapter holds back a short answer [ms]; None when it has no say."""
+    cycle_bytes: int
+    """Bytes of one cycle on the wire, both ways; 0 when no servo answered."""
+    cycle_time: float
+    """Time that they take there [s]."""
+    latency: Latency | None
+    """None when no servo answered."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checkup:
+    """All that was found of a robot."""
+
+    robot: Robot
+    servos: tuple[ServoFacts, ...]
+    """Those that told all, in joint order."""
+    findings: tuple[Finding, ...]
+    """Errors first."""
+    lines: tuple[LineReport, ...]
+    imu: ImuSample | None
+    torque: tuple[Joint, ...]
+    """Joints that had torque, and have it still."""
+    written: tuple[str, ...]
+    """What had to be written in order to look, in words."""
+    is_calibrated: bool
+    """Tell whether the robot's folder holds a calibration."""
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Return what forbids to move."""
+        return tuple(f for f in self.findings if f.severity is not Severity.WARNING)
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """Return what somebody should know."""
+        return tuple(f for f in self.findings if f.severity is Severity.WARNING)
+
+
+def examine(bus: RobotBus, rounds: int = ROUNDS) -> Checkup:
+    """Examine a robot; its joints keep the torque that they have, and nothing is set."""
+    robot, torque = bus.robot, bus.find_torque()
+    told = bus.look()
+    place = {joint.name: i for i, joint in enumerate(robot.joints)}
+    servos = tuple(sorted(told.servos, key=lambda servo: place[servo.joint.name]))
+    lines = [_examine_line(bus, line, servos, rounds) for line in bus.lines]
+    board = bus.answering_board
+    imu = board.read_imu() if board else None
+    findings = [*told.findings, *_judge_torque(torque), *_judge_heat(servos)]
+    findings += [f for line in lines for f in _judge_line(line, robot.control_period)]
+    findings += [*_judge_imu(imu), *_judge_settings(servos), *_judge_calibration(robot)]
+    return Checkup(
+        robot=robot,
+        servos=servos,
+        findings=tuple(sorted(findings, key=lambda f: f.severity is not Severity.ERROR)),
+        lines=tuple(lines),
+        imu=imu,
+        torque=torque,
+        written=tuple(bus.written),
+        is_calibrated=_is_calibrated(robot),
+    )
+
+
+def _examine_line(
+    bus: RobotBus, line: Line, servos: Sequence[ServoFacts], rounds: int
+) -> LineReport:
+    here = [servo for servo in servos if servo.joint in line.joints]
+    board, port, size, latency = bus.answering_board, line.bus.port, 0, None
+    if here:
+        is_here = board is not None and board.settings.port == line.name
+        reading = CycleReading(line.bus, here, board if is_here else None)
+        size, latency = reading.bytes, reading.measure(rounds)
+    return LineReport(
+        name=line.name,
+        path=port.path,
+        baud=port.baud,
+        latency_timer=read_latency_timer(port.path),
+        cycle_bytes=size,
+        cycle_time=size * BITS_PER_BYTE / port.baud,
+        latency=latency,
+    )
+
+
+# Findings -----------------------------------------------------------------------------------
+
+
+def _judge_torque(joints: Sequence[Joint]) -> list[Finding]:
+    if not joints:
+        return []
+    remedy = "hold the robot before a command connects to it: whatever moves it makes it limp first"
+    return [Finding(Severity.WARNING, name_all(joints), "has torque", remedy)]
+
+
+def _judge_heat(servos: Sequence[ServoFacts]) -> list[Finding]:
+    findings, remedy = [], "let it cool down"
+    for servo in servos:
+        told = f"has {servo.temperature:.0f} °C"
+        if servo.temperature > MAX_TEMPERATURE:
+            text = f"{told}, allowed {MAX_TEMPERATURE:.0f} °C"
+            findings.append(Finding(Severity.ERROR, servo.name, text, remedy))
+        elif servo.temperature > DERATE_TEMPERATURE:
+            text = f"{told}: it gets less torque from {DERATE_TEMPERATURE:.0f} °C on"
+            findings.append(Finding(Severity.WARNING, servo.name, text, remedy))
+    return findings
+
+
+def _judge_settings(servos: Sequence[ServoFacts]) -> list[Finding]:
+    """Tell which kept registers the driver is going to set, those alike together."""
+    groups: dict[tuple[str, int, int], list[Joint]] = {}
+    for servo in servos:
+        for setting in list_eeprom_settings(servo):
+            change = (setting.name, servo.registers[setting.name], setting.value)
+            groups.setdefault(change, []).append(servo.joint)
+    return [
+        Finding(
+            Severity.WARNING,
+            name_all(joints) if len(joints) < len(servos) else f"all {len(servos)} servos",
+            _describe_setting(name, found),
+            f"nothing to do: the driver sets it to {wanted} when it first connects to move",
+        )
+        for (name, found, wanted), joints in groups.items()
+    ]
+
+
+def _describe_setting(name: str, value: int) -> str:
+    told = f"{name.replace('_', ' ')} is {value}"
+    return f"{told}, {2 * value} µs before each answer" if name == "return_delay_time" else told
+
+
+def _judge_imu(sample: ImuSample | None) -> list[Finding]:
+    if sample is None:
+        return []
+    force = float(np.linalg.norm(sample.accelerometer))
+    if LEAST_FORCE <= force <= MOST_FORCE:
+        return []
+    text = (
+        f"the accelerometer shows {force:.1f} m/s², at rest allowed {LEAST_FORCE:.1f} to "
+        f"{MOST_FORCE:.1f} m/s²"
+    )
+    return [Finding(Severity.WARNING, "IMU", text, "let the robot rest; else restart its board")]
+
+
+def _judge_line(line: LineReport, period: float) -> list[Finding]:
+    port, findings = f"port {line.path}", list[Finding]()
+    timer, allowed = line.latency_timer, READ_SHARE * period
+    if timer is not None and timer > BEST_TIMER:
+        severity = Severity.ERROR if QUESTIONS * timer * 1e-3 > allowed else Severity.WARNING
+        text = f"its adapter holds answers back for up to {timer} ms, allowed {BEST_TIMER} ms"
+        findings.append(Finding(severity, port, text, describe_timer_remedy(line.path)))
+    if line.cycle_time > period:
+        text = (
+            f"at {line.baud} bit/s a cycle takes {line.cycle_time * 1e3:.1f} ms on the wire, "
+            f"allowed {period * 1e3:.1f} ms"
+        )
+        remedy = "set the servos and bus.baud in robot.toml to a higher speed"
+        findings.append(Finding(Severity.ERROR, port, text, remedy))
+    return findings + _judge_latency(port, line.latency, allowed)
+
+
+def _judge_latency(port: str, latency: Latency | None, allowed: float) -> list[Finding]:
+    if latency is None:
+        return []
+    findings, limit = [], f"allowed {allowed * 1e3:.1f} ms"
+    remedy = "set the adapter's latency timer to 1 ms, stop other programs, or use a faster bus"
+    if latency.reading_median > allowed:
+        text = f"reading takes {latency.reading_median * 1e3:.1f} ms of each cycle, {limit}"
+        findings.append(Finding(Severity.ERROR, port, text, remedy))
+    elif latency.reading_p99 > allowed:
+        text = f"reading takes {latency.reading_p99 * 1e3:.1f} ms now and then, {limit}"
+        findings.append(Finding(Severity.WARNING, port, text, remedy))
+    if latency.lost or latency.damaged:
+        text = (
+            f"in {latency.rounds} readings {latency.lost} answers were lost and "
+            f"{latency.damaged} damaged"
+        )
+        remedy = "check plugs and cables along the chain, ground above all"
+        findings.append(Finding(Severity.WARNING, port, text, remedy))
+    return findings
+
+
+def describe_timer_remedy(path: str) -> str:
+    """Tell how to make a USB adapter hand over answers at once."""
+    name = Path(path).resolve().name
+    return f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer (docs, udev)"
+
+
+def _judge_calibration(robot: Robot) -> list[Finding]:
+    if _is_calibrated(robot):
+        return []
+    text = "no calibration: zeros and signs are those of the description"
+    return [Finding(Severity.WARNING, f"robot '{robot.name}'", text, "run getup calibrate")]
+
+
+def _is_calibrated(robot: Robot) -> bool:
+    return (robot.folder / CALIBRATION_FILE).exists()

@@ -185,9 +185,7 @@ class SafetyGuard(ClosesItself):
         if state.imu_age > limits.max_imu_age:
             return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
         if state.voltage < limits.min_voltage:
-            detail = (
-                f"{state.voltage:.1f} V, allowed {limits.min_voltage:.1f} V or more"
-            )
+            detail = f"{state.voltage:.1f} V, allowed {limits.min_voltage:.1f} V or more"
             return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
         if state.temperature.max() > limits.max_temperature:
             hottest = int(state.temperature.argmax())

@@ -12,7 +12,12 @@ GRAVITY = 9.81  # m/s²
 
 # Seconds in which the accelerometer pulls the integrated gyro towards the vertical.
 TIME_CONSTANT = 1.0
-GYRO_RANGE = np.radians(2000.0)  # rad/s; beyond it the gyro is at its stop (OpenCR)
+# OpenCR's ICM-20648 as the OP3 uses it: 16.4 counts per deg/s, +-2000 deg/s; 16384 counts
+# per g, +-2 g (ROBOTIS-OP3 open_cr_module).
+GYRO_STEP = np.radians(1.0 / 16.4)  # rad/s
+GYRO_RANGE = np.radians(2000.0)  # rad/s
+ACCELEROMETER_STEP = GRAVITY / 16384.0  # m/s²
+ACCELEROMETER_RANGE = 2.0 * GRAVITY  # m/s²
 # The accelerometer is not heard while its vertical differs by this much from the estimate
 # (blows, hard acceleration), unless it insists for so long that the estimate must be wrong.
 REJECTION_DEG = 10.0

@@ -9,9 +9,8 @@ import numpy as np
 from drivers.audit import Finding, Severity
 from drivers.bus import DynamixelBus
 from drivers.control_table import table_named
-from drivers.imu import GRAVITY, OrientationFilter
+from drivers.imu import ACCELEROMETER_STEP, GRAVITY, GYRO_STEP, OrientationFilter
 from drivers.protocol2 import Span, Status
-from drivers.twin_imu import ACCELEROMETER_STEP, GYRO_STEP
 from robots.bus import BoardSettings
 from robots.rotation import Array
 
@@ -172,6 +171,8 @@ def check_board(board: OpenCr) -> list[Finding]:
     number = int.from_bytes(status.data[:2], "little")
     if number != board.model_number:
         return [blame_board(board.settings, f"is of model {number}")]
+    if not board.answer_at_once():
+        return [blame_board(board.settings, "does not take a return delay of 0")]
     if board.settings.powers_servos and not board.power_servos():
         return [blame_board(board.settings, "does not switch the servos' power on")]
     return []

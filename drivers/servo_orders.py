@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +9,10 @@ from numpy.typing import NDArray
 
 from drivers.bus import DynamixelBus, SyncWriter
 from drivers.control_table import table_named
-from drivers.errors import CommandError
 from drivers.protocol2 import bulk_write
 from drivers.servo_bank import ServoBank
 from drivers.servo_units import ServoUnits
-from drivers.state import Command, Integers
+from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
 from robots.rotation import Array
 from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, TICKS_PER_TURN
@@ -204,31 +202,3 @@ class OrderWriter:
         bank.is_on[chosen] = True
         bank.must_seed[chosen] = bank.must_release[chosen] = False
         bank.doubts[chosen] = 0
-
-
-def check_command(command: Command, n: int) -> None:
-    """Refuse a command that holds what no servo can be told.
-
-    Raises:
-        CommandError: naming all that is wrong.
-    """
-    values = command.joint_pos, command.gain_scale, command.torque_limit
-    if all(np.shape(value) == (n,) for value in values):
-        # One number that is none spoils the sum, and a sum is quickly made.
-        is_sound = math.isfinite(sum(float(value.sum()) for value in values))
-        if is_sound and command.torque_limit.min() >= 0.0:
-            return
-    named = {
-        "targets": command.joint_pos,
-        "gain shares": command.gain_scale,
-        "torque limits": command.torque_limit,
-    }
-    faults = [
-        f"{name}: {values}, allowed {n} finite numbers"
-        for name, values in named.items()
-        if np.shape(values) != (n,) or not np.isfinite(values).all()
-    ]
-    if not faults and (command.torque_limit < 0.0).any():
-        faults = [f"torque limits: {command.torque_limit}, allowed 0 or more"]
-    if faults:
-        raise CommandError(faults)

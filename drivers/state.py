@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.errors import CommandError
 from robots import Robot
 from robots.rotation import Array
 
@@ -109,3 +111,31 @@ class Command:
         if torque_limit is not None:
             limit = np.minimum(limit, torque_limit)
         return Command(joint_pos=joint_pos, gain_scale=np.ones(robot.n), torque_limit=limit)
+
+
+def check_command(command: Command, n: int) -> None:
+    """Refuse a command that holds what no servo can be told.
+
+    Raises:
+        CommandError: naming all that is wrong.
+    """
+    values = command.joint_pos, command.gain_scale, command.torque_limit
+    if all(np.shape(value) == (n,) for value in values):
+        # One number that is none spoils the sum, and a sum is quickly made.
+        is_sound = math.isfinite(sum(float(value.sum()) for value in values))
+        if is_sound and command.torque_limit.min() >= 0.0:
+            return
+    named = {
+        "targets": command.joint_pos,
+        "gain shares": command.gain_scale,
+        "torque limits": command.torque_limit,
+    }
+    faults = [
+        f"{name}: {values}, allowed {n} finite numbers"
+        for name, values in named.items()
+        if np.shape(values) != (n,) or not np.isfinite(values).all()
+    ]
+    if not faults and (command.torque_limit < 0.0).any():
+        faults = [f"torque limits: {command.torque_limit}, allowed 0 or more"]
+    if faults:
+        raise CommandError(faults)

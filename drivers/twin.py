@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from drivers.backend import ClosesItself
-from drivers.errors import CommandError, NotConnectedError
+from drivers.errors import NotConnectedError
 from drivers.imu import OrientationFilter
 from drivers.servo_sensors import (
     CURRENT_STEP,
@@ -17,7 +17,7 @@ from drivers.servo_sensors import (
 )
 from drivers.servo_units import ServoUnits
 from drivers.simulation import Drives, Simulation
-from drivers.state import Command, State
+from drivers.state import Command, State, check_command
 from drivers.truth import GroundHeight, Truth, flat_ground
 from robots import Posture, Robot
 
@@ -131,7 +131,7 @@ class Twin(ClosesItself):
         Goals are whole ticks, as on a servo.
         """
         self._check_connected()
-        _check_command(command, self.robot.n)
+        check_command(command, self.robot.n)
         sent = Command(
             joint_pos=self._units.round_goal(command.joint_pos),
             gain_scale=command.gain_scale,
@@ -157,20 +157,3 @@ class Twin(ClosesItself):
     def _check_connected(self) -> None:
         if not self._connected:
             raise NotConnectedError(f"twin of {self.robot.name}")
-
-
-def _check_command(command: Command, n: int) -> None:
-    fields = {
-        "targets": command.joint_pos,
-        "gain shares": command.gain_scale,
-        "torque limits": command.torque_limit,
-    }
-    faults = [
-        f"{name}: {values}, allowed {n} finite numbers"
-        for name, values in fields.items()
-        if np.shape(values) != (n,) or not np.isfinite(values).all()
-    ]
-    if not faults and (command.torque_limit < 0.0).any():
-        faults = [f"torque limits: {command.torque_limit}, allowed 0 or more"]
-    if faults:
-        raise CommandError(faults)

@@ -5,15 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from drivers.imu import GRAVITY, GYRO_RANGE
+from drivers.imu import ACCELEROMETER_RANGE, ACCELEROMETER_STEP, GYRO_RANGE, GYRO_STEP
 from drivers.servo_sensors import SensorNoise, quantise
 from robots.rotation import Array
-
-# OpenCR's ICM-20648 as the OP3 uses it: 16.4 counts per deg/s, +-2000 deg/s; 16384 counts
-# per g, +-2 g (ROBOTIS-OP3 open_cr_module).
-GYRO_STEP = np.radians(1.0 / 16.4)  # rad/s
-ACCELEROMETER_STEP = GRAVITY / 16384.0  # m/s²
-ACCELEROMETER_RANGE = 2.0 * GRAVITY  # m/s²
 
 
 class TwinImu:

@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drivers.control_table import OperatingMode
+from drivers.imu import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.servo_sensors import VELOCITY_STEP
 from drivers.servo_units import ServoUnits
 from drivers.simulation import Drives, Simulation
-from drivers.twin_imu import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.virtual.board import VirtualBoard
 from drivers.virtual.drive import Drive
 from drivers.virtual.servo import VirtualServo

@@ -139,7 +139,9 @@ class Wire:
             return False
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         termios.tcflush(self._slave, termios.TCIFLUSH)
-        tty.setraw(self._slave)
+        # A raw port is left alone: a client that has just come may be setting its speed.
+        if termios.tcgetattr(self._slave)[3] & (termios.ECHO | termios.ICANON):
+            tty.setraw(self._slave)
         return True
 
     def _is_deserted(self) -> bool:

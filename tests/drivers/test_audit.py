@@ -7,7 +7,6 @@ from memory_rig import Rig
 
 from drivers.audit import AuditError, Severity, audit, list_doubled_ids
 from drivers.bus import DynamixelBus
-from drivers.control_table import HardwareError
 from drivers.protocol2 import Instruction
 from drivers.virtual.servo import VirtualServo
 
@@ -49,7 +48,7 @@ def test_looking_changes_nothing(rig):
     [
         ("drive_mode", 1, Severity.ERROR, "drive mode is 1, reversed"),
         ("secondary_id", 7, Severity.ERROR, "also obeys the secondary id 7"),
-        ("hardware_error_status", 36, Severity.ERROR, "overheating and overload"),
+        ("hardware_error_status", 36, Severity.FAULT, "overheating and overload"),
         ("homing_offset", -300, Severity.WARNING, "homing offset is -300 ticks"),
         ("pwm_limit", 400, Severity.WARNING, "PWM limit is 400 of 885"),
         ("startup_configuration", 1, Severity.WARNING, "takes torque by itself"),
@@ -141,7 +140,7 @@ def test_two_joints_of_one_id_are_a_mistake_of_the_description(tiny):
 
 def test_the_error_tells_everything_in_one_line(rig):
     rig.servo("l_hip").poke("secondary_id", 7)
-    rig.servo("r_hip").poke("hardware_error_status", int(HardwareError.OVERLOAD))
+    rig.servo("r_hip").poke("secondary_id", 8)
     error = AuditError(look(rig).errors)
     assert len(error.findings) == 2
     assert "l_hip" in str(error) and "r_hip" in str(error) and "\n" not in str(error)

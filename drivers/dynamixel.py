@@ -239,11 +239,14 @@ class DynamixelBackend(ClosesItself):
         for line in lines:
             line.ask_group()
         for line in lines:
+            line.prepare_look(bank)
+        for line in lines:
             line.collect_group(limit)
         for line in lines:
             if line.has_alert:  # it decides what is asked next
                 line.take_group(bank, now)
-            line.ask_look(bank, limit)
+                line.prepare_look(bank)
+            line.ask_look(limit)
         for line in lines:  # while the next answers are on the wire
             line.take_group(bank, now)
         for line in lines:

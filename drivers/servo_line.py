@@ -172,12 +172,17 @@ class ServoLine:
             bank.take(self._answers, now)
         self._answers = None
 
-    def ask_look(self, bank: ServoBank, limit: float) -> None:
-        """Ask the board for its IMU, and one servo for one of the values that change slowly."""
+    def prepare_look(self, bank: ServoBank) -> None:
+        """Choose which servo is asked for which of the values that change slowly."""
+        if not self.is_lost:
+            self._look.prepare(bank, self.left_out)
+
+    def ask_look(self, limit: float) -> None:
+        """Ask the board for its IMU, and one servo for what `prepare_look` chose."""
         if self.is_lost:
             return
         try:
-            self._look.ask(bank, self.left_out, limit)
+            self._look.ask(limit)
         except PortLostError:
             self._lose()
 

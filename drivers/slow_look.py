@@ -55,20 +55,28 @@ class SlowLook:
         self._cycle = 0
         self._board_misses = 0
         self._questions: dict[tuple[int, str, int, bool, bool], Question | None] = {}
+        self._prepared: tuple[Question | None, int, str] = None, -1, ""
         self._open: tuple[Question, int, str] | None = None
 
-    def ask(self, bank: ServoBank, left_out: Sequence[int], limit: float) -> None:
-        """Send the question, as far as there is time for the answers.
+    def prepare(self, bank: ServoBank, left_out: Sequence[int]) -> None:
+        """Choose and build this cycle's question, while others are on the wire.
 
         Args:
             bank: What is known of the servos.
             left_out: Ids that are not to be asked.
-            limit: Time of the monotonic clock after which not to wait [s].
         """
         self._cycle += 1
-        self._open = None
         row, item = self._choose(bank, left_out)
-        question = self._build(row, item)
+        self._prepared = self._build(row, item), row, item
+
+    def ask(self, limit: float) -> None:
+        """Send the question, as far as there is time for the answers.
+
+        Args:
+            limit: Time of the monotonic clock after which not to wait [s].
+        """
+        question, row, item = self._prepared
+        self._open = None
         if row >= 0 and not has_time(self._bus, question, limit):
             row, item = -1, ""
             question = self._build(row, item)

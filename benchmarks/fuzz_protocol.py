@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 
 from fuzz_chain import ChainTally, fuzz_chain
+from fuzz_driver import DriverTally, fuzz_driver
 
 from drivers.protocol2 import (
     BROADCAST,
@@ -218,10 +219,11 @@ def fuzz_fast(rng: random.Random, size: int) -> Tally:
     return tally
 
 
-TARGETS: dict[str, Callable[[random.Random, int], Tally | ChainTally]] = {
+TARGETS: dict[str, Callable[[random.Random, int], Tally | ChainTally | DriverTally]] = {
     "parser": fuzz_parser,
     "fast": fuzz_fast,
     "chain": fuzz_chain,
+    "driver": lambda rng, size: fuzz_driver(rng, size, mutate),
 }
 
 
@@ -230,10 +232,13 @@ def main() -> int:
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     options.add_argument("--bytes", type=int, default=1_000_000, help="for each target")
     options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--only", choices=TARGETS, default=None)
     arguments = options.parse_args()
     report: dict[str, object] = {"seed": arguments.seed}
     failed = []
     for name, fuzz in TARGETS.items():
+        if arguments.only not in (None, name):
+            continue
         start = time.perf_counter()
         tally = fuzz(random.Random(f"{arguments.seed} {name}"), arguments.bytes)
         faulthandler.cancel_dump_traceback_later()

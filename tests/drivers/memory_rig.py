@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from memory_port import MemoryPort
 
 from drivers import Command, State
 from drivers.clock import CycleClock
 from drivers.dynamixel import DynamixelBackend
 from drivers.simulation import Simulation
+from drivers.virtual.memory_port import MemoryPort
 from drivers.virtual.quirks import Quirks
 from drivers.virtual.robot import VirtualRobot
 from drivers.virtual.servo import VirtualServo

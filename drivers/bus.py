@@ -113,6 +113,11 @@ class Answers:
         size = np.dtype(kind).itemsize
         return np.ascontiguousarray(self.data[:, offset : offset + size]).view(kind)[:, 0]
 
+    def choose(self, rows: NDArray[np.bool_]) -> Answers:
+        """Return some of them."""
+        devices, errors, data = self.devices[rows], self.errors[rows], self.data[rows]
+        return Answers(devices, errors, data, self.is_cut)
+
     @classmethod
     def of(cls, statuses: Sequence[Status], length: int, *, is_cut: bool = False) -> Answers:
         """Line up statuses that hold ``length`` bytes each; others are left out."""

@@ -64,10 +64,12 @@ def look_at_all(robot: Robot, lines: Sequence[ServoLine], period: float | None) 
     if period is not None:
         for line in lines:
             findings += check_speed(line.bus, len(line.joints), period)
-    boards = [f for line in lines if line.board for f in check_board(line.board)]
-    if not boards:
-        _await_servos(lines)
-    findings += boards
+    for line in lines:
+        found = check_board(line.board) if line.board else []
+        findings += found
+        if found and line.board and line.board.settings.powers_servos:
+            return Audit((), tuple(findings))  # servos without power are silent anyway
+    _await_servos(lines)
     servos = []
     for line in lines:
         line.writer.ask_for_answers(ALL_ANSWERED)

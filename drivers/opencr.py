@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.audit import Finding, Severity
+from drivers.audit import Finding, Severity, find_far_rate
 from drivers.bus import DynamixelBus
 from drivers.control_table import table_named
 from drivers.imu import ACCELEROMETER_STEP, GRAVITY, GYRO_STEP, OrientationFilter
@@ -43,7 +43,7 @@ class OpenCr:
     def __init__(self, bus: DynamixelBus, settings: BoardSettings) -> None:
         self.id = settings.id
         self.settings = settings
-        self._bus = bus
+        self.bus = bus
         self._axes = np.array(settings.imu_axes, dtype=float)
         self._table = table_named(settings.model)
         self._spans = (
@@ -58,25 +58,25 @@ class OpenCr:
 
     def ping(self) -> Status | None:
         """Ask whether the board is there."""
-        return self._bus.ping(self.id, TRIES)
+        return self.bus.ping(self.id, TRIES)
 
     def power_servos(self) -> bool:
         """Switch the servos' power on; tell whether the board confirms that it is on."""
         power = self._table["dynamixel_power"]
-        told = self._bus.read(self.id, power.span, TRIES)
+        told = self.bus.read(self.id, power.span, TRIES)
         if told is not None and told.data == b"\x01":
             return True
-        self._bus.write(self.id, power.address, b"\x01", TRIES)
-        told = self._bus.read(self.id, power.span, TRIES)
+        self.bus.write(self.id, power.address, b"\x01", TRIES)
+        told = self.bus.read(self.id, power.span, TRIES)
         return told is not None and told.data == b"\x01"
 
     def answer_at_once(self) -> bool:
         """Take the board's return delay away, where it has one; tell whether it confirms."""
         delay = self._table["return_delay_time"]
-        told = self._bus.read(self.id, delay.span, TRIES)
+        told = self.bus.read(self.id, delay.span, TRIES)
         if told is not None and told.data == b"\x00":
             return True
-        done = self._bus.write(self.id, delay.address, b"\x00", TRIES)
+        done = self.bus.write(self.id, delay.address, b"\x00", TRIES)
         return done is not None and not done.number
 
     def span(self, cycle: int) -> Span:
@@ -95,7 +95,7 @@ class OpenCr:
 
     def read_imu(self) -> ImuSample | None:
         """Take one look; ``None`` when the board is silent."""
-        status = self._bus.read(self.id, self._spans[0], TRIES)
+        status = self.bus.read(self.id, self._spans[0], TRIES)
         if status is None or len(status.data) < IMU_BYTES:
             return None
         return self.decode(status.data)
@@ -167,7 +167,12 @@ def check_board(board: OpenCr) -> list[Finding]:
     """Look whether the board is there, and switch the servos' power on."""
     status = board.ping()
     if status is None:
-        return [blame_board(board.settings, "silent")]
+        rate = find_far_rate(board.bus, [board.id])
+        if rate is None:
+            return [blame_board(board.settings, "silent")]
+        text = f"talks at {rate} bit/s, not {board.bus.port.baud}"
+        remedy = "set bus.baud in robot.toml, or the baud rates of board and servos"
+        return [replace(blame_board(board.settings, text), remedy=remedy)]
     number = int.from_bytes(status.data[:2], "little")
     if number != board.model_number:
         return [blame_board(board.settings, f"is of model {number}")]

@@ -11,10 +11,13 @@ from drivers.bus import Answers
 from drivers.control_table import table_named
 from drivers.protocol2 import ALERT
 from robots import Robot
+from robots.servo import RAD_PER_TICK
 
 # Offsets in the group read: current (or load), velocity, position.
 CURRENT, VELOCITY, POSITION = 0, 2, 6
 GROUP_BYTES = 10
+LEAP = 30  # ticks that a position may jump at any time: noise, and the clock's jitter
+FASTEST = 20.0 / RAD_PER_TICK  # ticks/s; four times the no-load speed of the servos known here
 MISSED = 2.5  # periods of silence in which a servo may have restarted
 
 
@@ -39,6 +42,7 @@ class ServoBank:
         self._current_scale = self._sign * np.array([current for _, current in scales])
         self.ticks = np.zeros(n, dtype=int)
         """Present positions [ticks]; no measurement before ``stamp`` is finite."""
+        self._claimed = np.zeros(n, dtype=int)
         self.velocity = np.zeros(n)
         """[rad/s]"""
         self.current = np.zeros(n)
@@ -77,12 +81,22 @@ class ServoBank:
             self.voltage[row], self.temperature[row] = servo.voltage, servo.temperature
 
     def take(self, answers: Answers, now: float) -> None:
-        """Take over what a group told at a time [s]."""
-        rows = self._row[answers.devices]
+        """Take over what a group told at a time [s].
+
+        A position further away than any joint can have gone is not believed until the next
+        one confirms it: a 16-bit CRC lets one damaged answer in 65536 through.
+        """
+        rows, ticks = self._row[answers.devices], answers.column(POSITION, "<i4")
+        leaps = np.abs(ticks - self.ticks[rows]) > LEAP + FASTEST * (now - self.stamp[rows])
+        if leaps.any():
+            is_told_again = np.abs(ticks - self._claimed[rows]) <= LEAP + FASTEST * self._period
+            self._claimed[rows[leaps]] = ticks[leaps]
+            believed = ~leaps | is_told_again
+            answers, rows, ticks = answers.choose(believed), rows[believed], ticks[believed]
         self.is_unsure[rows] |= self.is_on[rows] & (now - self.stamp[rows] > MISSED * self._period)
         self.current[rows] = self._current_scale[rows] * answers.column(CURRENT, "<i2")
         self.velocity[rows] = self._velocity_scale[rows] * answers.column(VELOCITY, "<i4")
-        self.ticks[rows] = answers.column(POSITION, "<i4")
+        self.ticks[rows] = ticks
         self.stamp[rows] = now
         alerted = (answers.errors & ALERT).astype(int)
         if alerted.any() or self.alert.any():

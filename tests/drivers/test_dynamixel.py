@@ -761,3 +761,15 @@ def test_a_port_that_another_program_has_is_refused(plugged, tiny):
     _, _, bus = plugged
     with pytest.raises(PortError, match="in use by another program"):
         DynamixelBackend(tiny, {"main": bus.path}).connect()
+
+
+def test_a_position_that_no_joint_can_have_reached_is_believed_only_when_told_again(rig):
+    before = rig.turn(Command.limp(2), 3)
+    servo = rig.servo("l_hip")
+    servo.sense(
+        ticks=3500.0, velocity=0.0, current=0.0, pwm_share=0.0, voltage=12.0, temperature=25.0
+    )
+    doubted = rig.backend.read()
+    assert doubted.joint_pos[0] == before.joint_pos[0]
+    assert doubted.joint_age[0] > 0.0
+    assert doubted.joint_age[1] == 0.0

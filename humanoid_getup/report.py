@@ -133,5 +133,6 @@ def _describe_load(report: dict[str, Any]) -> str:
 
 
 def _describe_faults(report: dict[str, Any]) -> str:
-    counted = ("self_collisions", "ground_penetrations", "limit_violations", "clips", "overruns")
+    touches = ("self_collisions", "ground_penetrations", "limit_violations")
+    counted = (*touches, "clips", "holds", "overruns")
     return ", ".join(f"{report[key]} {key.replace('_', ' ')}" for key in counted if report.get(key))

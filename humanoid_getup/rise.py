@@ -90,6 +90,9 @@ class Rise:
             "attempts": self.attempts,
             "period_s": self.run.period if self.run else None,
             "overruns": self.run.overruns if self.run else 0,
+            "late_p99_s": self.run.pace.late_p99 if self.run else None,
+            "busy_p99_s": self.run.pace.busy_p99 if self.run else None,
+            "holds": self.run.holds if self.run else 0,
             "clips": self.run.clips.total if self.run else 0,
             "clips_by_joint": self.run.clips.describe(self.robot) if self.run else [],
         }

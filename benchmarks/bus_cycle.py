@@ -165,13 +165,10 @@ def sdk_handlers(path: str, baud: int, *, fast: bool) -> Iterator[Client]:
     port, packets = sdk.PortHandler(path), sdk.PacketHandler(2.0)
     assert port.openPort() and port.setBaudRate(baud)
     ids = [joint.servo.id for joint in robot_at(baud).joints]
-    kind = sdk.GroupFastSyncRead if fast and hasattr(sdk, "GroupFastSyncRead") else None
-    reader = (kind or sdk.GroupSyncRead)(port, packets, *STATE)
+    reader = sdk.GroupSyncRead(port, packets, *STATE)
     for device in ids:
         reader.addParam(device)
-    take = reader.txRxPacket
-    if fast and kind is None:
-        take = reader.fastSyncRead
+    take = reader.fastSyncRead if fast else reader.txRxPacket
     writer = sdk.GroupSyncWrite(port, packets, *GOAL)
 
     failures = [0]
@@ -215,7 +212,7 @@ def lerobot_bus(path: str, baud: int) -> Iterator[Client]:
     bus = DynamixelMotorsBus(path, motors)
     bus.connect(handshake=False)
     bus.set_baudrate(baud)
-
+    packets: Any = bus.packet_handler
     failures = [0]
 
     def ask(quantity: str) -> dict[str, Any]:
@@ -229,7 +226,7 @@ def lerobot_bus(path: str, baud: int) -> Iterator[Client]:
         ask("Present_Current")
         ask("Present_Velocity")
         position = ask("Present_Position")
-        while bus.packet_handler.readTxRx(bus.port_handler, 200, *IMU)[1] != sdk.COMM_SUCCESS:
+        while packets.readTxRx(bus.port_handler, 200, *IMU)[1] != sdk.COMM_SUCCESS:
             failures[0] += 1
         bus.sync_write("Goal_Position", position, normalize=False)
 

@@ -88,7 +88,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> Checkup:
     return Checkup(
         robot=robot,
         servos=servos,
-        findings=tuple(sorted(findings, key=lambda f: f.severity is not Severity.ERROR)),
+        findings=tuple(sorted(findings, key=lambda f: list(Severity).index(f.severity))),
         lines=tuple(lines),
         imu=imu,
         torque=torque,
@@ -133,7 +133,7 @@ def _judge_heat(servos: Sequence[ServoFacts]) -> list[Finding]:
         told = f"has {servo.temperature:.0f} °C"
         if servo.temperature > MAX_TEMPERATURE:
             text = f"{told}, allowed {MAX_TEMPERATURE:.0f} °C"
-            findings.append(Finding(Severity.ERROR, servo.name, text, remedy))
+            findings.append(Finding(Severity.FAULT, servo.name, text, remedy))
         elif servo.temperature > DERATE_TEMPERATURE:
             text = f"{told}: it gets less torque from {DERATE_TEMPERATURE:.0f} °C on"
             findings.append(Finding(Severity.WARNING, servo.name, text, remedy))

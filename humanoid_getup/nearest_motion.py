@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from humanoid_getup.database import MotionDatabase
@@ -48,16 +46,4 @@ class TheMotion:
 
 def as_it_is(motion: Motion, reason: str = "played as it is") -> RisePlan:
     """Make a plan of a motion that is played unchanged."""
-    return RisePlan(
-        status=RiseStatus.UNREHEARSED,
-        reason=reason,
-        motion=motion,
-        connection=None,
-        planned=False,
-        stand_time=math.nan,
-        robust=math.nan,
-        rehearsals=0,
-        rounds=0,
-        plan_s=0.0,
-        filter_s=0.0,
-    )
+    return RisePlan(status=RiseStatus.UNREHEARSED, reason=reason, motion=motion)

@@ -202,27 +202,10 @@ def get_up(
     return Rise(
         robot=guard.robot,
         start_class=start_class or measured,
-        plan=(last and last.plan) or _no_plan(result.reason),
+        plan=(last and last.plan) or RisePlan(status=RiseStatus.NOT_PLANNED, reason=result.reason),
         run=last and last.run,
         watched=last and last.watched,
         result=result,
-    )
-
-
-def _no_plan(reason: str) -> RisePlan:
-    """Stand in for the plan of a robot that could not even be looked at."""
-    return RisePlan(
-        status=RiseStatus.NOT_PLANNED,
-        reason=reason,
-        motion=None,
-        connection=None,
-        planned=False,
-        stand_time=math.nan,
-        robust=math.nan,
-        rehearsals=0,
-        rounds=0,
-        plan_s=0.0,
-        filter_s=0.0,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -38,18 +39,18 @@ class RisePlan:
 
     status: RiseStatus
     reason: str
-    motion: Motion | None
+    motion: Motion | None = None
     """From the lying posture to the stand, ready to be played."""
-    connection: Connection | None
-    planned: bool
+    connection: Connection | None = None
+    planned: bool = False
     """Whether a path to a connecting posture was found."""
-    stand_time: float
+    stand_time: float = math.nan
     """Start to held stand in the rehearsal [s]; nan without one."""
-    robust: float
+    robust: float = math.nan
     """Share of the disturbed rehearsals that stood; nan without any."""
-    rehearsals: int
-    rounds: int
-    plan_s: float
+    rehearsals: int = 0
+    rounds: int = 0
+    plan_s: float = 0.0
     """Wall time of selecting, planning and smoothing the first round's paths [s]."""
-    filter_s: float
+    filter_s: float = 0.0
     """Wall time of everything after it [s]."""

@@ -214,15 +214,9 @@ class RisePlanner:
         plan = RisePlan(
             status=RiseStatus.NOT_PLANNED,
             reason=RiseStatus.NOT_PLANNED.value,
-            motion=None,
             connection=connection,
             planned=self.options.planning and path is not None,
-            stand_time=float("nan"),
-            robust=float("nan"),
-            rehearsals=0,
-            rounds=0,
             plan_s=plan_s,
-            filter_s=0.0,
         )
         if path is None:
             return plan

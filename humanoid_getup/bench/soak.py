@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from drivers import Backend, Command, Ending, SafetyGuard, State, run
-from drivers.backend import ClosesItself
 from drivers.clock import CycleClock
 from drivers.dynamixel import DynamixelBackend
 from drivers.simulation import Simulation
@@ -21,6 +20,7 @@ from drivers.virtual.lock_step import QUIET
 from drivers.virtual.robot import VirtualPorts, VirtualRobot
 from drivers.virtual.server import Pace
 from humanoid_getup.attempt import AttemptOptions
+from humanoid_getup.bench.looker_on import LookerOn
 from humanoid_getup.bench.statistics import wilson_interval
 from humanoid_getup.database import load_database
 from humanoid_getup.lying import sample_falls
@@ -40,44 +40,26 @@ SIT_DEPTH = 0.6  # share of the way from standing to all joints at their squat
 MEGABYTE = 2**20
 
 
-class Counted(ClosesItself):
-    """A backend around a backend that counts cycles and remembers the last measurement."""
+class Counted(LookerOn):
+    """Counts cycles, and remembers how old the oldest value was."""
 
     def __init__(self, backend: Backend) -> None:
         """Count a backend's cycles."""
-        self._backend = backend
+        super().__init__(backend)
         self.writes = 0
         self.oldest = 0.0
         """Oldest value of any measurement [s]."""
 
-    @property
-    def robot(self) -> Robot:
-        """Return the robot."""
-        return self._backend.robot
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self._backend.period
-
-    def connect(self) -> None:
-        """Open the backend."""
-        self._backend.connect()
-
-    def close(self) -> None:
-        """Close the backend."""
-        self._backend.close()
-
     def read(self) -> State:
         """Measure."""
-        state = self._backend.read()
+        state = super().read()
         self.oldest = max(self.oldest, state.age)
         return state
 
     def write(self, command: Command) -> Command:
         """Send a command, and count it."""
         self.writes += 1
-        return self._backend.write(command)
+        return super().write(command)
 
 
 class Lead:

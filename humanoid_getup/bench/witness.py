@@ -8,10 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from drivers import Backend, Command, State
-from drivers.backend import ClosesItself
 from drivers.servo_units import ServoUnits
 from drivers.virtual.robot import VirtualPorts, VirtualRobot
-from robots import Robot
+from humanoid_getup.bench.looker_on import LookerOn
 from robots.rotation import Array
 from robots.servo import RAD_PER_TICK
 
@@ -80,7 +79,7 @@ class Sights:
         return safe if safe is None else max(safe - since, 0.0)
 
 
-class Witness(ClosesItself):
+class Witness(LookerOn):
     """A backend around a backend of a virtual robot in lock-step, that compares.
 
     In lock-step nothing happens between an answer and the next request, so what the
@@ -89,7 +88,8 @@ class Witness(ClosesItself):
 
     def __init__(self, backend: Backend, robot: VirtualRobot, ports: VirtualPorts) -> None:
         """Watch a virtual robot and the backend that drives it."""
-        self._backend, self._virtual, self._ports = backend, robot, ports
+        super().__init__(backend)
+        self._virtual, self._ports = robot, ports
         self._units = ServoUnits(robot.robot)
         self.sights = Sights(robot)
         self.too_fast = 0
@@ -98,28 +98,10 @@ class Witness(ClosesItself):
         self.believed_wrong: list[str] = []
         """Each value that the driver called fresh and that was not true."""
 
-    @property
-    def robot(self) -> Robot:
-        """Return the robot."""
-        return self._backend.robot
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self._backend.period
-
-    def connect(self) -> None:
-        """Open the backend."""
-        self._backend.connect()
-
-    def close(self) -> None:
-        """Close the backend."""
-        self._backend.close()
-
     def read(self) -> State:
         """Measure, and compare with the truth."""
         seen, before = len(self.sights.seen), self._measure()
-        state = self._backend.read()
+        state = super().read()
         # Waiting for what never comes lets time pass: any moment of the reading is true.
         moments = [before, *(sight.ticks for sight in self.sights.seen[seen:]), self._measure()]
         low, high = np.min(moments, axis=0), np.max(moments, axis=0)
@@ -139,7 +121,7 @@ class Witness(ClosesItself):
 
     def write(self, command: Command) -> Command:
         """Send a command; count the targets that move faster than their joints can."""
-        sent = self._backend.write(command)
+        sent = super().write(command)
         before, self._sent = self._sent, sent
         if before is not None:
             driven = (before.torque_limit > 0.0) & (sent.torque_limit > 0.0)

@@ -35,11 +35,11 @@ def examine(served, capsys, *, robot=TINY) -> tuple[int, dict]:
     return run_json("doctor", "--robot", str(robot), "--port", served.path, capsys=capsys)
 
 
-def list_findings(told: dict, severity: str) -> list[str]:
+def list_findings(told: dict, *severities: str) -> list[str]:
     return [
         f"{f['device']}: {f['text']}; {f['remedy']}"
         for f in told["findings"]
-        if f["severity"] == severity
+        if f["severity"] in severities
     ]
 
 
@@ -48,7 +48,7 @@ def find_error(served, capsys) -> str:
     code, told = examine(served, capsys)
     assert code == 3
     assert told["healthy"] is False
-    (error,) = list_findings(told, "error")
+    (error,) = list_findings(told, "error", "fault")
     return error
 
 
@@ -238,6 +238,14 @@ def test_a_latched_overload_says_what_to_do(tiny_served, capsys):
     tiny_served.poke("r_hip", "hardware_error_status", int(HardwareError.OVERLOAD))
     error = find_error(tiny_served, capsys)
     assert "'r_hip' (id 2): has switched itself off: overload; let it cool down" in error
+
+
+def test_the_worst_is_told_first(tiny_served, capsys):
+    tiny_served.poke("l_hip", "hardware_error_status", int(HardwareError.OVERLOAD))
+    tiny_served.poke("r_hip", "drive_mode", 1)
+    _, told = examine(tiny_served, capsys)
+    severities = [f["severity"] for f in told["findings"]]
+    assert severities[:2] == ["error", "fault"] and set(severities[2:]) == {"warning"}
 
 
 def test_servos_at_another_speed_are_found_there(tiny_served, capsys):

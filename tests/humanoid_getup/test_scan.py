@@ -8,6 +8,7 @@ import re
 import pytest
 from bus_stories import TINY, run_json, serving
 
+from drivers import bus
 from drivers.port import SerialPort
 from drivers.virtual.servo import VirtualServo
 from humanoid_getup import scanning
@@ -16,6 +17,12 @@ from humanoid_getup.commands import scan as command
 from humanoid_getup.scanning import PortFacts, scan_port
 
 MEGABIT = ("--baud", "1000000")
+
+
+@pytest.fixture(autouse=True)
+def short_slots(monkeypatch):
+    """In lock-step answers to a ping of all come at once: there is no need to wait for 253."""
+    monkeypatch.setattr(bus, "PING_SLOT", 0.001)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ from drivers.servo_sensors import SensorNoise, Windings
 from drivers.truth import GroundHeight, Truth, flat_ground
 from drivers.twin_imu import TwinImu
 from robots import Posture, Robot
-from robots.robot import GAIN_VMAX
 from robots.rotation import Array
 
 LONGEST_STEP = 0.002  # s
@@ -160,8 +159,7 @@ class Simulation:
             self.model.actuator_forcerange[self._actuators, 0] = -drives.torque_limit
             self.model.actuator_forcerange[self._actuators, 1] = drives.torque_limit
         if last is None or self._supply_varies or not drives.has_gains_of(last):
-            gains = self.robot.drive_gains(self._voltage, drives.gain_scale)
-            gains[:, GAIN_VMAX] *= drives.pwm_limit
+            gains = self.robot.drive_gains(self._voltage, drives.gain_scale, drives.pwm_limit)
             self.model.actuator_gainprm[self._actuators] = gains
 
     def release(self) -> None:

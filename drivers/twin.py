@@ -37,6 +37,7 @@ class Twin(ClosesItself):
         *,
         voltage: float | None = None,
         supply_resistance: float = 0.0,
+        pwm_limited: bool = False,
         period: float | None = None,
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
@@ -50,6 +51,8 @@ class Twin(ClosesItself):
                 copy. ``None`` for the robot on a plane.
             voltage: Supply without load [V]; ``None`` for the robot's nominal one.
             supply_resistance: Resistance of battery and wires [ohm]; the supply sags by it.
+            pwm_limited: Limit torques by PWM, as servos in position mode do, and not at the
+                torque itself.
             period: Control period [s]; ``None`` for the robot's own.
             noise: Sensor noise; ``None`` for resolution alone.
             rng: Source of the noise.
@@ -65,7 +68,7 @@ class Twin(ClosesItself):
             rng=rng,
             ground=ground,
         )
-        self._units = ServoUnits(robot)
+        self._units, self._pwm_limited = ServoUnits(robot), pwm_limited
         self._filter = OrientationFilter(self.period)
         self._connected = False
 
@@ -132,18 +135,21 @@ class Twin(ClosesItself):
         """
         self._check_connected()
         check_command(command, self.robot.n)
+        limit = np.minimum(command.torque_limit, self.robot.max_torque)
         sent = Command(
             joint_pos=self._units.round_goal(command.joint_pos),
             gain_scale=command.gain_scale,
-            torque_limit=np.minimum(command.torque_limit, self.robot.max_torque),
+            torque_limit=limit,
         )
-        body = self.simulation
+        body, share = self.simulation, np.ones(self.robot.n)
+        if self._pwm_limited:
+            share = self.robot.pwm_limit(limit)
         body.drive(
             Drives(
                 target=sent.joint_pos,
                 gain_scale=sent.gain_scale,
                 torque_limit=sent.torque_limit,
-                pwm_limit=np.ones(self.robot.n),
+                pwm_limit=share,
             )
         )
         body.step(body.steps_per_period)

@@ -67,6 +67,8 @@ class AttemptOptions:
     max_attempts: int = 3
     torque_limit: float | None = None
     """Cap on every servo [N·m]."""
+    pwm_limited: bool = False
+    """The cap is a PWM limit, as servos in position mode have it, not one at the torque."""
     preflight: bool = True
     """False: play without asking; never on hardware."""
     realtime: bool = False
@@ -215,6 +217,7 @@ class AttemptManager:
             motion,
             voltage=settled.voltage,
             torque_limit=self.options.torque_limit,
+            pwm_limited=self.options.pwm_limited,
             temperature=settled.temperature,
             start=now,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,9 +69,16 @@ class DynamicsFilter:
     within the servos' limits because the simulated servos have them.
     """
 
-    def __init__(self, stage: Stage, *, torque_limit: float | None = None, threads: int = 0):
+    def __init__(
+        self,
+        stage: Stage,
+        *,
+        torque_limit: float | None = None,
+        pwm_limited: bool = False,
+        threads: int = 0,
+    ) -> None:
         self.stage = stage
-        self.torque_limit = torque_limit
+        self.torque_limit, self.pwm_limited = torque_limit, pwm_limited
         self.count = 0
         self._threads = threads
         self._limbs = LimbMap.of(stage)
@@ -123,6 +130,7 @@ class DynamicsFilter:
         self, starts: Array, target: Array, conditions: Conditions, steering: _Steering | None
     ) -> Trace:
         n = len(starts)
+        conditions = replace(conditions, pwm_limited=self.pwm_limited)
         self.count += n
         if n not in self._rehearsals:
             self._rehearsals[n] = Rehearsal(self.stage, n, threads=self._threads)

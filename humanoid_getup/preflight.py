@@ -13,7 +13,7 @@ from drivers.guard_limits import MAX_TEMPERATURE
 from drivers.servo_sensors import AMBIENT_TEMPERATURE
 from humanoid_getup.lying import classify
 from humanoid_getup.motion import Motion
-from humanoid_getup.preflight_figures import Figures, measure
+from humanoid_getup.preflight_figures import Cap, Figures, measure
 from humanoid_getup.sensed import torso_orientation
 from humanoid_getup.stage import Stage
 from robots import Robot
@@ -82,6 +82,7 @@ def preflight(
     *,
     voltage: float,
     torque_limit: float | None = None,
+    pwm_limited: bool = True,
     temperature: Array | float = AMBIENT_TEMPERATURE,
     start: State | None = None,
 ) -> Verdict:
@@ -96,6 +97,7 @@ def preflight(
         motion: What shall be played.
         voltage: Supply at the servos [V].
         torque_limit: Cap on every servo [N·m].
+        pwm_limited: The cap is a PWM limit, as servos in position mode have it.
         temperature: Of the servos now [°C], shape (n,) or one for all.
         start: Measurement of the robot as it lies; ``None`` when there is none yet.
 
@@ -105,7 +107,7 @@ def preflight(
     robot = stage.robot
     _check_input(voltage, torque_limit, temperature)
     heat = np.broadcast_to(np.asarray(temperature, dtype=float), (robot.n,))
-    figures = measure(stage, motion, voltage, torque_limit, heat, start)
+    figures = measure(stage, motion, voltage, Cap(torque_limit, pwm_limited), heat, start)
     reasons = [
         *_judge_supply(robot, voltage),
         *_judge_limits(robot, motion),

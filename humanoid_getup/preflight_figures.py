@@ -65,11 +65,21 @@ class Figures:
     """Angle between measured and expected gravity in the torso [rad]."""
 
 
+@dataclass(frozen=True)
+class Cap:
+    """How servos are kept from giving all they have."""
+
+    torque: float | None
+    """[N·m]; None for no cap."""
+    by_pwm: bool
+    """As servos in position mode do it, and not at the torque itself."""
+
+
 def measure(
     stage: Stage,
     motion: Motion,
     voltage: float,
-    torque_limit: float | None,
+    cap: Cap,
     temperature: Array,
     start: State | None,
 ) -> Figures:
@@ -79,13 +89,14 @@ def measure(
         stage: Robot and scene.
         motion: What shall be played.
         voltage: Supply at the servos [V].
-        torque_limit: Cap on every servo [N·m].
+        cap: Cap on every servo.
         temperature: Of the servos now [°C], (n,).
         start: Measurement of the robot as it lies, to rehearse from there.
     """
     robot = stage.robot
     lying = _find_start(stage, motion, start)
-    trial = _rehearse(stage, motion, lying, voltage, torque_limit)
+    trial = _rehearse(stage, motion, lying, voltage, cap)
+    torque_limit = cap.torque
     stall = robot.max_torque * voltage / robot.supply_voltage
     limit = np.minimum(stall, np.inf if torque_limit is None else torque_limit)
     along = np.maximum(np.sign(trial.torque) * trial.velocity, 0.0)  # (T, n)
@@ -136,15 +147,13 @@ class _Trial:
     """[m]"""
 
 
-def _rehearse(
-    stage: Stage, motion: Motion, start: Posture, voltage: float, torque_limit: float | None
-) -> _Trial:
+def _rehearse(stage: Stage, motion: Motion, start: Posture, voltage: float, cap: Cap) -> _Trial:
     """Play the motion on a twin, whatever the supply."""
     robot = stage.robot
-    twin = Twin(robot, stage.model, voltage=voltage)
+    twin = Twin(robot, stage.model, voltage=voltage, pwm_limited=cap.by_pwm)
     twin.place(start)
-    limits = replace(GuardLimits.of(robot, torque_limit), min_voltage=0.0, max_temperature=math.inf)
-    watch = Watch(twin.simulation, torque_limit)
+    limits = replace(GuardLimits.of(robot, cap.torque), min_voltage=0.0, max_temperature=math.inf)
+    watch = Watch(twin.simulation, cap.torque)
     velocity: list[Array] = []
     overlap: list[float] = []
 
@@ -153,7 +162,7 @@ def _rehearse(
         velocity.append(twin.truth.joint_vel.copy())
         overlap.append(twin.truth.self_penetration)
 
-    player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=torque_limit)
+    player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=cap.torque)
     run(player, SafetyGuard(twin, limits), max_time=math.inf, on_cycle=look)
     watched = watch.conclude()
     return _Trial(watched.stand, watched.torque, np.array(velocity), max(overlap, default=0.0))

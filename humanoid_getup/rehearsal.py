@@ -30,6 +30,8 @@ class Conditions:
     """Supply [V]."""
     torque_limit: Array
     """Cap on every servo [N·m]."""
+    pwm_limited: bool = False
+    """The caps are PWM limits, as servos in position mode have them, for all alike."""
 
     @staticmethod
     def nominal(stage: Stage, n: int, *, torque_limit: float | None = None) -> Conditions:
@@ -154,8 +156,9 @@ class Rehearsal:
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._fields["qpos"][:] = starts
         self._fields["qvel"][:] = 0.0
-        self._gains[:] = robot.drive_gains(conditions.voltage)
         limit = np.minimum(conditions.torque_limit[:, None], robot.max_torque)
+        share = robot.pwm_limit(limit) if conditions.pwm_limited else 1.0
+        self._gains[:] = robot.drive_gains(conditions.voltage, pwm_limit=share)
         self._range[..., 0], self._range[..., 1] = -limit, limit
         self._friction[:, :, 0] = conditions.friction[:, None]
 

@@ -31,6 +31,8 @@ class RiseOptions:
     """Share of the virtual actuator's torques that the filter uses."""
     torque_limit: float | None = None
     """Cap on every servo [N·m]."""
+    pwm_limited: bool = False
+    """The cap is a PWM limit, as servos in position mode have it, not one at the torque."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -52,7 +52,9 @@ class RisePlanner:
         self.stage, self.database, self.options = stage, database, options
         self._checker = CollisionChecker(stage.robot, stage.scene)
         self._tangled_checker = CollisionChecker(stage.robot, stage.scene, TANGLED)
-        self.filter = DynamicsFilter(stage, torque_limit=options.torque_limit)
+        self.filter = DynamicsFilter(
+            stage, torque_limit=options.torque_limit, pwm_limited=options.pwm_limited
+        )
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest.

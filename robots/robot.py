@@ -12,12 +12,13 @@ import numpy as np
 from robots.bus import BusSettings
 from robots.posture import Posture
 from robots.rotation import Array
-from robots.servo import Servo
+from robots.servo import PWM_FULL_SCALE, Servo
 
 ROBOTS_FOLDER = Path(__file__).parent
 
 GAIN_RESISTANCE, GAIN_MOTOR_CONSTANT = 0, 1  # columns of a dcmotor's gainprm
 GAIN_KP, GAIN_KD, GAIN_VMAX = 4, 6, 7
+PWM_ROUNDING = 1e-9  # of a count: what was rounded once stays the same
 
 
 class RobotError(ValueError):
@@ -149,7 +150,24 @@ class Robot:
             torso=model.body(self.torso).id,
         )
 
-    def drive_gains(self, voltage: Array | float, gain_scale: Array | float = 1.0) -> Array:
+    def pwm_limit(self, torque_limit: Array | float) -> Array:
+        """Compute the share of the supply that limits torques, in whole counts, (..., n).
+
+        Position mode limits the motor's voltage, not its torque: at standstill the servo then
+        has the torque asked for, rounded down, and less the faster it turns.
+
+        Args:
+            torque_limit: Largest torque [N·m], shape (..., n) or a number.
+        """
+        share = np.minimum(torque_limit / self.max_torque, 1.0)
+        return np.floor(PWM_FULL_SCALE * share + PWM_ROUNDING) / PWM_FULL_SCALE
+
+    def drive_gains(
+        self,
+        voltage: Array | float,
+        gain_scale: Array | float = 1.0,
+        pwm_limit: Array | float = 1.0,
+    ) -> Array:
         """Compute the servos' ``actuator_gainprm`` at a supply voltage, (..., n, 10).
 
         Position mode sets a share of the supply, so stiffness and largest drive
@@ -158,6 +176,7 @@ class Robot:
         Args:
             voltage: Supply [V], shape (...).
             gain_scale: Share of the position gain, shape (..., n) or a number.
+            pwm_limit: Largest share of the supply, shape (..., n) or a number.
         """
         models = [joint.servo.model for joint in self.joints]
         voltage = np.asarray(voltage, dtype=float)[..., None]
@@ -167,7 +186,7 @@ class Robot:
         nominal = np.array([m.nominal_voltage for m in models])
         gains[..., GAIN_KP] = self.position_gain * gain_scale * voltage / nominal
         gains[..., GAIN_KD] = self.torque_speed_slope
-        gains[..., GAIN_VMAX] = voltage
+        gains[..., GAIN_VMAX] = voltage * pwm_limit
         return gains
 
 

@@ -31,7 +31,7 @@ from robots import Robot
 WINDOW = (0.1, 0.8)  # share of the motion in which the fault comes
 HOLD = 1.0  # s after the motion
 AFTERMATH = 0.5  # s of bus time watched after the run: the servos' own watchdog is shorter
-MARGIN = 0.05  # s of waiting for an answer: nothing is timed here
+MARGIN = 0.03  # s of waiting for an answer: nothing is timed here
 
 
 class FaultyError(Exception):

@@ -9,7 +9,7 @@ import tyro
 from tyro.conf import subcommand
 
 from humanoid_getup.commands.bench import BenchFilter, BenchMotions, BenchRise
-from humanoid_getup.commands.bench_bus import BenchFaults, BenchSoak
+from humanoid_getup.commands.bench_bus import BenchFaults, BenchKill, BenchSoak
 from humanoid_getup.commands.bus import ServeBus
 from humanoid_getup.commands.calibrate import Calibrate
 from humanoid_getup.commands.doctor import Doctor
@@ -32,6 +32,7 @@ BENCHMARKS = (
     | Annotated[BenchMotions, subcommand("motions")]
     | Annotated[BenchFilter, subcommand("filter")]
     | Annotated[BenchFaults, subcommand("faults")]
+    | Annotated[BenchKill, subcommand("kill")]
     | Annotated[BenchSoak, subcommand("soak")]
 )
 COMMANDS: Any = (

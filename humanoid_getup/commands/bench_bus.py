@@ -1,4 +1,4 @@
-"""`getup bench faults` and `getup bench soak`: measure on the virtual bus."""
+"""`getup bench faults`, `kill` and `soak`: measure on the virtual bus."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from humanoid_getup.cli import DID_IT, DID_NOT_STAND
 from humanoid_getup.commands.bench import BenchOptions, counting
 from humanoid_getup.commands.play import find_motion
 
-KILL = "client killed (SIGKILL)"
 FAULT_FIGURES = ("n", "stood", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 SOAK_FIGURES = ("n", "stood", "faster_than_real_time", "cycles", "unexplained_s", "memory_mib")
 
@@ -31,20 +30,39 @@ class BenchFaults(BenchOptions):
     """A motion's name in the robot's database, or an .npz file."""
 
     def run(self) -> int:
-        """Run the benchmark; 1 when a limit was passed or a wrong position believed."""
+        """Run the benchmark; 1 when something was not safe."""
         stage = self.load_stage()
         motion = find_motion(stage.robot, self.motion)
         with counting("cases", len(CASES)) as count:
             result = bench_faults(stage, motion, seed=self.seed, each=self.n, report=count)
+        self.hand_over(result, FAULT_FIGURES)
+        return judge_safety(result)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchKill(BenchOptions):
+    """Kill the program (SIGKILL) in the middle of a rise, and see when the servos stop."""
+
+    n: int = 20
+    """Kills."""
+    motion: str = "supine_roll_over"
+    """A motion's name in the robot's database, or an .npz file."""
+
+    def run(self) -> int:
+        """Run the benchmark; 1 when something was not safe."""
+        stage = self.load_stage()
+        motion = find_motion(stage.robot, self.motion)
         with counting("kills", self.n) as count:
-            kills = bench_kill(stage, motion, seed=self.seed, each=self.n, report=count)
-        result["cases"][KILL] = kills
-        code = self.hand_over(result, FAULT_FIGURES)
-        cases: list[dict[str, Any]] = list(result["cases"].values())
-        is_safe = not any(
-            case["beyond_limits"] or case["believed_wrong"] or case["never_safe"] for case in cases
-        )
-        return code if is_safe else DID_NOT_STAND
+            result = bench_kill(stage, motion, seed=self.seed, each=self.n, report=count)
+        self.hand_over(result, FAULT_FIGURES)
+        return judge_safety(result)
+
+
+def judge_safety(result: dict[str, Any]) -> int:
+    """Return 1 when a limit was passed, a wrong position believed or a robot never safe."""
+    harms = ("beyond_limits", "believed_wrong", "never_safe")
+    harmed = any(case[harm] for case in result["cases"].values() for harm in harms)
+    return DID_NOT_STAND if harmed else DID_IT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,6 +39,11 @@ class Body:
     services: RebootsServos | None = None
 
     @property
+    def has_servos(self) -> bool:
+        """Tell whether its servos are servos, which limit torques by PWM; the twin's are ideal."""
+        return self.services is not None
+
+    @property
     def is_real(self) -> bool:
         """Tell whether it may be a real robot: then it lies where it lies."""
         return self.simulation is None

@@ -114,7 +114,9 @@ class Play(TrialOptions):
         self, stage: Stage, motion: Motion, body: Body, guard: SafetyGuard
     ) -> Rise:
         """Play on a robot that may be a real one: after the preflight, supervised, once."""
-        options = AttemptOptions(max_attempts=1, torque_limit=self.torque_limit, realtime=True)
+        options = AttemptOptions(
+            max_attempts=1, torque_limit=self.torque_limit, pwm_limited=True, realtime=True
+        )
         rng = np.random.default_rng(self.seed)
         with recording(self.out, stage.robot, self._about(motion)) as recorder:
             return get_up(

@@ -62,7 +62,10 @@ class RiseCommand(TrialOptions):
         rng = np.random.default_rng(self.seed)
         with Console(stderr=True).status("falling") as status, self.open_body(stage) as body:
             options = RiseOptions(
-                planning=self.planning, filtering=self.filtering, torque_limit=self.torque_limit
+                planning=self.planning,
+                filtering=self.filtering,
+                torque_limit=self.torque_limit,
+                pwm_limited=body.has_servos,
             )
             planner = RisePlanner(stage, database, options)
             start = None if self.origin is None else find_start(stage, self.origin, rng)
@@ -87,6 +90,7 @@ class RiseCommand(TrialOptions):
         options = AttemptOptions(
             max_attempts=self.attempts,
             torque_limit=self.torque_limit,
+            pwm_limited=body.has_servos,
             # Without the filter, what is asked for is to see the raw path fail or stand.
             preflight=self.filtering,
             realtime=body.realtime,

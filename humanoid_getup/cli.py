@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(arguments)
     except KeyboardInterrupt:
-        print("getup: interrupted, the robot is limp", file=sys.stderr)
+        print("getup: interrupted", file=sys.stderr)
         return INTERRUPTED
 
 

@@ -139,6 +139,7 @@ def rise(
     options = AttemptOptions(
         max_attempts=max_attempts,
         torque_limit=limit,
+        pwm_limited=planner.options.pwm_limited,
         # Without the filter, what is asked for is to see the raw path fail or stand.
         preflight=planner.options.filtering,
         realtime=realtime,

@@ -73,6 +73,7 @@ def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
     )
     names = tuple(row.name for row in description.joints)
     description = replace(description, bus=read_bus(table.get("bus"), names, faults))
+    faults += _board_takes_an_id(description)
     faults += _repeated(description.joints)
     faults += _wrong_mirrors(description.joints)
     faults += _wrong_supply(description)
@@ -130,6 +131,15 @@ def _repeated(rows: tuple[JointRow, ...]) -> list[str]:
             joints = ", ".join(shown(row.name) for row in rows if row.id == servo_id)
             faults.append(f"joints {joints} have one servo id, {servo_id}, allowed one id each")
     return faults
+
+
+def _board_takes_an_id(description: Description) -> list[str]:
+    board = description.bus.board if description.bus else None
+    return [
+        f"bus board: id is {row.id}, that of joint {shown(row.name)}, allowed one of its own"
+        for row in description.joints
+        if board is not None and row.id == board.id >= 0
+    ]
 
 
 def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:

@@ -46,7 +46,7 @@ def bench_rise(
     falls = sample_falls(stage, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     records = []
     for number, fall in enumerate(falls):
-        twin = Twin(robot, stage.model)
+        twin = Twin(robot, stage.model, pwm_limited=options.pwm_limited)
         rng = np.random.default_rng([seed, number])
         record = rise(twin, planner, fall.posture, fall.start_class, rng).record()
         record["bench_class"] = CLASSES[number // each]

@@ -78,6 +78,8 @@ class BenchRise(BenchOptions):
     """Send the path through physics, or play it as it is."""
     assistance: float = 1.0
     """Share of the virtual actuator's torques that the filter uses; 0 is plain tracking."""
+    pwm_limited: bool = False
+    """Let the cap be a PWM limit, as servos in position mode have it."""
 
     def find_faults(self) -> list[str]:
         """Tell all that is wrong with the options' values."""
@@ -94,6 +96,7 @@ class BenchRise(BenchOptions):
             filtering=self.filtering,
             assistance=self.assistance,
             torque_limit=self.torque_limit,
+            pwm_limited=self.pwm_limited,
         )
         with counting("rises", len(CLASSES) * self.n) as count:
             robot, scene = stage.robot, stage.scene

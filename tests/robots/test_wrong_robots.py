@@ -167,6 +167,7 @@ def test_all_that_is_wrong_is_told_at_once(own_robot):
         ("baud = 1_000_000", "watchdog = 9", "bus: watchdog is 9 s, allowed above 0 s, at most 2"),
         ("baud = 1_000_000", "baud = 57600\nports = 3", "bus: ports is 3, allowed a table of port"),
         ("[-1, -1, 1]", "[-1, 1]", "bus board: imu_axes is [-1, 1], allowed three signs"),
+        ("id = 200", "id = 2", "bus board: id is 2, that of joint 'r_hip', allowed one of its own"),
         ("id = 200", "id = 253", "bus board: id is 253, allowed an integer from 0 to 252"),
         ("powers_servos = true", "powers_servos = 1", "powers_servos is 1, allowed true or false"),
         ("[bus.board]", '[bus.ports]\nlegs = ["l_hip"]\n[bus.board]', "'r_hip' is on 0 ports"),

@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup rise test check test-slow clean
+.PHONY: setup rise test check test-slow fuzz clean
 
 # The main job needs the core install only; the development tools come with `setup`.
 $(VENV)/core: pyproject.toml
@@ -33,6 +33,10 @@ test: setup
 
 test-slow: setup
 	$(BIN)/pytest -n 2 -m slow
+
+# Ten million random and mutated bytes into each end of the wire.
+fuzz: setup
+	$(BIN)/python benchmarks/fuzz_protocol.py --bytes 10000000 --seed 0
 
 clean:
 	rm -rf $(VENV) typings out *.egg-info

@@ -41,7 +41,7 @@ COMMANDS: Any = (
     | Annotated[
         MOTIONS, subcommand("motions", description="List, build, show or play rising motions.")
     ]
-    | Annotated[BENCHMARKS, subcommand("bench", description="Measure on the twin.")]
+    | Annotated[BENCHMARKS, subcommand("bench", description="Measure: rises, faults, soak...")]
     | Annotated[ServeBus, subcommand("bus")]
     | Annotated[Scan, subcommand("scan")]
     | Annotated[Doctor, subcommand("doctor")]

@@ -29,7 +29,7 @@ HEADINGS = ("joint", "id", "model", "fw", "°C", "V", "angle °", "range °", "d
 
 @dataclass(frozen=True, kw_only=True)
 class Doctor(RobotOption):
-    """Look at a robot on its bus before first torque; moves nothing, sets nothing."""
+    """Look at a robot on its bus before first torque; moves nothing."""
 
     port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")] = ()
     """Serial port; of a robot with several, one NAME=PATH each."""

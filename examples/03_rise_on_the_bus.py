@@ -1,0 +1,52 @@
+"""A fallen OP3 gets up over a serial port: the real driver, and servos that speak Protocol 2.0.
+
+Give the path of a robot's port and the same lines move the robot: read
+docs/first_connection.md first.
+"""
+
+import sys
+
+import numpy as np
+
+from drivers import SafetyGuard
+from drivers.clock import CycleClock
+from drivers.dynamixel import DynamixelBackend
+from drivers.simulation import Simulation
+from drivers.virtual.robot import VirtualPorts, VirtualRobot
+from drivers.virtual.server import Pace
+from humanoid_getup.attempt import AttemptOptions
+from humanoid_getup.database import load_database
+from humanoid_getup.lying import sample_falls
+from humanoid_getup.rise import Rise, get_up
+from humanoid_getup.rise_plan import RiseOptions
+from humanoid_getup.rising import RisePlanner
+from humanoid_getup.scene import load_scene
+from humanoid_getup.stage import Stage
+from robots import load_robot
+
+
+def rise(stage: Stage, backend: DynamixelBackend, *, realtime: bool) -> Rise:
+    planner = RisePlanner(stage, load_database(stage.robot), RiseOptions(pwm_limited=True))
+    options = AttemptOptions(pwm_limited=True, realtime=realtime)
+    rng = np.random.default_rng(0)
+    return get_up(SafetyGuard(backend), stage, planner, rng, options, services=backend)
+
+
+def main(port: str | None = None) -> bool:
+    robot = load_robot("op3")
+    stage = Stage.build(robot, load_scene("flat"))
+    if port is not None:
+        result = rise(stage, DynamixelBackend(robot, {"main": port}), realtime=True)
+    else:
+        virtual = VirtualRobot(Simulation(robot, stage.model))
+        virtual.place(sample_falls(stage, {"prone": 1}, np.random.default_rng(3))[0].posture)
+        with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+            backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
+            result = rise(stage, backend, realtime=False)
+            print(backend.statistics["main"])
+    print(f"{result.start_class}: {result.reason}, judged by sensors alone")
+    return result.stood
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else None)

@@ -201,8 +201,8 @@ def lerobot_bus(path: str, baud: int) -> Iterator[Client]:
     import dynamixel_sdk as sdk
 
     _stub_learning_libraries()
-    from lerobot.motors import Motor, MotorNormMode
-    from lerobot.motors.dynamixel import DynamixelMotorsBus
+    from lerobot.motors import Motor, MotorNormMode  # pyright: ignore[reportMissingImports]
+    from lerobot.motors.dynamixel import DynamixelMotorsBus  # pyright: ignore[reportMissingImports]
 
     robot = robot_at(baud)
     motors = {

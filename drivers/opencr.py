@@ -18,7 +18,7 @@ TRIES = 3
 IMU_BYTES = 12  # three axes of gyro and accelerometer, two bytes each
 # An IMU at rest may repeat itself; one on a body whose joints move cannot, so long.
 FROZEN_CYCLES = 12
-MOVING = 0.3  # rad/s of the fastest joint
+MOVING = 1.0  # rad/s of the fastest joint
 # A body at rest: what its IMU may show, and for how many samples.
 QUIET_FORCE, QUIET_TURN, QUIET_CYCLES = 0.05, 0.2, 12  # share of gravity, rad/s
 # After so long without a sample the gyro has missed too much: the vertical is taken anew.

@@ -123,10 +123,18 @@ def test_a_robot_that_was_up_is_let_go_as_soon_as_it_tips(stage, standing, still
     assert "tilt 45°" in supervisor.aborted.detail
 
 
+def test_a_robot_that_is_up_is_not_let_go_for_a_joint_that_hangs_back(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    wide = replace(still, joint_pos=with_knee(still.joint_pos, 0.3))
+    assert watch(supervisor, wide, 5.0) == 5.0
+    assert supervisor.aborted is None
+
+
 def test_a_joint_that_does_not_follow_is_named(stage, standing, still, op3):
     supervisor = begin(stage, standing, still)
-    watch(supervisor, still, 0.5)
-    stuck = replace(still, joint_pos=with_knee(still.joint_pos, 0.3))
+    rising = replace(still, orientation=leaning(30.0))
+    watch(supervisor, rising, 0.5)
+    stuck = replace(rising, joint_pos=with_knee(still.joint_pos, 0.3))
     assert watch(supervisor, stuck, 5.0, begin=0.5) == pytest.approx(1.0, abs=0.02)
     assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.STUCK

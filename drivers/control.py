@@ -149,7 +149,7 @@ def run(
         raise TypeError(
             f"run() moves a robot through a SafetyGuard only, not a {type(guard).__name__}"
         )
-    loop = _Loop(guard, Pacer(guard.period) if realtime else None)
+    loop = _Loop(guard, realtime)
     ending, reason = Ending.INTERRUPTED, Ending.INTERRUPTED.value
     with guard, _uncollected() if realtime else nullcontext():
         try:
@@ -215,8 +215,9 @@ class Pacer:
 class _Loop:
     """The state of a run, kept when an exception ends it."""
 
-    def __init__(self, guard: SafetyGuard, pacer: Pacer | None) -> None:
-        self.guard, self.pacer = guard, pacer
+    def __init__(self, guard: SafetyGuard, realtime: bool) -> None:
+        self.guard, self._realtime = guard, realtime
+        self.pacer: Pacer | None = None
         self.cycles = 0
         self.duration = 0.0
         self.timings: list[tuple[float, float, float, float]] = []
@@ -228,6 +229,8 @@ class _Loop:
         on_cycle: Callable[[Cycle], None] | None,
     ) -> tuple[Ending, str]:
         clock = time.perf_counter
+        # Deadlines count from here: connecting took its own time.
+        self.pacer = Pacer(self.guard.period) if self._realtime else None
         began = clock()
         state = self.guard.read()
         start = state.time

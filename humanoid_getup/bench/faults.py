@@ -25,11 +25,11 @@ from humanoid_getup.lying import read_posture
 from humanoid_getup.motion import Motion
 from humanoid_getup.player import MotionPlayer
 from humanoid_getup.stage import Stage
-from humanoid_getup.standing import is_upright
+from humanoid_getup.supervisor import HOLD
+from humanoid_getup.watch import Watch
 from robots import Robot
 
 WINDOW = (0.1, 0.8)  # share of the motion in which the fault comes
-HOLD = 1.0  # s after the motion
 AFTERMATH = 0.5  # s of bus time watched after the run: the servos' own watchdog is shorter
 MARGIN = 0.03  # s of waiting for an answer: nothing is timed here
 
@@ -205,7 +205,7 @@ def _try(stage: Stage, motion: Motion, case: Case, rng: np.random.Generator) -> 
         guard = SafetyGuard(witness, GuardLimits.of(robot))
         at = motion.duration * rng.uniform(*WINDOW)
         moment = Moment(ports.main.faults, guard, _draw_servo(robot, rng), _board_id(robot))
-        player = MotionPlayer(robot, motion, hold=HOLD)
+        player, watch = MotionPlayer(robot, motion, hold=HOLD), Watch(virtual.simulation, None)
         controller = Spoiled(player, case, moment, at)
         struck_at: list[float] = []
 
@@ -217,25 +217,19 @@ def _try(stage: Stage, motion: Motion, case: Case, rng: np.random.Generator) -> 
             report = run(controller, guard, max_time=motion.duration + HOLD + 5.0, on_cycle=look)
         except FaultyError as error:
             report = str(error)
-        upright = ports.main.call(lambda: _is_up(virtual))  # before it falls, limp
+        stood = ports.main.call(watch.conclude).stand.stood
         since = struck_at[0] - robot.control_period if struck_at else ports.main.time
         ports.main.call(lambda: virtual.body.advance(virtual.body.time + AFTERMATH))
     went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
     return Trial(
         ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
         reason=report.reason if isinstance(report, RunReport) else report,
-        stood=went_on and upright,
+        stood=went_on and stood,
         safe=None if went_on else witness.sights.find_safe_time(since),
         beyond_limits=witness.sights.count_beyond_limits() + witness.too_fast,
         believed_wrong=len(witness.believed_wrong),
         holds=guard.holds,
     )
-
-
-def _is_up(virtual: VirtualRobot) -> bool:
-    truth, robot = virtual.simulation.truth, virtual.robot
-    height, tilt = np.array([truth.neck_height]), np.array([truth.tilt])
-    return bool(is_upright(height, tilt, np.array([truth.foreign_contact]), robot)[0])
 
 
 def _draw_servo(robot: Robot, rng: np.random.Generator) -> int:

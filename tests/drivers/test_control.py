@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recording_backend import RecordingBackend
 
-from drivers import Command, DriverError, Ending, SafetyGuard, Twin, run
+from drivers import Command, DriverError, Ending, SafetyGuard, Twin, control, run
 from drivers.control import Pacer
 
 
@@ -155,3 +155,16 @@ class _Never:
 
     def step(self, _state):
         raise AssertionError("a bare backend must not be moved")
+
+
+def test_deadlines_count_from_the_end_of_connecting(tiny, backend, monkeypatch):
+    was_open: list[bool] = []
+
+    class Spy(Pacer):
+        def __init__(self, period: float) -> None:
+            was_open.append(backend.connected)
+            super().__init__(period)
+
+    monkeypatch.setattr(control, "Pacer", Spy)
+    run(Hold(tiny, cycles=2), SafetyGuard(backend), max_time=1.0, realtime=True)
+    assert was_open == [True]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Protocol
 
 import numpy as np
 
@@ -18,14 +19,14 @@ from drivers.audit import (
     list_doubled_ids,
     name_all,
 )
-from drivers.bus import FACTORY_RETURN_DELAY
+from drivers.bus import FACTORY_RETURN_DELAY, DynamixelBus
 from drivers.errors import SetupError
 from drivers.opencr import ImuSample, blame_board, check_board
 from drivers.port import PortError
 from drivers.servo_bank import ServoBank
 from drivers.servo_line import ServoLine
 from drivers.servo_setup import ALL_ANSWERED
-from robots import Robot
+from robots import Joint, Robot
 
 SETUP_MARGIN = 0.03  # s that an answer may take where no cycle is waiting
 BOOT_TIME = 3.0  # s until servos answer that were given power or rebooted; they take 0.3 s
@@ -69,7 +70,7 @@ def look_at_all(robot: Robot, lines: Sequence[ServoLine], period: float | None) 
         findings += found
         if found and line.board and line.board.settings.powers_servos:
             return Audit((), tuple(findings))  # servos without power are silent anyway
-    _await_servos(lines)
+    await_servos(lines)
     servos = []
     for line in lines:
         line.writer.ask_for_answers(ALL_ANSWERED)
@@ -131,8 +132,22 @@ def measure_first(lines: Sequence[ServoLine], bank: ServoBank, now: float) -> Im
     return sample
 
 
+class PortOfJoints(Protocol):
+    """A bus and the joints on it."""
+
+    @property
+    def bus(self) -> DynamixelBus:
+        """Return the bus."""
+        ...
+
+    @property
+    def joints(self) -> Sequence[Joint]:
+        """Return the joints on it."""
+        ...
+
+
 @contextmanager
-def margin(lines: Sequence[ServoLine], value: float) -> Iterator[None]:
+def margin(lines: Sequence[PortOfJoints], value: float) -> Iterator[None]:
     """Wait for answers as long as said [s], inside the block."""
     before = [line.bus.answer_margin for line in lines]
     for line in lines:
@@ -144,7 +159,7 @@ def margin(lines: Sequence[ServoLine], value: float) -> Iterator[None]:
             line.bus.answer_margin = was
 
 
-def _await_servos(lines: Sequence[ServoLine]) -> None:
+def await_servos(lines: Sequence[PortOfJoints]) -> None:
     """Wait for servos that have just been given power; who stays silent is the audit's."""
     until = time.monotonic() + BOOT_TIME
     missing = [(line.bus, joint.servo.id) for line in lines for joint in line.joints]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from drivers.audit import (
     name_of,
 )
 from drivers.bus import DynamixelBus
+from drivers.connecting import await_servos
 from drivers.control_table import table_named
 from drivers.errors import SetupError
 from drivers.opencr import OpenCr
@@ -27,8 +27,6 @@ from drivers.servo_setup import ALL_ANSWERED
 from robots import Joint, Robot
 
 MARGIN = 0.03  # s that an answer may take: nothing here is in a hurry
-BOOT_TIME = 3.0  # s until servos answer that were given power; they take 0.3 s
-BOOT_MARGIN = 0.01  # s to wait for each answer meanwhile
 
 MakePort = Callable[[str, int], Port]
 
@@ -130,18 +128,7 @@ class RobotBus:
             self._complain(who, "does not switch the servos' power on", remedy)
             return
         self.written.append(f"the servos' power was off: switched on at the {who}")
-        self._await_servos()
-
-    def _await_servos(self) -> None:
-        """Wait for servos that have just been given power."""
-        until = time.monotonic() + BOOT_TIME
-        missing = [(line.bus, joint.servo.id) for line in self.lines for joint in line.joints]
-        for line in self.lines:
-            line.bus.answer_margin = BOOT_MARGIN
-        while missing and time.monotonic() < until:
-            missing = [(bus, device) for bus, device in missing if not bus.ping(device)]
-        for line in self.lines:
-            line.bus.answer_margin = MARGIN
+        await_servos(self.lines)
 
     def _unmute(self, bus: DynamixelBus, joint: Joint) -> None:
         """Let a servo answer that hears a ping but was told to answer nothing else."""

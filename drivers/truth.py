@@ -52,6 +52,9 @@ class Truth:
         self._is_world = model.body_weldid[owner] == WORLD
         feet = model.site_bodyid[self._soles]
         self._is_foot = np.isin(model.body_weldid[owner], model.body_weldid[feet])
+        head = [model.joint(j.name).bodyid[0] for j in robot.joints if j.segment == "head"]
+        self._head = head[-1] if head else -1
+        self._is_head = owner == self._head
 
     @property
     def time(self) -> float:
@@ -107,6 +110,23 @@ class Truth:
         foreign = ~(self._is_world | self._is_foot)
         touches = foreign[first] & self._is_world[second] | self._is_world[first] & foreign[second]
         return bool(touches.any())
+
+    @property
+    def head_contact(self) -> bool:
+        """Tell whether the head touches the world."""
+        first, second, _ = self._contacts()
+        world, head = self._is_world, self._is_head
+        return bool((head[first] & world[second] | world[first] & head[second]).any())
+
+    @property
+    def head_speed(self) -> float:
+        """Return how fast the head moves [m/s]; 0 for a robot without one."""
+        if self._head < 0:
+            return 0.0
+        velocity = np.zeros(6)
+        kind = mujoco.mjtObj.mjOBJ_BODY
+        mujoco.mj_objectVelocity(self.model, self.data, kind, self._head, velocity, 0)
+        return float(np.linalg.norm(velocity[3:]))
 
     @property
     def feet_contact(self) -> bool:

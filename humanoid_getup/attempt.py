@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from drivers import Cycle, DriverError, Ending, FaultKind, SafetyGuard, State, run
-from drivers.control import Pacer
+from drivers.control import Controller, Pacer
 from humanoid_getup.attempt_result import (
     Attempt,
     AttemptResult,
@@ -18,8 +18,9 @@ from humanoid_getup.attempt_result import (
     PhaseChange,
 )
 from humanoid_getup.lying import classify
-from humanoid_getup.motion import Motion
-from humanoid_getup.preflight import Verdict, preflight
+from humanoid_getup.policy_plan import PolicyPlan
+from humanoid_getup.policy_supervisor import PolicySupervisor
+from humanoid_getup.preflight import check_body, preflight
 from humanoid_getup.recovery import (
     Cooling,
     RebootsServos,
@@ -31,13 +32,14 @@ from humanoid_getup.rise_plan import RisePlan, RiseStatus
 from humanoid_getup.sensed import SensedWatch
 from humanoid_getup.stage import Stage
 from humanoid_getup.start import FaultedError, StartError, estimate_posture, settle
-from humanoid_getup.supervisor import HOLD, Supervision, Supervisor
+from humanoid_getup.supervision import Abort, Supervision
+from humanoid_getup.supervisor import Supervisor
 from humanoid_getup.watch import Watched
 from robots import Posture
 
 UNCLASSED = "other"  # start class of a robot that lies on no side
 MOST_REMEDIES = 5  # faults of a robot that only lies there, before it is left alone
-GRACE = 5.0  # s that a run may take beyond its motion and the hold: the way to its start
+GRACE = 5.0  # s that a run may take beyond its longest: the way to a motion's start
 
 
 class Judge(Protocol):
@@ -52,8 +54,27 @@ class Judge(Protocol):
         ...
 
 
+class Supervised(Controller, Protocol):
+    """Moves a robot and gives up when the rise goes wrong."""
+
+    @property
+    def longest(self) -> float:
+        """Return how long it takes at most [s], but for the way to its start."""
+        ...
+
+    @property
+    def aborted(self) -> Abort | None:
+        """Return why it gave up, if it did."""
+        ...
+
+    @property
+    def warnings(self) -> list[str]:
+        """Return what was odd but no reason to stop."""
+        ...
+
+
 class Plans(Protocol):
-    """Finds a motion that gets the robot up from where it lies."""
+    """Finds a motion or a policy that gets the robot up from where it lies."""
 
     def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
         """Plan a rise from a posture at rest."""
@@ -108,7 +129,7 @@ class AttemptManager:
         Args:
             guard: Robot to get up; it is connected for each phase and limp after it.
             stage: Robot and scene that plans and preflight work with.
-            plans: Finds motions: a `RisePlanner` or `NearestMotion`.
+            plans: Finds motions or policies: a `RisePlanner`, `NearestMotion`, `ThePolicy`...
             options: How to try, and how often.
             judge: Makes the judge of one run; ``None`` for sensors alone.
             services: Reboots servos, where the backend can.
@@ -181,16 +202,16 @@ class AttemptManager:
         self._tell(Phase.PLANNING, f"the robot lies {kind}")
         plan = self._plans.plan(posture, rng)
         attempt = Attempt(number=number, start_class=kind, plan=plan)
-        if plan.motion is None:
+        supervisor = self._supervise(plan)
+        if supervisor is None:
             return attempt
         if self.options.preflight:
-            self._tell(Phase.PREFLIGHT, plan.motion.name)
-            verdict = self._check(plan.motion, state)
-            attempt = replace(attempt, verdict=verdict)
-            if not verdict.passed:
-                return replace(attempt, refusal=str(verdict))
-        self._tell(Phase.PLAYING, plan.motion.name)
-        return self._play(attempt, plan, plan.motion)
+            self._tell(Phase.PREFLIGHT, plan.title)
+            attempt = self._check(attempt, plan, state)
+            if attempt.refusal is not None:
+                return attempt
+        self._tell(Phase.PLAYING, plan.title)
+        return self._play(attempt, supervisor)
 
     def _settle(self) -> State:
         """Wait until the robot is still, and put right what keeps it from being watched."""
@@ -204,32 +225,44 @@ class AttemptManager:
             self._recovery.remedy(fault)
         raise UnrecoveredError(f"{fault}, {MOST_REMEDIES} times in a row")
 
-    def _check(self, motion: Motion, settled: State) -> Verdict:
+    def _check(self, attempt: Attempt, plan: RisePlan, settled: State) -> Attempt:
         """Ask the preflight, from where the robot lies now: planning took its time.
 
         Supply and temperatures are those of the robot that lay still: a bus reads them in
-        turns, so a first measurement need not have them all.
+        turns, so a first measurement need not have them all. Nobody knows how a policy will
+        move, so no more than these is asked for it.
         """
+        if plan.motion is None:
+            reasons = check_body(self._stage.robot, settled.voltage, settled.temperature)
+            told = "; ".join(map(str, reasons))
+            return replace(attempt, refusal=f"preflight refused: {told}" if told else None)
         with self._guard:
             now = self._guard.read()
-        return preflight(
+        verdict = preflight(
             self._stage,
-            motion,
+            plan.motion,
             voltage=settled.voltage,
             torque_limit=self.options.torque_limit,
             pwm_limited=self.options.pwm_limited,
             temperature=settled.temperature,
             start=now,
         )
+        return replace(attempt, verdict=verdict, refusal=None if verdict.passed else str(verdict))
 
-    def _play(self, attempt: Attempt, plan: RisePlan, motion: Motion) -> Attempt:
-        options = self.options
+    def _supervise(self, plan: RisePlan) -> Supervised | None:
+        """Make what plays a plan, watched; None where it holds nothing to play."""
+        supervision, limit = self.options.supervision, self.options.torque_limit
+        if isinstance(plan, PolicyPlan):
+            return PolicySupervisor(plan.policy, supervision)
+        if plan.motion is None:
+            return None
         supervision = replace(
-            options.supervision,
-            tracks_motion=options.supervision.tracks_motion and _went_through_physics(plan),
+            supervision,
+            tracks_motion=supervision.tracks_motion and _went_through_physics(plan),
         )
-        limit = options.torque_limit
-        supervisor = Supervisor(self._stage, motion, torque_limit=limit, supervision=supervision)
+        return Supervisor(self._stage, plan.motion, torque_limit=limit, supervision=supervision)
+
+    def _play(self, attempt: Attempt, supervisor: Supervised) -> Attempt:
         judge = self._judge()
 
         def look(cycle: Cycle) -> None:
@@ -237,9 +270,12 @@ class AttemptManager:
             if self._on_cycle:
                 self._on_cycle(cycle)
 
-        longest = motion.duration + HOLD + GRACE
         report = run(
-            supervisor, self._guard, max_time=longest, realtime=options.realtime, on_cycle=look
+            supervisor,
+            self._guard,
+            max_time=supervisor.longest + GRACE,
+            realtime=self.options.realtime,
+            on_cycle=look,
         )
         if report.ending is Ending.INTERRUPTED:
             raise KeyboardInterrupt

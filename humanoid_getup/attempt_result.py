@@ -9,7 +9,7 @@ from drivers import Ending, RunReport
 from humanoid_getup.preflight import Verdict
 from humanoid_getup.rise_plan import RisePlan
 from humanoid_getup.standing import HOLD_TIME
-from humanoid_getup.supervisor import Abort
+from humanoid_getup.supervision import Abort
 from humanoid_getup.watch import Watched
 
 

@@ -113,6 +113,7 @@ def preflight(
         *_judge_limits(robot, motion),
         *_judge_speed(robot, figures),
         *_judge_load(robot, figures, torque_limit),
+        *_judge_warmth(robot, heat),
         *_judge_heat(robot, figures, heat),
         *_judge_overlap(figures),
         *_judge_start(stage, motion, figures, start),
@@ -120,6 +121,17 @@ def preflight(
     reasons.sort(key=lambda reason: reason.severity is Severity.WARN)
     refused = any(reason.severity is Severity.REFUSE for reason in reasons)
     return Verdict(passed=not refused, reasons=tuple(reasons), figures=figures)
+
+
+def check_body(robot: Robot, voltage: float, temperature: Array) -> list[Reason]:
+    """Judge what can be judged before a rise that no motion foretells: supply and heat.
+
+    Args:
+        robot: Robot.
+        voltage: Supply at the servos [V].
+        temperature: Of the servos [°C], shape (n,).
+    """
+    return [*_judge_supply(robot, voltage), *_judge_warmth(robot, temperature)]
 
 
 def _check_input(voltage: float, torque_limit: float | None, temperature: Array | float) -> None:
@@ -213,15 +225,21 @@ def _judge_load(robot: Robot, figures: Figures, torque_limit: float | None) -> l
     return reasons
 
 
+def _judge_warmth(robot: Robot, temperature: Array) -> list[Reason]:
+    allowed = f"allowed {MAX_TEMPERATURE:.0f} °C: let it cool down"
+    return [
+        _refuse(f"has {now:.0f} °C, {allowed}", name)
+        for now, name in zip(temperature, robot.joint_names, strict=True)
+        if now > MAX_TEMPERATURE
+    ]
+
+
 def _judge_heat(robot: Robot, figures: Figures, temperature: Array) -> list[Reason]:
     reasons = []
     for now, then, name in zip(
         temperature, figures.end_temperature, robot.joint_names, strict=True
     ):
-        if now > MAX_TEMPERATURE:
-            text = f"has {now:.0f} °C, allowed {MAX_TEMPERATURE:.0f} °C: let it cool down"
-            reasons.append(_refuse(text, name))
-        elif then > MAX_TEMPERATURE:
+        if now <= MAX_TEMPERATURE < then:
             text = (
                 f"has {now:.0f} °C and would have {then:.0f} °C after the rise, allowed "
                 f"{MAX_TEMPERATURE:.0f} °C: let it cool down"

@@ -112,6 +112,8 @@ def _headline(report: dict[str, Any]) -> str:
 def _describe_way(report: dict[str, Any]) -> str:
     if report.get("motion"):
         return f"motion {report['motion']} ({report['strategy']})"
+    if report.get("policy"):
+        return f"policy {report['policy']}"
     if not report["connection"]:
         return ""
     way = f"{report['connection']} ({report['strategy']})"

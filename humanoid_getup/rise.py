@@ -12,8 +12,10 @@ import numpy as np
 from drivers import Cycle, Ending, GuardLimits, RunReport, SafetyGuard, Twin, run
 from humanoid_getup.attempt import UNCLASSED, AttemptManager, AttemptOptions, Judge, Plans
 from humanoid_getup.attempt_result import AttemptResult, AttemptStatus, PhaseChange
+from humanoid_getup.lying import Fall
 from humanoid_getup.motion import Motion
 from humanoid_getup.player import MotionPlayer
+from humanoid_getup.policy_plan import PolicyPlan
 from humanoid_getup.recovery import RebootsServos
 from humanoid_getup.rise_plan import RisePlan, RiseStatus
 from humanoid_getup.rising import RisePlanner
@@ -23,6 +25,7 @@ from humanoid_getup.start import check_start
 from humanoid_getup.supervisor import HOLD
 from humanoid_getup.watch import Watch, Watched
 from robots import Posture, Robot
+from robots.rotation import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +90,7 @@ class Rise:
             "robust": None if math.isnan(plan.robust) else plan.robust,
             "connection": connection.motion.name if connection else None,
             "strategy": connection.motion.strategy if connection else None,
+            "policy": plan.name if isinstance(plan, PolicyPlan) else None,
             "attempts": self.attempts,
             "period_s": self.run.period if self.run else None,
             "overruns": self.run.overruns if self.run else 0,
@@ -110,6 +114,7 @@ class Rise:
                 "self_collisions": watched.self_collisions,
                 "ground_penetrations": watched.ground_penetrations,
                 "limit_violations": watched.limit_violations,
+                "head_impact_m_s": watched.head_impact,
             }
         return record
 
@@ -132,26 +137,63 @@ def rise(
         StartError: if the start reaches into the ground.
         KeyboardInterrupt: once the robot is limp, if somebody interrupted.
     """
-    check_start(planner.stage, start)
-    limit = planner.options.torque_limit
-    guard = SafetyGuard(twin, GuardLimits.of(twin.robot, torque_limit=limit))
-    twin.place(start)
     options = AttemptOptions(
         max_attempts=max_attempts,
-        torque_limit=limit,
+        torque_limit=planner.options.torque_limit,
         pwm_limited=planner.options.pwm_limited,
         # Without the filter, what is asked for is to see the raw path fail or stand.
         preflight=planner.options.filtering,
         realtime=realtime,
     )
+    fall = Fall(posture=start, start_class=start_class)
+    return lay_down_and_get_up(
+        twin, planner.stage, planner, fall, rng, options, report=report, on_cycle=on_cycle
+    )
+
+
+def lay_down_and_get_up(
+    twin: Twin,
+    stage: Stage,
+    plans: Plans,
+    fall: Fall,
+    rng: np.random.Generator,
+    options: AttemptOptions,
+    *,
+    temperature: Array | None = None,
+    report: Callable[[PhaseChange], None] = lambda _: None,
+    on_cycle: Callable[[Cycle], None] | None = None,
+) -> Rise:
+    """Put a twin where it fell, and get it up.
+
+    Args:
+        twin: Robot.
+        stage: Robot and scene that plans and preflight work with.
+        plans: Finds what to play.
+        fall: How it lies.
+        rng: Source of the plans' chance.
+        options: How to try, and how often.
+        temperature: How warm its servos are at first [°C], (n,); ``None`` for cool.
+        report: Hears of every phase.
+        on_cycle: Sees every cycle.
+
+    Raises:
+        StartError: if the start reaches into the ground.
+        KeyboardInterrupt: once the robot is limp, if somebody interrupted.
+    """
+    check_start(stage, fall.posture)
+    limit = options.torque_limit
+    guard = SafetyGuard(twin, GuardLimits.of(twin.robot, torque_limit=limit))
+    twin.place(fall.posture)
+    if temperature is not None:
+        twin.simulation.temperature[:] = temperature
     return get_up(
         guard,
-        planner.stage,
-        planner,
+        stage,
+        plans,
         rng,
         options,
         judge=lambda: Watch(twin.simulation, limit),
-        start_class=start_class,
+        start_class=fall.start_class,
         report=report,
         on_cycle=on_cycle,
     )

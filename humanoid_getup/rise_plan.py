@@ -17,6 +17,7 @@ class RiseStatus(Enum):
     NOT_PLANNED = "no path to any connecting posture"
     FELL = "no rehearsal ends in a held stand"
     UNREHEARSED = "planned, but not filtered"
+    LEARNED = "a policy decides on the way"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,3 +57,8 @@ class RisePlan:
     """Wall time of selecting, planning and smoothing the first round's paths [s]."""
     filter_s: float = 0.0
     """Wall time of everything after it [s]."""
+
+    @property
+    def title(self) -> str:
+        """Name what is to be played; empty where there is nothing."""
+        return self.motion.name if self.motion else ""

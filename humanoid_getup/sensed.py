@@ -29,10 +29,11 @@ def torso_orientation(stage: Stage, orientation: Array) -> Array:
 class GravitySense:
     """The direction of gravity in the torso, cycle by cycle: `torso_orientation` in haste."""
 
-    def __init__(self, stage: Stage) -> None:
-        imu_in_torso = stage.model.site(stage.robot.imu_site).quat
-        self._torso_from_imu = np.zeros(9)
-        mujoco.mju_quat2Mat(self._torso_from_imu, imu_in_torso)
+    def __init__(self, imu_in_torso: Array) -> None:
+        """Prepare for an IMU that sits in the torso as a quaternion says, (4,)."""
+        matrix = np.zeros(9)
+        mujoco.mju_quat2Mat(matrix, imu_in_torso)
+        self.torso_from_imu = matrix.reshape(3, 3)
 
     def __call__(self, orientation: Array) -> Array:
         """Turn the IMU's orientation (4,) into a unit vector in the torso, (3,)."""
@@ -42,7 +43,7 @@ class GravitySense:
         down = np.array(
             [2.0 * (w * y - x * z), -2.0 * (y * z + w * x), x * x + y * y - w * w - z * z]
         )
-        return self._torso_from_imu.reshape(3, 3) @ down / length
+        return self.torso_from_imu @ down / length
 
 
 def estimate_torque(robot: Robot, current: Array) -> Array:
@@ -126,6 +127,7 @@ class SensedWatch:
             self_collisions=None,
             ground_penetrations=None,
             limit_violations=left[0],
+            head_impact=None,
             torque=torque,
             qpos=self._lay_out(torso, angles),
             is_sensed=True,

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Command, State
 from humanoid_getup.motion import Motion
 from humanoid_getup.player import MotionPlayer
 from humanoid_getup.sensed import GravitySense
+from humanoid_getup.servo_watch import ServoWatch
 from humanoid_getup.stage import Stage
 from humanoid_getup.standing import HOLD_TIME
+from humanoid_getup.supervision import Abort, AbortKind, Lasting, Supervision
 from robots import rotation
 from robots.rotation import Array
 
@@ -25,79 +24,10 @@ SLOW = 0.2  # rad/s of a joint that is stuck
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
-class AbortKind(Enum):
-    """Why a rise was given up."""
-
-    TILT = "the torso is not turned as the motion expects"
-    FELL = "the robot was up and is falling"
-    STUCK = "a joint does not follow"
-    LOAD = "a servo has pushed near its stall torque for too long"
-    HEAT = "a servo is too hot"
-
-
-@dataclass(frozen=True)
-class Abort:
-    """Why and when a rise was given up."""
-
-    kind: AbortKind
-    detail: str
-    time: float
-    """Since the motion was started [s]."""
-
-    def __str__(self) -> str:
-        return f"{self.kind.value}: {self.detail}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Supervision:
-    """How far, and for how long, a rise may differ from what its motion expects.
-
-    Measured on the twin, through the sensors, on 24 planned rises (six seeds of each
-    class): played undisturbed; with starts, friction 0.45 to 1.1, supply 11.0 to 12.6 V and
-    sensor noise disturbed (72, of which 71 stood); and pushed, played from another fall,
-    with weak servos, or on ice (friction 0.15). What is told beside each figure is the
-    worst of the undisturbed / of the disturbed ones that stood, then of the falls.
-    """
-
-    tilt: float = np.radians(60.0)
-    """Angle between measured and expected gravity in the torso [rad].
-
-    21 deg / 59 deg; of 27 falls by push, disturbance or another start 26 were beyond it for
-    more than 3.9 s. On ice 0.22 s beyond it still ended standing.
-    """
-    tilt_time: float = 0.5
-    """[s]"""
-    fallen: float = np.radians(40.0)
-    """Tilt of a robot that was up and should be [rad]. 17 deg / 18 deg; falls 80 and more."""
-    fallen_time: float = 0.02
-    """[s]; a robot that tips is another 25 deg lower a tenth of a second later."""
-    error: float = 0.4
-    """Distance of a slow joint both from its target and from where it should be [rad].
-
-    It lasted for 0.03 s / 0.07 s; with servos too weak for the motion up to 5 s.
-    """
-    error_time: float = 1.0
-    """[s]"""
-    load: float = 0.9
-    """Current as a share of the stall current at the measured supply.
-
-    It lasted for 0.53 s / 2.7 s; falls 2.3 s.
-    """
-    load_time: float = 4.0
-    """[s]"""
-    temperature: float = 72.0
-    """[°C]; 27 °C from 25 °C, so a rise that begins cool never comes near. The guard's
-    limit of 75 °C lies above it."""
-    tracks_motion: bool = True
-    """False for a motion that no rehearsal went through: its angles are only a wish, so
-    tilt and stuck joints are not held against it."""
-
-
 class Supervisor:
     """Plays a motion and watches, each cycle, what the sensors tell of the rise.
 
     It commands limp once and is done as soon as something has been wrong for too long.
-    ``warnings`` tells what was odd but no reason to stop.
     """
 
     def __init__(
@@ -119,15 +49,19 @@ class Supervisor:
             supervision: What is too much; ``None`` for the defaults.
         """
         self.robot, self._motion = stage.robot, motion
-        self._sense_gravity = GravitySense(stage)
+        self._sense_gravity = GravitySense(stage.model.site(stage.robot.imu_site).quat)
         self._player = MotionPlayer(stage.robot, motion, hold=hold, torque_limit=torque_limit)
         self._limits = supervision or Supervision()
         self._gravity_b = rotation.gravity_in_body(motion.orientation)  # (T, 3)
-        models = [joint.servo.model for joint in stage.robot.joints]
-        self._stall_per_volt = np.array([m.stall_current / m.nominal_voltage for m in models])
-        self._min_voltage = max(m.min_voltage for m in models)
+        self._servos = ServoWatch(stage.robot, self._limits)
+        self.longest = motion.duration + hold
+        """Time that motion and hold take [s]."""
         self.aborted: Abort | None = None
-        self.warnings: list[str] = []
+
+    @property
+    def warnings(self) -> list[str]:
+        """Return what was odd but no reason to stop."""
+        return self._servos.warnings
 
     @property
     def done(self) -> bool:
@@ -139,19 +73,18 @@ class Supervisor:
         self._player.reset(state)
         self._begin = state.time
         self._target = state.joint_pos
-        self.aborted, self.warnings = None, []
-        self._tilted = _Lasting(1, state.time)
-        self._upright = _Lasting(1, state.time)
-        self._falling = _Lasting(1, state.time)
+        self._servos.reset(state)
+        self.aborted = None
+        self._tilted = Lasting(1, state.time)
+        self._upright = Lasting(1, state.time)
+        self._falling = Lasting(1, state.time)
         self._is_up = False
-        self._stuck = _Lasting(self.robot.n, state.time)
-        self._loaded = _Lasting(self.robot.n, state.time)
+        self._stuck = Lasting(self.robot.n, state.time)
         self._was_up = False
 
     def step(self, state: State) -> Command:
         """Send the targets that are due, or release every joint."""
         self.aborted = self._find_abort(state)
-        self._warn(state)
         command = self._player.step(state)
         self._target = command.joint_pos
         return command if self.aborted is None else Command.limp(self.robot.n)
@@ -164,8 +97,7 @@ class Supervisor:
             self._judge_fall(gravity_b, expected, state.time),
             self._judge_tilt(gravity_b, expected, state.time),
             self._judge_progress(state, angles),
-            self._judge_load(state),
-            self._judge_heat(state),
+            self._servos.judge(state),
         )
         for kind, detail in filter(None, faults):
             return Abort(kind, detail, time)
@@ -226,47 +158,6 @@ class Supervisor:
                 f"where it should be, allowed {limits.error:g} rad for {limits.error_time:g} s"
             )
         return None
-
-    def _judge_load(self, state: State) -> tuple[AbortKind, str] | None:
-        limits = self._limits
-        stall = self._stall_per_volt * max(state.voltage, 1.0)
-        load = np.abs(state.joint_current) / stall
-        lasting = self._loaded.update(load > limits.load, state.time)
-        if lasting.max() > limits.load_time:
-            worst = int(lasting.argmax())
-            return AbortKind.LOAD, (
-                f"joint '{self.robot.joint_names[worst]}' draws {load[worst]:.0%} of its stall "
-                f"current, allowed {limits.load:.0%} for {limits.load_time:g} s"
-            )
-        return None
-
-    def _judge_heat(self, state: State) -> tuple[AbortKind, str] | None:
-        worst = int(state.temperature.argmax())
-        if state.temperature[worst] > self._limits.temperature:
-            return AbortKind.HEAT, (
-                f"joint '{self.robot.joint_names[worst]}' has {state.temperature[worst]:.0f} °C, "
-                f"allowed {self._limits.temperature:.0f} °C"
-            )
-        return None
-
-    def _warn(self, state: State) -> None:
-        if state.voltage < self._min_voltage and not self.warnings:
-            self.warnings.append(
-                f"the supply sagged to {state.voltage:.1f} V, the servos need "
-                f"{self._min_voltage:.1f} V: charge the battery"
-            )
-
-
-class _Lasting:
-    """For how long each of some conditions has held without a break."""
-
-    def __init__(self, n: int, time: float) -> None:
-        self._since = np.full(n, time)
-
-    def update(self, holds: NDArray[np.bool_] | bool, time: float) -> Array:
-        """Return how long each has held by now [s], shape (n,)."""
-        self._since = np.where(holds, self._since, time)
-        return time - self._since
 
 
 def angle(a: Array, b: Array) -> float:

@@ -36,6 +36,8 @@ class Watched:
     """Times that it began to press deeper into the ground than it rests; None as above."""
     limit_violations: int
     """Times that a joint left its range."""
+    head_impact: float | None
+    """Fastest that the head came upon the ground [m/s]; None where nobody can tell."""
     torque: Array
     """Servo torques [N·m], (T, n)."""
     qpos: Array
@@ -51,6 +53,17 @@ def count_episodes(present: np.ndarray, apart: int) -> list[int]:
         rows = np.flatnonzero(column)
         counts.append(int(len(rows) > 0) + int(np.sum(np.diff(rows) > apart)))
     return counts
+
+
+def find_impact(touch: np.ndarray, speed: Array) -> Array:
+    """Find the fastest speed, one sample before, with which touches began.
+
+    Args:
+        touch: Whether it touches, (..., T); what touches from the start on has not come there.
+        speed: How fast it moves [m/s], (..., T).
+    """
+    begins = touch[..., 1:] & ~touch[..., :-1]
+    return np.where(begins, speed[..., :-1], 0.0).max(axis=-1, initial=0.0)
 
 
 class Watch:
@@ -70,6 +83,7 @@ class Watch:
         self._torque: list[Array] = []
         self._velocity: list[float] = []
         self._qpos: list[Array] = []
+        self._head: list[tuple[bool, float]] = []
         self._faults: list[tuple[bool, bool, bool]] = []
         simulation.on_look.append(self._look)
 
@@ -86,6 +100,7 @@ class Watch:
         self._torque.append(truth.joint_torque.copy())
         self._velocity.append(float(np.abs(truth.joint_vel).max()))
         self._qpos.append(truth.qpos)
+        self._head.append((truth.head_contact, truth.head_speed))
         angles = truth.posture.joint_pos
         beyond = np.maximum(robot.lower - angles, angles - robot.upper).max()
         self._faults.append(
@@ -110,6 +125,7 @@ class Watch:
         faults = count_episodes(
             np.array(self._faults, dtype=bool).reshape(-1, 3), round(APART / period)
         )
+        head = np.array(self._head, dtype=float).reshape(-1, 2)
         return Watched(
             stand=stand,
             peak_torque=float(np.abs(torque).max(initial=0.0)),
@@ -119,6 +135,7 @@ class Watch:
             self_collisions=faults[0],
             ground_penetrations=faults[1],
             limit_violations=faults[2],
+            head_impact=float(find_impact(head[:, 0].astype(bool), head[:, 1])),
             torque=torque,
             qpos=np.array(self._qpos),
         )

@@ -52,6 +52,8 @@ class Description:
     """Angles by joint name [rad]; the joints not named stand at 0."""
     bus: BusSettings | None
     """None for a robot without a servo bus."""
+    rising_joints: tuple[str, ...] = ()
+    """One joint of each mirrored pair that a learned rise moves."""
 
 
 def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
@@ -72,7 +74,11 @@ def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
         bus=None,
     )
     names = tuple(row.name for row in description.joints)
-    description = replace(description, bus=read_bus(table.get("bus"), names, faults))
+    description = replace(
+        description,
+        bus=read_bus(table.get("bus"), names, faults),
+        rising_joints=_read_rising_joints(table, description.joints, faults),
+    )
     faults += _board_takes_an_id(description)
     faults += _repeated(description.joints)
     faults += _wrong_mirrors(description.joints)
@@ -117,6 +123,24 @@ def _read_standing(angles: Any, faults: list[str]) -> dict[str, float]:
         if not is_number(angle)
     ]
     return {name: float(angle) if is_number(angle) else 0.0 for name, angle in angles.items()}
+
+
+def _read_rising_joints(
+    table: dict[str, Any], rows: tuple[JointRow, ...], faults: list[str]
+) -> tuple[str, ...]:
+    """Read which pairs a learned rise moves; those of all limbs where nothing is said."""
+    mirror = {row.name: row.mirror for row in rows}
+    if "rising_joints" not in table:
+        limbs = [row.name for row in rows if row.segment != "head"]
+        pairs = {frozenset((name, mirror[name])): name for name in reversed(limbs)}
+        return tuple(name for pair, name in reversed(pairs.items()) if len(pair) > 1)
+    names = Fields(table, "", faults).texts("rising_joints")
+    for name in names:
+        if name not in mirror:
+            faults.append(f"rising_joints: unknown joint {shown(name)}")
+        elif mirror[name] == name or mirror[name] in names:
+            faults.append(f"rising_joints: {shown(name)}, allowed one joint of a mirrored pair")
+    return names
 
 
 def _repeated(rows: tuple[JointRow, ...]) -> list[str]:

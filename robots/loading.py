@@ -106,6 +106,7 @@ def _build_robot(folder: Path, description: Description, model: mujoco.MjModel) 
         mirror_sign=np.array([float(row.mirror_sign) for row in rows]),
         model_file=folder / description.model,
         bus=description.bus,
+        rising_joints=description.rising_joints,
     )
 
 

@@ -85,6 +85,8 @@ class Robot:
     model_file: Path
     bus: BusSettings | None = None
     """How its servos are reached; None when nobody said."""
+    rising_joints: tuple[str, ...] = ()
+    """One joint of each mirrored pair that a learned rise moves."""
 
     @property
     def n(self) -> int:

@@ -8,6 +8,15 @@ from typing import Any
 
 import numpy as np
 
+SUMMARISED = (
+    "stand_time_s",
+    "plan_s",
+    "filter_s",
+    "torque_use",
+    "peak_torque_nm",
+    "rms_torque_nm",
+    "head_impact_m_s",
+)
 Z95 = 1.959964  # quantile of the normal distribution
 
 
@@ -42,7 +51,7 @@ def summarise_records(records: list[dict[str, Any]]) -> dict[str, Any]:
         "stood": stood,
         "stood_interval_95": [low, high],
     }
-    for key in ("stand_time_s", "plan_s", "filter_s", "torque_use", "rms_torque_nm"):
+    for key in SUMMARISED:
         summary[key] = summarise(r.get(key) for r in records)
     for key in ("self_collisions", "ground_penetrations", "limit_violations", "clips"):
         summary[key] = sum(r.get(key) or 0 for r in records)

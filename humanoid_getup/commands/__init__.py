@@ -10,16 +10,21 @@ from tyro.conf import subcommand
 
 from humanoid_getup.commands.bench import BenchFilter, BenchMotions, BenchRise
 from humanoid_getup.commands.bench_bus import BenchFaults, BenchKill, BenchSoak
+from humanoid_getup.commands.bench_methods import BenchMethods
 from humanoid_getup.commands.bus import ServeBus
 from humanoid_getup.commands.calibrate import Calibrate
 from humanoid_getup.commands.doctor import Doctor
+from humanoid_getup.commands.eval import EvalPolicy
+from humanoid_getup.commands.export import Export
 from humanoid_getup.commands.motions import BuildMotions, ListMotions, ShowMotion
 from humanoid_getup.commands.play import Play
 from humanoid_getup.commands.preflight import Preflight
 from humanoid_getup.commands.replay import Replay
 from humanoid_getup.commands.rise import RiseCommand
 from humanoid_getup.commands.robots import ListRobots
+from humanoid_getup.commands.run import RunPolicy
 from humanoid_getup.commands.scan import Scan
+from humanoid_getup.commands.train import Train
 
 MOTIONS = (
     Annotated[ListMotions, subcommand("list")]
@@ -29,6 +34,7 @@ MOTIONS = (
 )
 BENCHMARKS = (
     Annotated[BenchRise, subcommand("rise")]
+    | Annotated[BenchMethods, subcommand("methods")]
     | Annotated[BenchMotions, subcommand("motions")]
     | Annotated[BenchFilter, subcommand("filter")]
     | Annotated[BenchFaults, subcommand("faults")]
@@ -38,6 +44,10 @@ BENCHMARKS = (
 COMMANDS: Any = (
     Annotated[RiseCommand, subcommand("rise")]
     | Annotated[Play, subcommand("play")]
+    | Annotated[RunPolicy, subcommand("run")]
+    | Annotated[Train, subcommand("train")]
+    | Annotated[EvalPolicy, subcommand("eval")]
+    | Annotated[Export, subcommand("export")]
     | Annotated[
         MOTIONS, subcommand("motions", description="List, build, show or play rising motions.")
     ]

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from tyro.conf import arg
 
@@ -19,6 +16,7 @@ from humanoid_getup.cli import DID_IT
 from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.inputs import StageOptions, find_torque_faults
 from humanoid_getup.commands.outputs import console_for, write_json
+from humanoid_getup.commands.tables import counting, format_figure
 from humanoid_getup.database import MOTION_FOLDER, load_database
 from humanoid_getup.report import to_json
 from humanoid_getup.rise_plan import RiseOptions
@@ -59,7 +57,7 @@ class BenchOptions(StageOptions):
         cases = result.get("classes") or result["cases"]
         table = Table(result["name"], *figures, box=None, header_style="bold")
         for name, case in cases.items():
-            table.add_row(name, *(_format(case.get(figure)) for figure in figures))
+            table.add_row(name, *(format_figure(case.get(figure)) for figure in figures))
         console_for(self.json).print(table)
         return DID_IT
 
@@ -101,7 +99,12 @@ class BenchRise(BenchOptions):
         with counting("rises", len(CLASSES) * self.n) as count:
             robot, scene = stage.robot, stage.scene
             result = bench_rise(
-                robot, scene, seed=self.seed, each=self.n, options=options, report=count
+                robot,
+                scene,
+                seed=self.seed,
+                each=self.n,
+                options=options,
+                report=lambda _: count(1),
             )
         return self.hand_over(result, RISE_FIGURES)
 
@@ -119,7 +122,9 @@ class BenchMotions(BenchOptions):
         motions = len(list((stage.robot.folder / MOTION_FOLDER).glob("*.npz")))
         with counting("motions", motions) as count:
             robot, scene = stage.robot, stage.scene
-            result = bench_motions(robot, scene, seed=self.seed, plays=self.n, report=count)
+            result = bench_motions(
+                robot, scene, seed=self.seed, plays=self.n, report=lambda _: count(1)
+            )
         return self.hand_over(result, MOTION_FIGURES)
 
 
@@ -136,20 +141,3 @@ class BenchFilter(BenchOptions):
         with Console(stderr=True).status("filtering"):
             result = bench_filter(stage.robot, stage.scene, seed=self.seed, repeats=self.n)
         return self.hand_over(result, SPEED_FIGURES)
-
-
-@contextmanager
-def counting(what: str, total: int) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a bar on standard error; yield what moves it on by one."""
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        bar = progress.add_task(what, total=total)
-        yield lambda _record: progress.advance(bar)
-
-
-def _format(value: Any) -> str:
-    if isinstance(value, dict):
-        return f"{_format(value['median'])} (p95 {_format(value['p95'])})"
-    if isinstance(value, list | tuple):
-        return " to ".join(map(_format, value))
-    return f"{value:.2f}" if isinstance(value, float) else str(value)

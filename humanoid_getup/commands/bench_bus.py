@@ -13,8 +13,9 @@ from humanoid_getup.bench.faults import CASES, bench_faults
 from humanoid_getup.bench.kill import bench_kill
 from humanoid_getup.bench.soak import bench_soak
 from humanoid_getup.cli import DID_IT, DID_NOT_STAND
-from humanoid_getup.commands.bench import BenchOptions, counting
+from humanoid_getup.commands.bench import BenchOptions
 from humanoid_getup.commands.play import find_motion
+from humanoid_getup.commands.tables import counting
 
 FAULT_FIGURES = ("n", "stood", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 SOAK_FIGURES = ("n", "stood", "faster_than_real_time", "cycles", "unexplained_s", "memory_mib")
@@ -34,7 +35,9 @@ class BenchFaults(BenchOptions):
         stage = self.load_stage()
         motion = find_motion(stage.robot, self.motion)
         with counting("cases", len(CASES)) as count:
-            result = bench_faults(stage, motion, seed=self.seed, each=self.n, report=count)
+            result = bench_faults(
+                stage, motion, seed=self.seed, each=self.n, report=lambda _: count(1)
+            )
         self.hand_over(result, FAULT_FIGURES)
         return judge_safety(result)
 
@@ -53,7 +56,9 @@ class BenchKill(BenchOptions):
         stage = self.load_stage()
         motion = find_motion(stage.robot, self.motion)
         with counting("kills", self.n) as count:
-            result = bench_kill(stage, motion, seed=self.seed, each=self.n, report=count)
+            result = bench_kill(
+                stage, motion, seed=self.seed, each=self.n, report=lambda _: count(1)
+            )
         self.hand_over(result, FAULT_FIGURES)
         return judge_safety(result)
 

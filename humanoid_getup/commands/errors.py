@@ -11,6 +11,17 @@ class BadInputError(Exception):
 
 
 @contextmanager
+def needing(extra: str) -> Iterator[None]:
+    """Turn the lack of an extra's packages into a `BadInputError` that tells how to get them."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise BadInputError(
+            f"there is no package '{error.name}': pip install 'humanoid-getup[{extra}]'"
+        ) from error
+
+
+@contextmanager
 def refusing() -> Iterator[None]:
     """Turn what a loader says about a user's input into a `BadInputError`."""
     try:

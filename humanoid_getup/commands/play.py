@@ -20,7 +20,7 @@ from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.flights import recording
 from humanoid_getup.commands.inputs import TrialOptions, find_start, find_start_faults
 from humanoid_getup.commands.results import hand_over
-from humanoid_getup.commands.rise import WHERE_IT_LAY, stop_key
+from humanoid_getup.commands.trials import WHERE_IT_LAY, stop_key
 from humanoid_getup.database import load_database
 from humanoid_getup.lying import Fall, read_posture
 from humanoid_getup.motion import Motion

@@ -65,12 +65,14 @@ def hand_over(
 
 def _draw(rise: Rise, stage: Stage, options: TrialOptions, folder: Path) -> str | None:
     """Write the motion and the pictures; return why there is no film strip."""
-    if rise.plan.motion is None or rise.watched is None:
+    if rise.watched is None:
         return "nothing was played"
-    rise.plan.motion.save(folder / MOTION)
-    robot, watched = stage.robot, rise.watched
+    robot, watched, motion = stage.robot, rise.watched, rise.plan.motion
+    if motion is not None:
+        motion.save(folder / MOTION)
     side = "-side" if rise.start_class in ("left", "right") else ""
-    title = f"{robot.name}, {rise.start_class}{side} start: {rise.plan.motion.strategy}"
+    way = rise.plan.title if motion is None else motion.strategy
+    title = f"{robot.name}, {rise.start_class}{side} start: {way}"
     plots.save_torque(robot, watched, options.torque_limit, folder / TORQUE, title=title)
     period = robot.control_period
     end = watched.stand.start_time + film.AFTERMATH if rise.stood else len(watched.qpos) * period

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,34 +9,38 @@ import numpy as np
 from rich.console import Console
 from tyro.conf import arg
 
-from drivers import GuardLimits, SafetyGuard
-from humanoid_getup.attempt import AttemptOptions
-from humanoid_getup.attempt_result import PhaseChange
+from humanoid_getup.attempt import Plans
+from humanoid_getup.choosing import ByRecord
 from humanoid_getup.commands.bodies import Body
 from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.flights import recording
 from humanoid_getup.commands.inputs import TrialOptions, find_start, find_start_faults
+from humanoid_getup.commands.policies import load_policy
 from humanoid_getup.commands.results import hand_over
-from humanoid_getup.database import load_database
-from humanoid_getup.lying import Fall
-from humanoid_getup.rise import Rise, get_up
+from humanoid_getup.commands.trials import WHERE_IT_LAY, try_to_rise
+from humanoid_getup.database import MotionDatabase, load_database
+from humanoid_getup.policy_plan import ThePolicy
+from humanoid_getup.records import PLAN, POLICY, Records, Way, load_records
 from humanoid_getup.rise_plan import RiseOptions
 from humanoid_getup.rising import RisePlanner
-from humanoid_getup.start import check_start
-from humanoid_getup.stop_key import StopKey
-from humanoid_getup.watch import Watch
+from humanoid_getup.stage import Stage
+from robots import Robot
 
-WHERE_IT_LAY = "where the robot lay"
+AUTO = "auto"
+METHODS = (PLAN, POLICY, AUTO)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RiseCommand(TrialOptions):
-    """Get up from a fall: plan, filter through physics, play, judge."""
+    """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
     origin: Annotated[str | None, arg(name="from", metavar="supine|prone|left|right|FILE")] = None
     """How a simulated robot lies: class of the fall to draw, or a posture file."""
     attempts: int = 3
     """How often to try before asking for help."""
+    method: Annotated[str, arg(metavar="plan|policy|auto")] = PLAN
+    """Plan a motion, run a trained policy, or what has the better record for how it lies."""
+    policy: Annotated[str, arg(metavar="NAME|FILE")] = "robust"
+    """A policy's name in the robot's folder, or an .onnx file."""
     planning: bool = True
     """Plan a path to the rising motion, or go there straight."""
     filtering: bool = True
@@ -50,6 +52,8 @@ class RiseCommand(TrialOptions):
         faults += find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
         if self.attempts < 1:
             faults.append(f"attempts is {self.attempts}, allowed 1 or more")
+        if self.method not in METHODS:
+            faults.append(f"method is '{self.method}', allowed {', '.join(METHODS)}")
         if self.is_real and not self.filtering:
             faults.append("no-filtering is allowed only for a simulated robot")
         return faults
@@ -57,65 +61,60 @@ class RiseCommand(TrialOptions):
     def run(self) -> int:
         """Lie down, or find the robot lying, and rise."""
         stage = self.load_stage()
-        with refusing():
-            database = load_database(stage.robot)
+        means = self._load_means(stage.robot)
         rng = np.random.default_rng(self.seed)
         with Console(stderr=True).status("falling") as status, self.open_body(stage) as body:
+            plans = self._make_plans(stage, body, means)
+            start = None if self.origin is None else find_start(stage, self.origin, rng)
+            rise = try_to_rise(
+                stage,
+                body,
+                plans,
+                start,
+                self,
+                rng,
+                attempts=self.attempts,
+                # Without the filter, what is asked for is to see the raw path fail or stand.
+                preflight=self.filtering,
+                tell=status.update,
+            )
+            status.update("drawing")
+            extra = {
+                "method": self.method,
+                "planning": self.planning,
+                "filtering": self.filtering,
+            }
+            return hand_over(rise, stage, self, self.origin or WHERE_IT_LAY, extra)
+
+    def _load_means(self, robot: Robot) -> _Means:
+        """Load what the method needs, before any robot is touched."""
+        with refusing():
+            records = load_records(robot) if self.method == AUTO else Records()
+            database = None if self.method == POLICY else load_database(robot)
+        learned = self.method == POLICY or records.knows(Way(POLICY, self.policy))
+        policy = load_policy(robot, self.policy, self.torque_limit) if learned else None
+        return _Means(database, policy and ThePolicy(policy, self.policy), records)
+
+    def _make_plans(self, stage: Stage, body: Body, means: _Means) -> Plans:
+        ways: dict[Way, Plans] = {}
+        if means.database is not None:
             options = RiseOptions(
                 planning=self.planning,
                 filtering=self.filtering,
                 torque_limit=self.torque_limit,
                 pwm_limited=body.has_servos,
             )
-            planner = RisePlanner(stage, database, options)
-            start = None if self.origin is None else find_start(stage, self.origin, rng)
-            rise = self._rise(planner, body, start, rng, status.update)
-            status.update("drawing")
-            extra = {"planning": self.planning, "filtering": self.filtering}
-            return hand_over(rise, stage, self, self.origin or WHERE_IT_LAY, extra)
-
-    def _rise(
-        self,
-        planner: RisePlanner,
-        body: Body,
-        start: Fall | None,
-        rng: np.random.Generator,
-        tell: Callable[[str], None],
-    ) -> Rise:
-        stage, simulation = planner.stage, body.simulation
-        guard = SafetyGuard(body.backend, GuardLimits.of(stage.robot, self.torque_limit))
-        if start is not None and body.place is not None:
-            check_start(stage, start.posture)
-            body.place(start.posture)
-        options = AttemptOptions(
-            max_attempts=self.attempts,
-            torque_limit=self.torque_limit,
-            pwm_limited=body.has_servos,
-            # Without the filter, what is asked for is to see the raw path fail or stand.
-            preflight=self.filtering,
-            realtime=body.realtime,
-        )
-        about = {"seed": self.seed, "scene": self.scene, "backend": self.backend}
-        with recording(self.out, stage.robot, about) as recorder, stop_key(body, guard):
-
-            def hear(change: PhaseChange) -> None:
-                tell(change.phase.value)
-                recorder.note(change)
-
-            return get_up(
-                guard,
-                stage,
-                planner,
-                rng,
-                options,
-                judge=simulation and (lambda: Watch(simulation, self.torque_limit)),
-                start_class=start and start.start_class,
-                services=body.services,
-                report=hear,
-                on_cycle=recorder.log,
-            )
+            ways[Way(PLAN)] = RisePlanner(stage, means.database, options)
+        if means.policy is not None:
+            ways[Way(POLICY, self.policy)] = means.policy
+        limit = float(stage.robot.max_torque.max())
+        return ByRecord(ways, means.records, min(self.torque_limit or limit, limit))
 
 
-def stop_key(body: Body, guard: SafetyGuard) -> StopKey | nullcontext[None]:
-    """Let any key of the terminal stop a robot that lives at the speed of life."""
-    return StopKey(guard.stop) if body.realtime else nullcontext()
+@dataclass(frozen=True)
+class _Means:
+    """What ways of rising are made of, as far as the method needs them."""
+
+    database: MotionDatabase | None
+    policy: ThePolicy | None
+    records: Records

@@ -127,7 +127,8 @@ quaternions = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(
 def test_gravity_in_haste_is_gravity(quaternion: list[float]):
     orientation = rotation.normalise(np.array(quaternion))
     slow = rotation.gravity_in_body(torso_orientation(STAGE, orientation))
-    np.testing.assert_allclose(GravitySense(STAGE)(orientation), slow, atol=1e-9)
+    imu = STAGE.model.site(STAGE.robot.imu_site).quat
+    np.testing.assert_allclose(GravitySense(imu)(orientation), slow, atol=1e-9)
 
 
 def test_an_imu_that_sits_askew_still_tells_the_torso_upright(op3: Robot):
@@ -149,4 +150,4 @@ def test_an_imu_that_sits_askew_still_tells_the_torso_upright(op3: Robot):
     mujoco.mju_mat2Quat(measured, data.site_xmat[site.id])
     torso = torso_orientation(turned, measured)
     assert rotation.angle_between(torso, posture.orientation) == pytest.approx(0.0, abs=1e-6)
-    np.testing.assert_allclose(GravitySense(turned)(measured), posture.gravity_b, atol=1e-9)
+    np.testing.assert_allclose(GravitySense(askew)(measured), posture.gravity_b, atol=1e-9)

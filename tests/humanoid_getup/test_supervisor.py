@@ -15,7 +15,8 @@ from humanoid_getup.rise import get_up
 from humanoid_getup.rise_plan import RiseOptions
 from humanoid_getup.rising import RisePlanner
 from humanoid_getup.stage import Stage
-from humanoid_getup.supervisor import HOLD, AbortKind, Supervision, Supervisor, angle
+from humanoid_getup.supervision import AbortKind, Supervision
+from humanoid_getup.supervisor import HOLD, Supervisor, angle
 from humanoid_getup.watch import Watch
 from robots import Robot, load_robot, rotation
 

@@ -1,0 +1,153 @@
+"""What a policy's action means: the one code that turns it into joint targets.
+
+Training and robot call the same functions, on a thousand robots or on one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import Robot
+from robots.rotation import Array
+
+CYCLES = 6  # control cycles a policy step: 48 ms, about 20 Hz, at the OP3's 8 ms
+SPEED_SHARE = 0.95  # of the servo's no-load speed, so that whole ticks stay within the guard's
+LEAD = 0.6  # rad; full voltage at the servo's position gain needs 0.22
+EAGERNESS = 2.0  # half an action already asks for all the speed: exploring is bold
+HOMING_SHARE = 0.4  # of the servo's speed, for joints that no action moves
+
+
+class ActionMode(StrEnum):
+    """What an action is added to."""
+
+    ABSOLUTE = "absolute"
+    """The home angle."""
+    OFFSET = "offset"
+    """The measured angle."""
+    RATE = "rate"
+    """The last target."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ActionSpec:
+    """How numbers from -1 to 1 become joint targets, once a policy step."""
+
+    mode: ActionMode
+    names: tuple[str, ...]
+    """What each number moves."""
+    directions: Array
+    """How each number moves the joints, as a share of ``scale``, shape (k, n)."""
+    scale: Array
+    """What a share of one adds to an angle [rad], shape (n,)."""
+    reach: Array
+    """Furthest that a target moves in a policy step [rad], shape (n,)."""
+    lead: float
+    """Furthest that a target is from the measured angle [rad]; it bounds torque and wind-up."""
+    home: Array
+    """Where the joints go that no number moves [rad], shape (n,)."""
+    lower: Array
+    """[rad], shape (n,)"""
+    upper: Array
+    """[rad], shape (n,)"""
+    cycles: int = CYCLES
+    """Control cycles a policy step."""
+
+    @property
+    def size(self) -> int:
+        """Return how many numbers an action has."""
+        return len(self.directions)
+
+    @property
+    def moved(self) -> NDArray[np.bool_]:
+        """Tell which joints actions move, shape (n,)."""
+        return np.any(self.directions != 0.0, axis=0)
+
+    def mirror_sign(self, robot: Robot) -> Array:
+        """Return each number's sign when left and right are exchanged, shape (k,).
+
+        Raises:
+            ValueError: if a direction is neither symmetric nor antisymmetric.
+        """
+        mirrored = robot.mirror_joints(self.directions)
+        even = np.isclose(mirrored, self.directions).all(axis=1)
+        odd = np.isclose(mirrored, -self.directions).all(axis=1)
+        crooked = [self.names[row] for row in np.flatnonzero(~(even | odd))]
+        if crooked:
+            raise ValueError(f"actions without a mirror image: {', '.join(crooked)}")
+        return np.where(even, 1.0, -1.0)
+
+
+def build_action_spec(
+    robot: Robot, together: tuple[str, ...], apart: tuple[str, ...] = (), apart_share: float = 0.5
+) -> ActionSpec:
+    """Build rate actions in which mirrored joints move together, and apart.
+
+    A 20 Hz rate is integrated into real motion where noise on targets would be averaged
+    away by a slow servo, and moving both sides alike halves the search.
+
+    Args:
+        robot: Robot whose joints move.
+        together: One joint of each mirrored pair that has a number for both sides alike.
+        apart: One joint of each pair that has a number for both sides contrary.
+        apart_share: Share of the scale that a contrary number moves.
+    """
+    names = [f"{name} together" for name in together] + [f"{name} apart" for name in apart]
+    signs = [1.0] * len(together) + [-1.0] * len(apart)
+    shares = [1.0] * len(together) + [apart_share] * len(apart)
+    directions = np.zeros((len(names), robot.n))
+    for row, name, sign, share in zip(directions, (*together, *apart), signs, shares, strict=True):
+        joint = robot.joint_names.index(name)
+        # Entry j of a mirrored vector is the sign of j times the entry of its mirror joint.
+        other = int(robot.mirror_index[joint])
+        row[joint] = share
+        row[other] = share * sign * robot.mirror_sign[other]
+    reach = robot.max_velocity * robot.control_period * CYCLES * SPEED_SHARE
+    return ActionSpec(
+        mode=ActionMode.RATE,
+        names=tuple(names),
+        directions=directions,
+        scale=EAGERNESS * reach,
+        reach=reach,
+        lead=LEAD,
+        home=robot.standing.joint_pos,
+        lower=robot.lower,
+        upper=robot.upper,
+    )
+
+
+def list_pairs(robot: Robot) -> tuple[str, ...]:
+    """List one joint, the first, of each mirrored pair."""
+    mirror = robot.mirror_index
+    return tuple(name for i, name in enumerate(robot.joint_names) if i < mirror[i])
+
+
+def next_target(spec: ActionSpec, target: Array, measured: Array, action: Array) -> Array:
+    """Compute where the joints shall be at the end of a policy step [rad], (..., n).
+
+    Args:
+        spec: What the numbers mean.
+        target: Last targets [rad], (..., n).
+        measured: Measured angles [rad], (..., n).
+        action: Numbers from -1 to 1; beyond, they are cut. (..., k)
+    """
+    share = np.clip(np.clip(action, -1.0, 1.0) @ spec.directions, -1.0, 1.0)
+    origin = {
+        ActionMode.ABSOLUTE: spec.home,
+        ActionMode.OFFSET: measured,
+        ActionMode.RATE: target,
+    }[spec.mode]
+    homing = HOMING_SHARE * spec.reach
+    towards_home = target + np.clip(spec.home - target, -homing, homing)
+    wanted = np.where(spec.moved, origin + share * spec.scale, towards_home)
+    wanted = np.clip(wanted, measured - spec.lead, measured + spec.lead)
+    wanted = np.clip(wanted, spec.lower, spec.upper)
+    return target + np.clip(wanted - target, -spec.reach, spec.reach)
+
+
+def between(target: Array, following: Array, cycle: int, cycles: int) -> Array:
+    """Compute the target of one control cycle of a policy step, counted from 0 [rad]."""
+    return target + (cycle + 1) / cycles * (following - target)

@@ -1,0 +1,162 @@
+"""`getup train`: learn to get up."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from tyro.conf import arg
+
+from humanoid_getup.cli import DID_IT
+from humanoid_getup.commands.errors import BadInputError, needing, refusing
+from humanoid_getup.commands.inputs import RobotOption
+from humanoid_getup.commands.outputs import console_for, find_folder_faults
+from humanoid_getup.commands.pace import REMEMBERED, Pace, format_time
+
+if TYPE_CHECKING:
+    from sim2real.train import Recipe, TrainReport
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train(RobotOption):
+    """Train a policy that gets the robot up; the same command again goes on where it stopped."""
+
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder for checkpoint, progress and TensorBoard files."""
+    recipe: str = "quick"
+    """How to train: quick, robust or gentle."""
+    seed: int = 0
+    """Seed of all that is left to chance, 0 or more."""
+    threads: int = 0
+    """Threads that step physics; 0 for all that the machine has."""
+    device: str = "cpu"
+    """Where the networks learn: cpu or cuda."""
+    iterations: int | None = None
+    """Updates of the policy; without it, what the recipe says."""
+    robots: int | None = None
+    """Robots that rise side by side; without it, what the recipe says."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        least = {"seed": 0, "threads": 0, "iterations": 1, "robots": 1}
+        given = {name: getattr(self, name) for name in least}
+        faults = [
+            f"{name} is {value}, allowed {least[name]} or more"
+            for name, value in given.items()
+            if value is not None and value < least[name]
+        ]
+        return faults + find_folder_faults(self.out, ())
+
+    def run(self) -> int:
+        """Train, or go on with a training."""
+        if faults := self.find_faults():
+            raise BadInputError("; ".join(faults))
+        robot = self.load_robot()
+        with needing("train"):
+            from sim2real.rank import Rank
+            from sim2real.train import train
+        recipe = self._choose_recipe()
+        self._check_device()
+        leads = Rank.from_environment(os.environ).leads
+        with refusing(), learning(recipe.iterations, shown=leads) as learnt:
+            train(
+                robot,
+                recipe,
+                self.seed,
+                self.out,
+                device=self.device,
+                threads=self.threads,
+                report=learnt.note,
+            )
+        if leads:
+            console_for(None).print(f"{self.out}: {learnt.summary}")
+        return DID_IT
+
+    def _choose_recipe(self) -> Recipe:
+        from sim2real.train import RECIPES
+
+        if self.recipe not in RECIPES:
+            raise BadInputError(f"unknown recipe '{self.recipe}': allowed {', '.join(RECIPES)}")
+        recipe = RECIPES[self.recipe]
+        return replace(
+            recipe,
+            iterations=self.iterations or recipe.iterations,
+            robots=self.robots or recipe.robots,
+        )
+
+    def _check_device(self) -> None:
+        import torch
+
+        try:
+            kind = torch.device(self.device).type
+        except RuntimeError:
+            kind = None
+        if kind == "cpu" or (kind == "cuda" and torch.cuda.is_available()):
+            return
+        allowed = "cpu or cuda" if torch.cuda.is_available() else "cpu: torch finds no GPU here"
+        raise BadInputError(f"device is '{self.device}', allowed {allowed}")
+
+
+class Learnt:
+    """How far a training is, in words and in a bar."""
+
+    def __init__(self, show: Callable[..., None]) -> None:
+        self._show, self._pace = show, Pace()
+        self._recent: deque[TrainReport] = deque(maxlen=REMEMBERED)
+
+    def note(self, report: TrainReport) -> None:
+        """Take one iteration's report."""
+        self._recent.append(report)
+        self._pace.note(time.monotonic(), report.steps)
+        total = report.steps // (report.iteration + 1) * report.iterations
+        self._show(
+            completed=report.iteration + 1,
+            stood=f"{self.share:.0%} stand",
+            rate=f"{self._pace.rate:,.0f} steps/s",
+            left=f"{format_time(self._pace.time_to_go(total))} to go",
+        )
+
+    @property
+    def share(self) -> float:
+        """Return the share of falls that ended standing lately; nan for none."""
+        falls = sum(report.falls for report in self._recent)
+        return sum(report.stood for report in self._recent) / falls if falls else float("nan")
+
+    @property
+    def summary(self) -> str:
+        """Tell how the training ended."""
+        if not self._recent:
+            return "trained already, for as many iterations as asked for"
+        last = self._recent[-1]
+        return (
+            f"{last.iteration + 1} iterations, {last.steps / 1e6:.2f} million steps in "
+            f"{format_time(last.seconds)}; lately {self.share:.0%} of falls ended standing"
+        )
+
+
+@contextmanager
+def learning(iterations: int, *, shown: bool) -> Iterator[Learnt]:
+    """Show a bar on standard error; yield what moves it on."""
+    fields = ("stood", "rate", "left")
+    columns = (
+        TextColumn("training"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        *(TextColumn(f"{{task.fields[{name}]}}") for name in fields),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=not shown) as progress:
+        bar = progress.add_task("training", total=iterations, stood="", rate="", left="")
+        try:
+            yield Learnt(lambda **fields: progress.update(bar, **fields))
+        except KeyboardInterrupt:
+            console.print("the last checkpoint is kept: the same command goes on from it")
+            raise

@@ -1,0 +1,447 @@
+"""The herd: many copies of a robot in simulation, sensed and moved a policy step at a time."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from humanoid_getup.observation import Sensed
+from humanoid_getup.scene import Scene
+from robots import Robot, rotation
+from robots.rotation import Array
+from sim2real.conditions import Conditions, Noise
+from sim2real.physics import Change
+
+LONGEST_DELAY = 0.064  # s that the history buffers hold
+Ids = NDArray[np.int_]
+Whole = NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Truth:
+    """What only a simulation knows of N robots: for rewards, critics and judges."""
+
+    neck_height: Array
+    """Over the ground [m], (N,)."""
+    sole_height: Array
+    """Of each sole over the ground [m], (N, soles)."""
+    sole_distance: Array
+    """Horizontal distance of the soles' middle from the neck [m], (N,)."""
+    upright: Array
+    """Cosine of the torso's tilt, (N,)."""
+    foreign: NDArray[np.bool_]
+    """Whether anything but the feet touches the world, (N,)."""
+    root_vel: Array
+    """Linear (world) and angular (torso) velocity of the torso [m/s, rad/s], (N, 6)."""
+    joint_vel: Array
+    """[rad/s], (N, n)"""
+    torque: Array
+    """Of the servos [N·m], (N, n)."""
+
+
+class Herd:
+    """Steps ``n`` robots side by side on a thread pool, each under its own conditions."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        robot: Robot,
+        n: int,
+        *,
+        cycles: int,
+        threads: int = 0,
+        noise: Noise | None = None,
+    ) -> None:
+        """Build a herd of a compiled world.
+
+        Args:
+            model: World made by :func:`build_world`.
+            robot: Robot in it.
+            n: How many.
+            cycles: Control cycles a policy step.
+            threads: Threads that step physics; 0 for all that the machine has.
+            noise: Noise of the sensors.
+        """
+        self.robot, self.model, self.n, self.cycles = robot, model, n, cycles
+        self.noise = noise or Noise()
+        self.batch = Batch(model, n, threads)
+        self._substeps = count_substeps(robot, model, cycles)
+        self._shares = _share_steps(self._substeps, cycles)
+        self._layout = robot.layout(model)
+        self.conditions = Conditions.nominal(robot, model.nbody, n)
+        self._servos = np.array([model.actuator(name).id for name in robot.joint_names])
+        dcmotor = mujoco.mjtGain.mjGAIN_DCMOTOR
+        self._has_motors = bool(np.all(model.actuator_gaintype[self._servos] == dcmotor))
+        self._neck = model.site(robot.neck_site).id
+        self._soles = [model.site(site).id for site in robot.sole_sites]
+        self._torso = model.body(robot.torso).id
+        self._read = _Addresses(model, robot)
+        self._memory = _Memory(model)
+        names = (
+            "qpos",
+            "qvel",
+            "ctrl",
+            "xfrc_applied",
+            "history",
+            "site_xpos",
+            "sensordata",
+            "actuator_force",
+        )
+        self._data = {name: self.batch.bind(name) for name in names}
+        expand = self.batch.expand
+        self._fields = {
+            name: expand(name)
+            for name in (
+                "body_mass",
+                "body_inertia",
+                "body_ipos",
+                "geom_friction",
+                "actuator_gainprm",
+                "actuator_forcerange",
+                "dof_armature",
+                "dof_frictionloss",
+                "actuator_delay",
+                "sensor_delay",
+            )
+        }
+        self._play = np.zeros((n, robot.n))  # where in its free play each gear is [rad]
+
+    @property
+    def step_time(self) -> float:
+        """Return how long a policy step is [s]."""
+        return self.robot.control_period * self.cycles
+
+    def set_conditions(self, ids: Ids, conditions: Conditions) -> None:
+        """Give some robots other bodies, servos, sensors and ground."""
+        self.conditions.put(ids, conditions)
+        robot, model, c, fields = self.robot, self.model, conditions, self._fields
+        fields["body_mass"][ids] = model.body_mass * c.mass
+        fields["body_inertia"][ids] = model.body_inertia * c.mass[:, :, None]
+        ipos = np.tile(model.body_ipos, (c.n, 1, 1))
+        ipos[:, self._torso] += c.com_shift
+        fields["body_ipos"][ids] = ipos
+        friction = np.tile(model.geom_friction, (c.n, 1, 1))
+        friction[:, :, 0] = c.friction[:, None]
+        fields["geom_friction"][ids] = friction
+        limit = np.minimum(c.torque_limit[:, None], robot.max_torque) * c.strength
+        pwm = np.where(c.pwm_limited[:, None], robot.pwm_limit(limit), 1.0)
+        gains = robot.drive_gains(c.voltage, c.strength, pwm)
+        gainprm = np.tile(model.actuator_gainprm, (c.n, 1, 1))
+        force = np.tile(model.actuator_forcerange, (c.n, 1, 1))
+        if self._has_motors:
+            gainprm[:, self._servos] = gains
+            force[:, self._servos, 0], force[:, self._servos, 1] = -limit, limit
+        fields["actuator_gainprm"][ids] = gainprm
+        fields["actuator_forcerange"][ids] = force
+        fields["dof_armature"][ids] = model.dof_armature * c.armature[:, None]
+        fields["dof_frictionloss"][ids] = model.dof_frictionloss * c.friction_loss[:, None]
+        if self._memory.exists:
+            fields["actuator_delay"][ids] = c.action_delay[:, None]
+            fields["sensor_delay"][ids] = np.where(
+                self._read.is_delayed, c.sensor_delay[:, None], 0.0
+            )
+        self.batch.set_const(ids)
+
+    def place(self, ids: Ids, qpos: Array, qvel: Array | None = None) -> None:
+        """Put some robots somewhere, with targets where their joints are.
+
+        Args:
+            ids: Which, in rising order.
+            qpos: MuJoCo positions, (len(ids), nq).
+            qvel: MuJoCo velocities, (len(ids), nv); ``None`` for rest.
+        """
+        self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._data["qpos"][ids] = qpos
+        self._data["qvel"][ids] = 0.0 if qvel is None else qvel
+        self._play[ids] = 0.0
+        self._data["ctrl"][ids] = qpos[:, self._layout.qpos]
+        if not self._memory.exists:
+            self.batch.forward(ids)
+            return
+        # The past is still blank, so sensors are read without their delay.
+        delay = self._fields["sensor_delay"]
+        kept = delay[ids]
+        delay[ids] = 0.0
+        self.batch.forward(ids)
+        delay[ids] = kept
+        self._memory.fill(self._data["history"], ids, self._data["ctrl"], self._data["sensordata"])
+
+    def advance(
+        self, target: Array, following: Array, record: tuple[str, ...] = ()
+    ) -> dict[str, Array]:
+        """Let a policy step pass while targets go from one place to the next.
+
+        Args:
+            target: Targets at its begin [rad], (N, n).
+            following: Targets at its end [rad], (N, n).
+            record: MjData fields to return; the physics step must divide a control cycle.
+
+        Returns:
+            Each field at the end of every control cycle, (N, cycles, ...).
+        """
+        c = self.conditions
+        offset = c.joint_offset
+        if c.backlash.any():
+            offset = offset + self._turn_through_play()
+        steps, share = self._substeps, self._shares
+        control = target[:, None] + share[:, None] * (following - target)[:, None] - offset[:, None]
+        rolled = self.batch.rollout(steps, control, record=record)
+        every = steps // self.cycles
+        return {name: rolled[name][:, every - 1 :: every] for name in record}
+
+    judged = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
+    """What :meth:`advance` must record for :meth:`judge`."""
+
+    def judge(self, recorded: dict[str, Array]) -> dict[str, Array]:
+        """Pick what judges need out of a recorded policy step, (N, cycles, ...)."""
+        touch, read = recorded["sensordata"], self._read
+        return {
+            "qpos": recorded["qpos"],
+            "neck_height": recorded["site_xpos"][..., self._neck, 2],
+            "foreign": touch[..., read.whole] > touch[..., read.feet].sum(axis=-1),
+            "torque": recorded["actuator_force"][..., self._servos],
+            "joint_vel": recorded["qvel"][..., self._layout.dof],
+            "head_touch": touch[..., read.head_touch].sum(axis=-1) > 0,
+            "head_speed": np.linalg.norm(touch[..., read.head_velocity], axis=-1),
+        }
+
+    def lift(self, ids: Ids, share: Array) -> None:
+        """Let some robots hang from above by a share of their weight, (len(ids),)."""
+        weight = self._fields["body_mass"][ids].sum(axis=1) * -self.model.opt.gravity[2]
+        self._data["xfrc_applied"][ids, self._torso, 2] = share * weight
+
+    def push(self, ids: Ids, velocity: Array) -> None:
+        """Change the torso's velocity by a push [m/s], (len(ids), 3)."""
+        root = self._layout.root_dof
+        self._data["qvel"][ids, root : root + 3] += velocity
+
+    def sense(self, rng: np.random.Generator | None = None) -> Sensed:
+        """Read the sensors, as old, crooked and noisy as the conditions make them.
+
+        Args:
+            rng: Source of the noise; ``None`` for none.
+        """
+        c, read, data = self.conditions, self._read, self._data["sensordata"]
+        gravity = rotation.gravity_in_body(data[:, read.orientation])
+        gravity = gravity + np.cross(c.imu_tilt, gravity)
+        gravity = rotation.rotate(read.imu_in_torso, gravity)
+        gyro = rotation.rotate(read.imu_in_torso, data[:, read.gyro] + c.gyro_bias)
+        joint_pos = data[:, read.joint_pos] + c.joint_offset + self._play
+        joint_vel = data[:, read.joint_vel]
+        if rng is not None:
+            noise = self.noise
+            gravity = gravity + rng.normal(0.0, noise.gravity, gravity.shape)
+            gyro = gyro + rng.normal(0.0, noise.gyro, gyro.shape)
+            joint_pos = joint_pos + rng.normal(0.0, noise.joint_pos, joint_pos.shape)
+            joint_vel = joint_vel + rng.normal(0.0, noise.joint_vel, joint_vel.shape)
+        gravity /= np.linalg.norm(gravity, axis=-1, keepdims=True)
+        return Sensed(gravity=gravity, gyro=gyro, joint_pos=joint_pos, joint_vel=joint_vel)
+
+    def look(self) -> Truth:
+        """See what only a simulation knows."""
+        data, read, layout = self._data, self._read, self._layout
+        site, touch = data["site_xpos"], data["sensordata"]
+        soles = site[:, self._soles]  # (N, soles, 3)
+        neck = site[:, self._neck]
+        root = data["qpos"][:, layout.root_qpos + 3 : layout.root_qpos + 7]
+        return Truth(
+            neck_height=neck[:, 2],
+            sole_height=soles[..., 2],
+            sole_distance=np.linalg.norm(soles[..., :2].mean(axis=1) - neck[:, :2], axis=-1),
+            upright=-rotation.gravity_in_body(root)[:, 2],
+            foreign=touch[:, read.whole] > touch[:, read.feet].sum(axis=-1),
+            root_vel=data["qvel"][:, layout.root_dof : layout.root_dof + 6],
+            joint_vel=data["qvel"][:, layout.dof],
+            torque=data["actuator_force"][:, self._servos],
+        )
+
+    def save_state(self) -> dict[str, Any]:
+        """Return everything that the next steps depend on."""
+        return {
+            "state": self.batch.state.copy(),
+            "fields": {name: values.copy() for name, values in self._fields.items()},
+            "conditions": copy.deepcopy(self.conditions),
+            "play": self._play.copy(),
+        }
+
+    def restore_state(self, state: dict[str, Any]) -> None:
+        """Go on from where :meth:`save_state` was called."""
+        for name, values in state["fields"].items():
+            self._fields[name][:] = values
+        self.batch.set_const()
+        self.batch.state[:] = state["state"]
+        self.conditions = copy.deepcopy(state["conditions"])
+        self._play = state["play"].copy()
+
+    @property
+    def qpos(self) -> Array:
+        """Return a copy of the MuJoCo positions, (N, nq)."""
+        return self._data["qpos"].copy()
+
+    @property
+    def qvel(self) -> Array:
+        """Return a copy of the MuJoCo velocities, (N, nv)."""
+        return self._data["qvel"].copy()
+
+    def _turn_through_play(self) -> Array:
+        """Move each gear inside its free play the way that its joint turned last, (N, n)."""
+        turned = self._data["qvel"][:, self._layout.dof] * (self.robot.control_period * self.cycles)
+        half = 0.5 * self.conditions.backlash[:, None]
+        self._play = np.clip(self._play - turned, -half, half)
+        return self._play
+
+
+def count_substeps(robot: Robot, model: mujoco.MjModel, cycles: int) -> int:
+    """Count the physics steps of a policy step.
+
+    Raises:
+        ValueError: if a policy step is no multiple of the physics step.
+    """
+    duration = robot.control_period * cycles
+    steps = round(duration / model.opt.timestep)
+    if steps < 1 or abs(steps * model.opt.timestep - duration) > 1e-9:
+        raise ValueError(
+            f"a policy step of {duration:g} s is no multiple of the physics step "
+            f"{model.opt.timestep:g} s"
+        )
+    return steps
+
+
+def _share_steps(steps: int, cycles: int) -> Array:
+    """Compute how far targets have gone at each physics step of a policy step, (steps,).
+
+    They move once a control cycle, as on the robot; where a coarse physics step does not
+    divide a cycle, once a physics step.
+    """
+    if steps % cycles:
+        return np.arange(1, steps + 1) / steps
+    return np.repeat(np.arange(1, cycles + 1) / cycles, steps // cycles)
+
+
+def build_world(
+    robot: Robot,
+    scene: Scene,
+    timestep: float,
+    longest_delay: float = 0.0,
+    changes: Sequence[Change] = (),
+) -> mujoco.MjModel:
+    """Compile a robot in a scene with the sensors that a herd reads.
+
+    Args:
+        robot: Robot.
+        scene: Where it lies.
+        timestep: Physics step [s]; a control period must be a multiple of it.
+        longest_delay: Longest delay of targets and measurements that histories hold [s].
+        changes: What else differs from the robot's description.
+    """
+    spec = scene.build(robot)
+    spec.option.timestep = timestep
+    for change in changes:
+        change(spec, robot)
+    timestep = spec.option.timestep
+    samples = int(np.ceil(longest_delay / timestep - 1e-9))
+    sensor, obj = mujoco.mjtSensor, mujoco.mjtObj
+    for name in robot.joint_names:
+        for kind, label in ((sensor.mjSENS_JOINTPOS, "pos"), (sensor.mjSENS_JOINTVEL, "vel")):
+            spec.add_sensor(
+                name=f"{label}_{name}", type=kind, objtype=obj.mjOBJ_JOINT, objname=name
+            )
+    imu = {"objtype": obj.mjOBJ_SITE, "objname": robot.imu_site}
+    spec.add_sensor(name="imu_gyro", type=sensor.mjSENS_GYRO, **imu)
+    spec.add_sensor(name="imu_orientation", type=sensor.mjSENS_FRAMEQUAT, **imu)
+    for element in spec.sensors:
+        element.nsample = samples
+    for element in spec.actuators:
+        element.nsample = samples
+    _add_touch(spec, "whole", robot.torso, subtree=True)
+    for site in robot.sole_sites:
+        _add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
+    for name in _list_head_joints(robot)[-1:]:
+        head = spec.joint(name).parent.name
+        _add_touch(spec, "head_touch", head, subtree=True)
+        spec.add_sensor(
+            name="head_velocity",
+            type=sensor.mjSENS_FRAMELINVEL,
+            objtype=obj.mjOBJ_BODY,
+            objname=head,
+        )
+    return spec.compile()
+
+
+def _list_head_joints(robot: Robot) -> list[str]:
+    return [joint.name for joint in robot.joints if joint.segment == "head"]
+
+
+def _add_touch(spec: mujoco.MjSpec, name: str, body: str, *, subtree: bool) -> None:
+    """Count the contacts between a body (or its subtree) and the world."""
+    found = 1 << 0  # mjCONDATA_FOUND
+    spec.add_sensor(
+        name=name,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY if subtree else mujoco.mjtObj.mjOBJ_BODY,
+        objname=body,
+        reftype=mujoco.mjtObj.mjOBJ_BODY,
+        refname="world",
+        intprm=[found, 0, 1],
+    )
+
+
+class _Addresses:
+    """Where a world's sensors are."""
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
+        def at(name: str) -> int:
+            return int(model.sensor(name).adr[0])
+
+        self.joint_pos = np.array([at(f"pos_{name}") for name in robot.joint_names])
+        self.joint_vel = np.array([at(f"vel_{name}") for name in robot.joint_names])
+        self.gyro = at("imu_gyro") + np.arange(3)
+        self.orientation = at("imu_orientation") + np.arange(4)
+        self.whole = at("whole")
+        self.feet = [at(f"foot_{site}") for site in robot.sole_sites]
+        self.imu_in_torso = np.array(model.site(robot.imu_site).quat)
+        has_head = bool(_list_head_joints(robot))
+        self.head_touch = at("head_touch") + np.arange(1) if has_head else np.arange(0)
+        self.head_velocity = at("head_velocity") + np.arange(3) if has_head else np.arange(0)
+        self.is_delayed = model.sensor_history[:, 0] > 0
+
+
+class _Memory:
+    """The history buffers of a world: filled so that a robot's past is its present.
+
+    A buffer is two numbers of bookkeeping, its sample times, then its samples
+    (mjData.history).
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.exists = model.nhistory > 0
+        data = mujoco.MjData(model)
+        self._blank = data.history.copy()
+        each, one = np.arange(model.nu), np.ones(model.nu, dtype=int)
+        self._ctrl = _find_samples(model.actuator_historyadr, model.actuator_history, each, one)
+        self._sensors = _find_samples(
+            model.sensor_historyadr, model.sensor_history, model.sensor_adr, model.sensor_dim
+        )
+
+    def fill(self, history: Array, ids: Ids, ctrl: Array, sensordata: Array) -> None:
+        """Write what holds now as what always held, for some robots."""
+        rows = np.tile(self._blank, (len(ids), 1))
+        for (there, here), now in ((self._ctrl, ctrl), (self._sensors, sensordata)):
+            rows[:, there] = now[ids[:, None], here]
+        history[ids] = rows
+
+
+def _find_samples(starts: Whole, history: Whole, addresses: Whole, sizes: Whole) -> tuple[Ids, Ids]:
+    """Find where histories keep their samples, and where the values are that they sample."""
+    there, here = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
+    for start, samples, address, size in zip(starts, history[:, 0], addresses, sizes, strict=True):
+        there.append(start + 2 + samples + np.arange(samples * size))
+        here.append(address + np.tile(np.arange(size), samples))
+    return np.concatenate(there), np.concatenate(here)

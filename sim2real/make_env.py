@@ -1,0 +1,57 @@
+"""Makes a training environment from names and numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from humanoid_getup.action import build_action_spec
+from robots import load_robot
+from sim2real.env import EnvOptions, GetUpEnv, make_world
+from sim2real.randomisation import RANDOMISATIONS
+from sim2real.rewards import REWARDS
+from sim2real.starts import make_pool
+
+
+def make_get_up(
+    num_envs: int = 512,
+    *,
+    robot: str = "op3",
+    rewards: str = "robust",
+    randomisation: str = "all",
+    apart: bool = True,
+    falls: int = 128,
+    seed: int = 0,
+    threads: int = 0,
+) -> GetUpEnv:
+    """Build a training environment from names and numbers.
+
+    Args:
+        num_envs: Robots side by side.
+        robot: Robot by name, or a folder that holds a robot.toml.
+        rewards: Rewards by name.
+        randomisation: How robots differ from their description, by name.
+        apart: Whether mirrored joints may also move contrary to each other.
+        falls: Settled falls that episodes begin with; their mirror images double them.
+        seed: Seed of the falls; that of the episodes goes to ``reset``.
+        threads: Threads that step physics; 0 for all that the machine has.
+
+    Raises:
+        ValueError: if there are no such rewards, or no such robot.
+    """
+    if rewards not in REWARDS:
+        raise ValueError(f"unknown rewards '{rewards}': allowed {', '.join(REWARDS)}")
+    if randomisation not in RANDOMISATIONS:
+        allowed = ", ".join(RANDOMISATIONS)
+        raise ValueError(f"unknown randomisation '{randomisation}': allowed {allowed}")
+    body = load_robot(robot)
+    action = build_action_spec(body, body.rising_joints, body.rising_joints if apart else ())
+    world = make_world(body, "flat", delays=False)
+    options = EnvOptions(
+        robots=num_envs,
+        randomisation=RANDOMISATIONS[randomisation],
+        rewards=REWARDS[rewards],
+        threads=threads,
+    )
+    return GetUpEnv(
+        body, action, make_pool(body, world, falls, np.random.default_rng(seed)), options
+    )

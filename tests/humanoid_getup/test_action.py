@@ -1,0 +1,139 @@
+"""What a policy's numbers become: joint targets within limits, reach and lead."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.action import (
+    HOMING_SHARE,
+    ActionMode,
+    ActionSpec,
+    between,
+    build_action_spec,
+    list_pairs,
+    next_target,
+)
+from robots import Robot, load_robot
+
+OP3 = load_robot("op3")
+SPEC = build_action_spec(OP3, OP3.rising_joints, OP3.rising_joints)
+SEEDS = st.integers(0, 2**32 - 1)
+MODES = st.sampled_from(list(ActionMode))
+
+
+def spec_of(mode: ActionMode) -> ActionSpec:
+    return replace(SPEC, mode=mode)
+
+
+def sample(seed: int, count: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sample targets, measured angles near them, and actions somewhat beyond -1 to 1."""
+    rng = np.random.default_rng(seed)
+    target = rng.uniform(OP3.lower, OP3.upper, (count, OP3.n))
+    measured = target + rng.normal(0.0, 0.5, target.shape)
+    return target, measured, rng.uniform(-1.5, 1.5, (count, SPEC.size))
+
+
+@given(seed=SEEDS, mode=MODES)
+def test_mirrored_numbers_make_mirrored_targets(seed: int, mode: ActionMode):
+    target, measured, action = sample(seed)
+    spec, mirror = spec_of(mode), OP3.mirror_joints
+    mirrored = next_target(spec, mirror(target), mirror(measured), action * spec.mirror_sign(OP3))
+    assert mirrored == pytest.approx(mirror(next_target(spec, target, measured, action)))
+
+
+@given(seed=SEEDS, mode=MODES)
+def test_a_target_moves_no_further_than_its_reach_and_stays_in_range(seed: int, mode: ActionMode):
+    target, measured, action = sample(seed)
+    following = next_target(spec_of(mode), target, measured, action)
+    assert np.all(np.abs(following - target) <= SPEC.reach + 1e-12)
+    assert np.all((following >= OP3.lower - 1e-12) & (following <= OP3.upper + 1e-12))
+
+
+@given(seed=SEEDS, mode=MODES)
+def test_a_target_leads_no_further_than_allowed_or_comes_back_as_fast_as_it_can(
+    seed: int, mode: ActionMode
+):
+    target, measured, action = sample(seed)
+    following = next_target(spec_of(mode), target, measured, action)
+    nearest = np.clip(measured, OP3.lower, OP3.upper)  # a target may not leave its range for it
+    ahead = np.abs(following - nearest) > SPEC.lead + 1e-12
+    came_back = np.abs(target - nearest) - np.abs(following - nearest)
+    assert ahead.any()
+    assert came_back[ahead] == pytest.approx(np.broadcast_to(SPEC.reach, ahead.shape)[ahead])
+
+
+def test_a_joint_outside_its_range_is_called_back():
+    target = np.array(OP3.standing.joint_pos)
+    target[0] = OP3.upper[0] + 0.8
+    measured = target.copy()
+    for _ in range(20):
+        target = next_target(SPEC, target, measured, np.ones(SPEC.size))
+        measured = target
+    assert np.all(target <= OP3.upper)
+
+
+def test_zero_at_rest_keeps_what_is_moved_and_brings_the_rest_home():
+    target = OP3.standing.joint_pos + 0.5
+    following = next_target(SPEC, target, target, np.zeros(SPEC.size))
+    assert following[SPEC.moved] == pytest.approx(target[SPEC.moved])
+    still = ~SPEC.moved
+    step = np.minimum(HOMING_SHARE * SPEC.reach[still], 0.5)
+    assert still.any()
+    assert following[still] == pytest.approx(target[still] - step)
+
+
+@pytest.mark.parametrize(
+    ("mode", "wanted"),
+    [
+        (ActionMode.RATE, 0.30 + 0.05),  # the last target and a half of 0.1
+        (ActionMode.OFFSET, 0.20 + 0.05),  # the measured angle and a half of 0.1
+        (ActionMode.ABSOLUTE, 0.25 + 0.05),  # home and a half of 0.1
+    ],
+)
+def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float):
+    spec = ActionSpec(
+        mode=mode,
+        names=("hinge",),
+        directions=np.ones((1, 1)),
+        scale=np.array([0.1]),
+        reach=np.array([1.0]),
+        lead=0.6,
+        home=np.array([0.25]),
+        lower=np.array([-1.0]),
+        upper=np.array([1.0]),
+    )
+    following = next_target(spec, np.array([0.3]), np.array([0.2]), np.array([0.5]))
+    assert following == pytest.approx([wanted])
+
+
+def test_directions_of_a_pair_worked_out_by_hand(op3: Robot):
+    # The left knee is positive where the right one is negative: alike is (+, -), contrary (+, +).
+    spec = build_action_spec(op3, ("l_knee",), ("l_knee",), apart_share=0.5)
+    left, right = (op3.joint_names.index(name) for name in ("l_knee", "r_knee"))
+    assert spec.names == ("l_knee together", "l_knee apart")
+    assert spec.directions[0, [left, right]] == pytest.approx([1.0, -1.0])
+    assert spec.directions[1, [left, right]] == pytest.approx([0.5, 0.5])
+    assert np.count_nonzero(spec.directions) == 4
+    assert spec.mirror_sign(op3) == pytest.approx([1.0, -1.0])
+
+
+def test_a_direction_without_a_mirror_image_is_named(op3: Robot):
+    directions = SPEC.directions.copy()
+    directions[0, op3.mirror_index[np.flatnonzero(directions[0])[0]]] = 0.3
+    with pytest.raises(ValueError, match=f"without a mirror image: {SPEC.names[0]}"):
+        replace(SPEC, directions=directions).mirror_sign(op3)
+
+
+def test_each_pair_is_listed_once(op3: Robot):
+    pairs = list_pairs(op3)
+    mirrors = {op3.joint_names[op3.mirror_index[op3.joint_names.index(name)]] for name in pairs}
+    assert len(pairs) == 9  # of twenty joints, the head's two have no pair
+    assert mirrors.isdisjoint(pairs)
+
+
+def test_a_policy_step_is_cut_into_equal_parts_that_end_at_the_target():
+    parts = [between(np.array([1.0]), np.array([2.0]), cycle, 4)[0] for cycle in range(4)]
+    assert parts == [1.25, 1.5, 1.75, 2.0]

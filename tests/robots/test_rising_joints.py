@@ -1,0 +1,59 @@
+"""Which joints a learned rise moves: read, filled in, and refused where they are wrong."""
+
+import pytest
+from spoiling import complaint, spoil
+
+from robots import load_robot
+
+PERIOD = "control_period = 0.008"
+
+
+def say(folder, value: str) -> None:
+    spoil(folder, PERIOD, f"{PERIOD}\nrising_joints = {value}")
+
+
+def test_the_rising_joints_of_a_description_are_read(own_robot):
+    say(own_robot, '["r_hip"]')
+    assert load_robot(own_robot).rising_joints == ("r_hip",)
+
+
+def test_without_a_word_one_joint_of_each_pair_of_limbs_rises(tiny):
+    assert tiny.rising_joints == ("l_hip",)
+
+
+def test_the_head_and_joints_without_a_pair_do_not_rise_by_themselves(own_robot):
+    spoil(own_robot, 'segment = "foot"', 'segment = "head"')
+    assert load_robot(own_robot).rising_joints == ()
+
+
+def test_op3_rises_by_six_pairs(op3):
+    mirror = op3.mirror_index
+    rows = [op3.joint_names.index(name) for name in op3.rising_joints]
+    assert len(rows) == 6
+    assert {int(mirror[row]) for row in rows}.isdisjoint(rows)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ('["l_toe"]', "rising_joints: unknown joint 'l_toe'"),
+        ('["l_hip", "r_hip"]', "rising_joints: 'l_hip', allowed one joint of a mirrored pair"),
+        ('["l_hip", "l_hip"]', "rising_joints is ['l_hip', 'l_hip'], allowed each name once"),
+        ("[]", "rising_joints is [], allowed a list of texts, at least one"),
+        ('"l_hip"', "rising_joints is 'l_hip', allowed a list of texts, at least one"),
+        ("[1]", "rising_joints is [1], allowed a list of texts, at least one"),
+    ],
+)
+def test_wrong_rising_joints_are_told_with_what_is_allowed(own_robot, value, words):
+    say(own_robot, value)
+    assert words in complaint(own_robot)
+
+
+def test_a_joint_that_is_its_own_mirror_cannot_rise_as_a_pair(own_robot):
+    for name, mirror in (("l_hip", "r_hip"), ("r_hip", "l_hip")):
+        spoil(own_robot, f'mirror = "{mirror}"', f'mirror = "_{name}"')
+    for name in ("l_hip", "r_hip"):
+        spoil(own_robot, f'mirror = "_{name}"', f'mirror = "{name}"')
+    say(own_robot, '["l_hip"]')
+    words = "rising_joints: 'l_hip', allowed one joint of a mirrored pair"
+    assert words in complaint(own_robot)

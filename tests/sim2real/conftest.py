@@ -1,0 +1,44 @@
+import mujoco
+import numpy as np
+import pytest
+
+from humanoid_getup.action import ActionSpec, build_action_spec
+from humanoid_getup.scene import load_scene
+from robots import Robot, load_robot
+from sim2real.herd import LONGEST_DELAY, Herd, build_world
+from sim2real.starts import StartPool, drop_falls, mirror_starts
+
+PHYSICS_STEP = 0.004  # s
+
+
+@pytest.fixture(scope="session")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+@pytest.fixture(scope="session")
+def action(op3: Robot) -> ActionSpec:
+    return build_action_spec(op3, op3.rising_joints, op3.rising_joints)
+
+
+@pytest.fixture(scope="session")
+def world(op3: Robot) -> mujoco.MjModel:
+    return build_world(op3, load_scene("flat"), PHYSICS_STEP)
+
+
+@pytest.fixture(scope="session")
+def delayed_world(op3: Robot) -> mujoco.MjModel:
+    return build_world(op3, load_scene("flat"), PHYSICS_STEP, LONGEST_DELAY)
+
+
+@pytest.fixture(scope="session")
+def falls(op3: Robot, world: mujoco.MjModel) -> np.ndarray:
+    """Eight settled falls and their mirror images, (16, nq)."""
+    herd = Herd(world, op3, 8, cycles=6, threads=1)
+    fallen = drop_falls(herd, 8, np.random.default_rng(0))
+    return np.concatenate([fallen, mirror_starts(op3, world, fallen)])
+
+
+@pytest.fixture
+def pool(falls: np.ndarray) -> StartPool:
+    return StartPool.of(falls.copy())

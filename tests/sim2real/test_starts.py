@@ -1,0 +1,85 @@
+"""Where episodes begin."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanoid_getup.ground import lowest_point
+from robots import rotation
+from sim2real.herd import Herd
+from sim2real.starts import LEAST, StartPool, drop_falls, list_motion_starts, mirror_starts
+
+
+def test_what_fails_is_drawn_more_often():
+    pool = StartPool(np.zeros((4, 1)), success=np.array([0.0, 0.0, 1.0, 1.0]))
+    drawn = pool.draw(20_000, np.random.default_rng(0))
+    count = np.bincount(drawn, minlength=4)
+    assert count[2:].sum() / count[:2].sum() == pytest.approx(LEAST, rel=0.1)
+    assert count[0] == pytest.approx(count[1], rel=0.1)
+
+
+def test_every_start_is_drawn_alike_while_nothing_is_known():
+    pool = StartPool.of(np.zeros((5, 1)))
+    drawn = pool.draw(10_000, np.random.default_rng(0))
+    assert np.bincount(drawn) == pytest.approx(np.full(5, 2000), rel=0.1)
+
+
+def test_a_share_of_success_follows_how_episodes_end():
+    pool = StartPool.of(np.zeros((3, 1)))
+    for _ in range(50):
+        pool.note(np.array([0, 1]), np.array([True, False]))
+    assert pool.success == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    pool.note(np.array([0]), np.array([False]))
+    assert 0.0 < pool.success[0] < 1.0
+
+
+def test_a_pool_survives_its_file(tmp_path: Path, falls):
+    StartPool.of(falls).save(tmp_path / "falls.npz")
+    assert np.array_equal(StartPool.load(tmp_path / "falls.npz").qpos, falls)
+    assert [file.name for file in tmp_path.iterdir()] == ["falls.npz"]
+
+
+def test_mirroring_a_start_twice_changes_nothing(op3, world, falls):
+    twice = mirror_starts(op3, world, mirror_starts(op3, world, falls))
+    assert twice == pytest.approx(falls)
+    assert not np.allclose(mirror_starts(op3, world, falls), falls)
+
+
+def test_mirrored_starts_lie_on_the_ground_as_the_others_do(op3, world, falls):
+    heights = [lowest_point(world, qpos) for qpos in falls]
+    mirrored = [lowest_point(world, qpos) for qpos in mirror_starts(op3, world, falls)]
+    assert mirrored == pytest.approx(heights, abs=1e-3)  # the head is not quite symmetric
+    assert np.all(np.abs(heights) < 0.005)
+
+
+def test_falls_lie_still_within_their_limits(op3, world, falls):
+    herd = Herd(world, op3, len(falls), cycles=6, threads=1)
+    herd.place(np.arange(len(falls)), falls)
+    target = falls[:, op3.layout(world).qpos]
+    before = herd.look().neck_height
+    for _ in range(4):
+        herd.advance(target, target)
+    assert herd.look().neck_height == pytest.approx(before, abs=0.03)
+    assert np.all(herd.look().foreign)
+    slack = 0.05  # limits are soft
+    assert np.all((target > op3.lower - slack) & (target < op3.upper + slack))
+
+
+def test_one_seed_makes_one_set_of_falls(op3, world):
+    def drop(seed: int, threads: int) -> np.ndarray:
+        herd = Herd(world, op3, 4, cycles=6, threads=threads)
+        return drop_falls(herd, 6, np.random.default_rng(seed))
+
+    assert np.array_equal(drop(1, 1), drop(1, 2))
+    assert not np.array_equal(drop(1, 1), drop(2, 1))
+
+
+def test_frames_of_the_known_motions_are_starts(op3, world):
+    starts = list_motion_starts(op3, world)
+    assert len(starts) > 100
+    assert starts.shape[1] == world.nq
+    root = op3.layout(world).root_qpos
+    tilt = rotation.tilt(starts[:, root + 3 : root + 7])
+    assert tilt.min() < 0.1
+    assert tilt.max() > 1.0

@@ -26,6 +26,8 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from humanoid_getup.action import choose_actions
+from humanoid_getup.observation import Floats
 from robots import Robot, load_robot
 from robots.rotation import Array
 from sim2real.env import GetUpEnv
@@ -36,7 +38,6 @@ from sim2real.train import (
     Recipe,
     TrainReport,
     build_options,
-    choose_actions,
     load_pool,
     train,
 )
@@ -58,7 +59,7 @@ class Task:
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
         options = replace(build_options(self.recipe, threads), robots=robots)
-        actions = choose_actions(self.robot, self.recipe)
+        actions = choose_actions(self.robot, self.recipe.apart)
         return GetUpEnv(self.robot, actions, StartPool.of(self.pool.qpos), options)
 
 
@@ -117,21 +118,30 @@ def measure_training(task: Task, iterations: int) -> float:
 
 
 class OneRobot(gymnasium.Env):
-    """The same task, one robot, as Gymnasium's single environments are."""
+    """The same task, one robot, as Gymnasium's single environments are.
+
+    At an end the robot already lies in its next start: what it saw last is returned, and
+    the reset that follows hands out what it sees now.
+    """
 
     def __init__(self, task: Task) -> None:
         self._env = task.make_env(1, 1)
+        self._begun: Floats | None = None  # seen in an episode that nobody has asked for yet
         self.observation_space = self._env.single_observation_space
         self.action_space = self._env.single_action_space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        observation, _ = self._env.reset(seed=seed, options=options)
+        observation, self._begun = self._begun, None
+        if observation is None or seed is not None:
+            observation, _ = self._env.reset(seed=seed, options=options)
         return observation[0], {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        observation, reward, _, cut, _ = self._env.step(action[None])
+        observation, reward, _, cut, info = self._env.step(action[None])
+        if cut[0]:
+            self._begun, observation = observation, info["final_obs"]
         return observation[0], float(reward[0]), False, bool(cut[0]), {}
 
 

@@ -119,10 +119,14 @@ def build_action_spec(
     )
 
 
-def list_pairs(robot: Robot) -> tuple[str, ...]:
-    """List one joint, the first, of each mirrored pair."""
-    mirror = robot.mirror_index
-    return tuple(name for i, name in enumerate(robot.joint_names) if i < mirror[i])
+def choose_actions(robot: Robot, apart: bool) -> ActionSpec:
+    """Choose what a policy that gets this robot up moves.
+
+    Args:
+        robot: Robot.
+        apart: Whether mirrored joints may also move contrary to each other.
+    """
+    return build_action_spec(robot, robot.rising_joints, robot.rising_joints if apart else ())
 
 
 def next_target(spec: ActionSpec, target: Array, measured: Array, action: Array) -> Array:
@@ -148,6 +152,13 @@ def next_target(spec: ActionSpec, target: Array, measured: Array, action: Array)
     return target + np.clip(wanted - target, -spec.reach, spec.reach)
 
 
-def between(target: Array, following: Array, cycle: int, cycles: int) -> Array:
-    """Compute the target of one control cycle of a policy step, counted from 0 [rad]."""
+def between(target: Array, following: Array, cycle: int | NDArray[np.int_], cycles: int) -> Array:
+    """Compute the targets of a control cycle of a policy step, or of several [rad].
+
+    Args:
+        target: Targets at the begin of the policy step [rad].
+        following: Targets at its end [rad].
+        cycle: Which control cycle, counted from 0; an array of them is broadcast.
+        cycles: How many a policy step has.
+    """
     return target + (cycle + 1) / cycles * (following - target)

@@ -96,7 +96,7 @@ def _drop(rehearsal: Rehearsal, rng: np.random.Generator) -> list[Posture]:
     stage = rehearsal.stage
     robot, model = stage.robot, stage.model
     data = mujoco.MjData(model)
-    starts = np.array([_sample_drop(robot, model, data, rng) for _ in range(BATCH)])
+    starts = np.array([sample_drop(robot, model, data, rng) for _ in range(BATCH)])
     limp = Conditions.nominal(stage, BATCH, torque_limit=0.0)
     cycles = round(SETTLE_TIME / robot.control_period)
     targets = np.zeros((BATCH, cycles, robot.n))
@@ -121,10 +121,23 @@ def read_posture(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Posture:
     )
 
 
-def _sample_drop(
+def sample_drop(
     robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
 ) -> Array:
-    """Sample joints anywhere in their range and any orientation, free of self-collision."""
+    """Sample joints anywhere in their range and any orientation, free of self-collision.
+
+    Args:
+        robot: Robot.
+        model: Its compiled world.
+        data: Scratch space of that world.
+        rng: Source of the sample.
+
+    Returns:
+        MuJoCo positions just above the ground, (nq,).
+
+    Raises:
+        FallError: if the robot presses into itself wherever its joints are.
+    """
     for _ in range(MOST_SAMPLES):
         posture = Posture(
             position=np.array([0.0, 0.0, 1.0]),

@@ -18,6 +18,13 @@ from robots.rotation import Array
 Floats = NDArray[np.float32]
 """What networks are fed with."""
 
+MirrorPart = tuple[NDArray[np.int_], Array]
+"""How left and right are exchanged in a part of a vector: index and sign, as in `Mirror`."""
+VECTOR: MirrorPart = (np.arange(3), np.array([1.0, -1.0, 1.0]))
+"""Of a direction or a velocity: y changes."""
+ROTATION: MirrorPart = (np.arange(3), np.array([-1.0, 1.0, -1.0]))
+"""Of a rotation or an angular velocity: all but y change."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sensed:
@@ -54,6 +61,14 @@ def list_terms(robot: Robot, action: ActionSpec) -> tuple[Term, ...]:
     )
 
 
+def compute_torque_share(robot: Robot, torque_limit: Array | float) -> Array:
+    """Compute what a policy is told of a cap on every servo [N·m], (...) to (..., 1).
+
+    Above what the strongest servo has, a cap is none: the share is 1.
+    """
+    return np.minimum(torque_limit / robot.max_torque.max(), 1.0)[..., None]
+
+
 def observe(
     robot: Robot, sensed: Sensed, target: Array, last_action: Array, torque_share: Array
 ) -> Floats:
@@ -86,11 +101,11 @@ def observe(
 class Mirror:
     """How left and right are exchanged in a vector: ``vector[..., index] * sign``."""
 
-    index: np.ndarray
+    index: NDArray[np.int_]
     sign: Array
 
     @staticmethod
-    def of_parts(parts: Sequence[tuple[np.ndarray, Array]]) -> Mirror:
+    def of_parts(parts: Sequence[MirrorPart]) -> Mirror:
         """Join the mirrors (index, sign) of a vector's parts."""
         starts = np.cumsum([0, *(len(index) for index, _ in parts)])
         return Mirror(
@@ -107,8 +122,8 @@ def mirror_of_observation(robot: Robot, action: ActionSpec) -> Mirror:
     """Build the exchange of left and right in observations."""
     joints = (robot.mirror_index, robot.mirror_sign)
     parts = (
-        (np.arange(3), np.array([1.0, -1.0, 1.0])),  # a vector: y changes
-        (np.arange(3), np.array([-1.0, 1.0, -1.0])),  # a rotation: all but y change
+        VECTOR,
+        ROTATION,
         joints,
         joints,
         joints,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.state import Command, State
 from humanoid_getup.action import between, next_target
-from humanoid_getup.observation import Sensed, observe
+from humanoid_getup.observation import Sensed, compute_torque_share, observe
 from humanoid_getup.onnx_network import NetworkError, OnnxNetwork
 from humanoid_getup.policy_contract import METADATA_KEY, ContractError, PolicyContract
 from humanoid_getup.sensed import GravitySense
@@ -56,9 +56,8 @@ class OnnxPolicy:
         self.fault: str | None = None
         """Why it gave up."""
         self._network, self._torque_limit = network, torque_limit
-        most = float(robot.max_torque.max())
-        limit = most if torque_limit is None else min(torque_limit, most)
-        self._torque_share = np.array([limit / most])
+        limit = np.inf if torque_limit is None else torque_limit
+        self._torque_share = compute_torque_share(robot, limit)
         self._sense_gravity = GravitySense(
             robot.spec().compile().site(robot.imu_site).quat  # how the IMU sits in the torso
         )

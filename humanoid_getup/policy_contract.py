@@ -19,7 +19,7 @@ from robots.rotation import Array
 FORMAT = 1
 METADATA_KEY = "policy_contract"  # under which the contract lies in an ONNX file's metadata
 IMU_FRAME = "gravity and gyro in the torso's frame: x forward, y left, z up"
-GAIN_SLACK = 0.01  # share of a servo's position gain
+SERVO_SLACK = 0.01  # share of a servo's position gain and torque
 ANGLE_SLACK = 1e-6  # rad
 TIME_SLACK = 1e-6  # share
 SPEED_SLACK = 1e-6  # share of a servo's speed
@@ -65,6 +65,8 @@ class PolicyContract:
     """Policy steps a second."""
     position_gain: Array
     """Of the servos [N·m/rad], shape (n,)."""
+    max_torque: Array
+    """Of the servos [N·m], shape (n,); a torque limit is told as a share of the largest."""
     imu_frame: str
     provenance: Mapping[str, Fact]
     """How it was made, for people."""
@@ -96,6 +98,7 @@ class PolicyContract:
             control_period=period,
             rate_hz=1.0 / (period * action.cycles),
             position_gain=robot.position_gain,
+            max_torque=robot.max_torque,
             imu_frame=IMU_FRAME,
             provenance=dict(provenance),
         )
@@ -167,7 +170,7 @@ class PolicyContract:
         if layout != wanted:
             faults.append(f"observation: {_list_sizes(layout)}, here {_list_sizes(wanted)}")
         shapes = {"directions": (k, n)}
-        shapes |= dict.fromkeys(("scale", "reach", "home", "position_gain"), (n,))
+        shapes |= dict.fromkeys(("scale", "reach", "home", "position_gain", "max_torque"), (n,))
         for name, shape in shapes.items():
             found = getattr(self, name).shape
             if found != shape:
@@ -176,26 +179,25 @@ class PolicyContract:
 
     def _find_value_faults(self, robot: Robot, period: float) -> list[str]:
         """Compare vectors of joints, whose shapes are right."""
-        faults = []
-        off = np.abs(self.position_gain / robot.position_gain - 1.0)
-        if off.max() > GAIN_SLACK:
-            i = int(off.argmax())
-            faults.append(
-                f"gains: joint '{robot.joint_names[i]}' {self.position_gain[i]:.2f} N·m/rad, "
-                f"here {robot.position_gain[i]:.2f} N·m/rad"
-            )
+        names = robot.joint_names
+        gain, torque = robot.position_gain, robot.max_torque
+        faults = _find_servo_faults("gains", names, self.position_gain, gain, "N·m/rad")
+        faults += _find_servo_faults("torque", names, self.max_torque, torque, "N·m")
         off = np.abs(self.home - robot.standing.joint_pos)
         if off.max() > ANGLE_SLACK:
             i = int(off.argmax())
             faults.append(
-                f"home angles: joint '{robot.joint_names[i]}' {self.home[i]:+.3f} rad, here "
+                f"home angles: joint '{names[i]}' {self.home[i]:+.3f} rad, here "
                 f"{robot.standing.joint_pos[i]:+.3f} rad"
             )
+        if np.any(self.reach <= 0.0):
+            i = int(self.reach.argmin())
+            faults.append(f"reach: joint '{names[i]}' {self.reach[i]:g} rad, allowed > 0 rad")
         speed = self.reach / (self.cycles * period)
         if np.any(speed > robot.max_velocity * (1.0 + SPEED_SLACK)):
             i = int((speed / robot.max_velocity).argmax())
             faults.append(
-                f"speed: targets of joint '{robot.joint_names[i]}' move at {speed[i]:.2f} rad/s, "
+                f"speed: targets of joint '{names[i]}' move at {speed[i]:.2f} rad/s, "
                 f"the servo at {robot.max_velocity[i]:.2f} rad/s"
             )
         return faults
@@ -220,6 +222,7 @@ class PolicyContract:
             "control_period": self.control_period,
             "rate_hz": self.rate_hz,
             "position_gain": self.position_gain.tolist(),
+            "max_torque": self.max_torque.tolist(),
             "imu_frame": self.imu_frame,
             "provenance": dict(self.provenance),
         }
@@ -259,12 +262,24 @@ class PolicyContract:
             control_period=whole.number("control_period", 1.0, "s"),
             rate_hz=whole.number("rate_hz", 10_000.0, "Hz"),
             position_gain=whole.array("position_gain", 1),
+            max_torque=whole.array("max_torque", 1),
             imu_frame=whole.text("imu_frame"),
             provenance=whole.facts("provenance"),
         )
         if faults:
             raise ContractError(f"the policy contract: {'; '.join(faults)}")
         return contract
+
+
+def _find_servo_faults(
+    what: str, names: tuple[str, ...], learnt: Array, here: Array, unit: str
+) -> list[str]:
+    """Compare a figure of the servos, (n,), with what it is here."""
+    off = np.abs(learnt / here - 1.0)
+    if off.max() <= SERVO_SLACK:
+        return []
+    i = int(off.argmax())
+    return [f"{what}: joint '{names[i]}' {learnt[i]:.2f} {unit}, here {here[i]:.2f} {unit}"]
 
 
 def _list_layout(robot: Robot, action_size: int) -> tuple[Term, ...]:

@@ -10,8 +10,8 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from humanoid_getup.stage import Stage
-from robots import Robot, rotation
+from humanoid_getup.stage import Stage, count_substeps, find_foreign
+from robots import rotation
 from robots.rotation import Array
 
 Bools = NDArray[np.bool_]
@@ -88,21 +88,6 @@ Steering = Callable[[Observation, Array], Array]
 """Maps an observation and the planned targets (N, n) to the targets sent (N, n)."""
 
 
-def count_substeps(robot: Robot, model: mujoco.MjModel) -> int:
-    """Count the physics steps of a control period.
-
-    Raises:
-        ValueError: if the period is no multiple of the step.
-    """
-    steps = round(robot.control_period / model.opt.timestep)
-    if steps < 1 or abs(steps * model.opt.timestep - robot.control_period) > 1e-9:
-        raise ValueError(
-            f"control period {robot.control_period:g} s of robot '{robot.name}' is no multiple "
-            f"of the physics step {model.opt.timestep:g} s"
-        )
-    return steps
-
-
 class Rehearsal:
     """Steps ``n`` copies of a stage side by side on a thread pool."""
 
@@ -110,7 +95,7 @@ class Rehearsal:
         self.stage, self.n = stage, n
         self.batch = Batch(stage.model, n, threads)
         model, robot = stage.model, stage.robot
-        self._substeps = count_substeps(robot, model)
+        self._substeps = count_substeps(model, robot.control_period)
         self._limbs = [int(model.sensor(f"limb_{b}").adr[0]) for b in stage.limbs]
         self._joint_ids = [model.joint(name).id for name in robot.joint_names]
         batch = self.batch
@@ -193,7 +178,7 @@ class Rehearsal:
             qpos=qpos,
             neck_height=record["site_xpos"][:, :, model.site(robot.neck_site).id, 2],
             tilt=rotation.tilt(qpos[..., root + 3 : root + 7]),
-            foreign=touch[..., whole] > touch[..., feet].sum(axis=-1),
+            foreign=find_foreign(touch, whole, feet),
             overlap=-touch[..., overlap],
             torque=record["actuator_force"],
             target=sent,

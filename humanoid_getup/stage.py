@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.scene import Scene
 from robots import Posture, Robot
@@ -29,18 +30,26 @@ class Stage:
         torso = spec.body(robot.torso)
         limbs = tuple(body.name for body in torso.bodies)
         for limb in limbs:
-            _add_touch(spec, f"limb_{limb}", limb, subtree=True, force=True)
-        _add_touch(spec, "whole", robot.torso, subtree=True)
+            add_touch(spec, f"limb_{limb}", limb, subtree=True, force=True)
+        add_touch(spec, "whole", robot.torso, subtree=True)
         for site in robot.sole_sites:
-            _add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
+            add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
         _add_overlap(spec, robot.torso)
         return Stage(robot, scene, spec.compile(), limbs)
 
 
-def _add_touch(
+def add_touch(
     spec: mujoco.MjSpec, name: str, body: str, *, subtree: bool, force: bool = False
 ) -> None:
-    """Sense contacts between a body (or its subtree) and the world."""
+    """Sense contacts between a body (or its subtree) and the world.
+
+    Args:
+        spec: World that gets the sensor.
+        name: Of the sensor.
+        body: Body that touches.
+        subtree: Whether all that hangs on it counts too.
+        force: Whether to sense where the contact force acts besides the number of contacts.
+    """
     found, point = 1 << 0, 1 << 4  # mjCONDATA_FOUND, mjCONDATA_POS
     net_force = 3
     spec.add_sensor(
@@ -52,6 +61,17 @@ def _add_touch(
         refname="world",
         intprm=[found | point if force else found, net_force if force else 0, 1],
     )
+
+
+def find_foreign(touch: Array, whole: int, feet: list[int]) -> NDArray[np.bool_]:
+    """Tell whether anything but the feet touches the world, (...).
+
+    Args:
+        touch: Sensor data, (..., nsensordata).
+        whole: Where the number of the whole robot's contacts is in it.
+        feet: Where those of its feet are.
+    """
+    return touch[..., whole] > touch[..., feet].sum(axis=-1)
 
 
 def _add_overlap(spec: mujoco.MjSpec, torso: str) -> None:
@@ -66,6 +86,21 @@ def _add_overlap(spec: mujoco.MjSpec, torso: str) -> None:
         refname=torso,
         intprm=[distance, nearest, 1],
     )
+
+
+def count_substeps(model: mujoco.MjModel, duration: float) -> int:
+    """Count the physics steps of a control period, or of a policy step [s].
+
+    Raises:
+        ValueError: if the duration is no multiple of the physics step.
+    """
+    steps = round(duration / model.opt.timestep)
+    if steps < 1 or abs(steps * model.opt.timestep - duration) > 1e-9:
+        raise ValueError(
+            f"a control period or policy step of {duration:g} s is no multiple of the physics "
+            f"step {model.opt.timestep:g} s"
+        )
+    return steps
 
 
 def place(robot: Robot, model: mujoco.MjModel, posture: Posture) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.scene import Scene
 from robots import Robot
 from robots.rotation import Array
 
@@ -57,7 +58,7 @@ class Conditions:
         bodies: int,
         n: int,
         *,
-        friction: float = 0.8,
+        friction: float = Scene.friction,
         torque_limit: float | None = None,
     ) -> Conditions:
         """Make the conditions of ``n`` robots that are as their description says.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.action import ActionSpec, next_target
-from humanoid_getup.observation import Floats, observe
+from humanoid_getup.observation import Floats, compute_torque_share, observe
 from humanoid_getup.standing import is_upright, judge
 from humanoid_getup.watch import find_impact
 from robots import rotation
@@ -23,13 +23,13 @@ DURATION = 10.0  # s from the fall to the end of the record, whose last 3 s must
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Record:
+class Rises:
     """What N robots went through, a sample a control cycle."""
 
     period: float
     """[s]"""
     upright: NDArray[np.bool_]
-    """Whether the standing condition held, (N, T)."""
+    """Whether the standing condition held, (N, T); never where physics went wrong."""
     qpos: Array
     """MuJoCo positions at the end of each policy step, (N, steps, nq)."""
     torque: Array
@@ -59,14 +59,13 @@ class Record:
         return np.where(self.stood, np.sqrt(np.mean(recent**2, axis=(1, 2))), np.nan)
 
     def rms_torque(self) -> Array:
-        """Compute the torque over all joints and the way up [N·m], (N,)."""
-        ends = np.nan_to_num(self.stand_time / self.period, nan=self.torque.shape[1])
-        return np.array(
-            [
-                np.sqrt(np.mean(row[: int(end) + 1] ** 2))
-                for row, end in zip(self.torque, ends, strict=True)
-            ]
-        )
+        """Compute the torque over all joints and the way up [N·m]; nan for who fell, (N,)."""
+        ends = self.stand_time / self.period
+        means = [
+            np.nan if np.isnan(end) else np.mean(row[: round(end) + 1] ** 2)
+            for row, end in zip(self.torque, ends, strict=True)
+        ]
+        return np.sqrt(np.array(means))
 
 
 def rise_all(
@@ -78,7 +77,7 @@ def rise_all(
     duration: float = DURATION,
     rng: np.random.Generator | None = None,
     on_step: Callable[[int], None] = lambda _: None,
-) -> Record:
+) -> Rises:
     """Let a policy get robots up, each under the herd's conditions.
 
     Args:
@@ -95,16 +94,17 @@ def rise_all(
     herd.place(everyone, starts)
     sensed = herd.sense(rng)
     target, last_action = sensed.joint_pos, np.zeros((herd.n, action.size))
-    share = herd.conditions.torque_limit / robot.max_torque.max()
-    share = np.minimum(share, 1.0)[:, None]
+    share = compute_torque_share(robot, herd.conditions.torque_limit)
     steps = round(duration / (robot.control_period * action.cycles))
     seen: dict[str, list[Array]] = {}
+    diverged = np.zeros(herd.n, dtype=bool)
     for step in range(steps):
         on_step(step)
         observation = observe(robot, sensed, target, last_action, share)
         last_action = np.clip(policy(observation).astype(float), -1.0, 1.0)
         following = next_target(action, target, sensed.joint_pos, last_action)
         recorded = herd.advance(target, following, record=herd.judged)
+        diverged |= herd.diverged
         for name, values in herd.judge(recorded).items():
             seen.setdefault(name, []).append(values)
         target = following
@@ -117,9 +117,9 @@ def rise_all(
         joined["foreign"].astype(bool),
         robot,
     )
-    return Record(
+    return Rises(
         period=robot.control_period,
-        upright=upright,
+        upright=upright & ~diverged[:, None],
         qpos=joined["qpos"][:, action.cycles - 1 :: action.cycles],
         torque=joined["torque"],
         joint_vel=joined["joint_vel"],

@@ -19,6 +19,7 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
+from humanoid_getup.action import choose_actions
 from humanoid_getup.observation import list_terms
 from humanoid_getup.onnx_network import OnnxNetwork
 from humanoid_getup.policy import OnnxPolicy, PolicyError
@@ -26,7 +27,7 @@ from humanoid_getup.policy_contract import METADATA_KEY, Fact, PolicyContract
 from robots import Robot
 from robots.faults import shown
 from sim2real.checkpoint import read_checkpoint
-from sim2real.train import CHECKPOINT, RECIPE, RECIPES, Recipe, build_config, choose_actions
+from sim2real.train import CHECKPOINT, RECIPE, RECIPES, Recipe, build_config
 
 OPSET = 18
 SAMPLES = 1000  # observations on which torch and onnxruntime must agree
@@ -104,7 +105,7 @@ def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
         ExportError: if the training is another robot's, the checkpoint is none of it or
             holds what is no number, or what was written does not act like the checkpoint.
     """
-    action = choose_actions(robot, training.recipe)
+    action = choose_actions(robot, training.recipe.apart)
     if training.robot != robot.name or training.actions != action.names:
         raise ExportError(
             f"{training.folder}: trained for robot '{training.robot}' with actions "

@@ -12,14 +12,17 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from humanoid_getup.action import between
 from humanoid_getup.observation import Sensed
 from humanoid_getup.scene import Scene
+from humanoid_getup.stage import add_touch, count_substeps, find_foreign
 from robots import Robot, rotation
 from robots.rotation import Array
 from sim2real.conditions import Conditions, Noise
 from sim2real.physics import Change
 
 LONGEST_DELAY = 0.064  # s that the history buffers hold
+FIRM = 0.3  # N·m that hold a gear at the end of its free play
 Ids = NDArray[np.int_]
 Whole = NDArray[np.integer[Any]]
 
@@ -72,8 +75,11 @@ class Herd:
         self.robot, self.model, self.n, self.cycles = robot, model, n, cycles
         self.noise = noise or Noise()
         self.batch = Batch(model, n, threads)
-        self._substeps = count_substeps(robot, model, cycles)
-        self._shares = _share_steps(self._substeps, cycles)
+        self._substeps = count_substeps(model, self.step_time)
+        # Targets move once a control cycle, as on the robot; where a coarse physics step does
+        # not divide a cycle, once a physics step.
+        self._moves = self._substeps if self._substeps % cycles else cycles
+        self._move = np.repeat(np.arange(self._moves), self._substeps // self._moves)[:, None]
         self._layout = robot.layout(model)
         self.conditions = Conditions.nominal(robot, model.nbody, n)
         self._servos = np.array([model.actuator(name).id for name in robot.joint_names])
@@ -111,7 +117,10 @@ class Herd:
                 "sensor_delay",
             )
         }
+        self.diverged = np.zeros(n, dtype=bool)
+        """Whose physics went wrong in the last policy step: what they show means nothing, (N,)."""
         self._play = np.zeros((n, robot.n))  # where in its free play each gear is [rad]
+        self._torque = np.zeros((n, robot.n))  # of the servos when last looked at [N·m]
 
     @property
     def step_time(self) -> float:
@@ -162,16 +171,11 @@ class Herd:
         self._data["qvel"][ids] = 0.0 if qvel is None else qvel
         self._play[ids] = 0.0
         self._data["ctrl"][ids] = qpos[:, self._layout.qpos]
-        if not self._memory.exists:
+        if self._memory.exists:
+            self._fill_memory(ids)
+        else:
             self.batch.forward(ids)
-            return
-        # The past is still blank, so sensors are read without their delay.
-        delay = self._fields["sensor_delay"]
-        kept = delay[ids]
-        delay[ids] = 0.0
-        self.batch.forward(ids)
-        delay[ids] = kept
-        self._memory.fill(self._data["history"], ids, self._data["ctrl"], self._data["sensordata"])
+        self._torque[ids] = self._read_torque()[ids]
 
     def advance(
         self, target: Array, following: Array, record: tuple[str, ...] = ()
@@ -189,23 +193,29 @@ class Herd:
         c = self.conditions
         offset = c.joint_offset
         if c.backlash.any():
-            offset = offset + self._turn_through_play()
-        steps, share = self._substeps, self._shares
-        control = target[:, None] + share[:, None] * (following - target)[:, None] - offset[:, None]
+            offset = offset + self._take_up_play()
+        steps = self._substeps
+        moving = between(target[:, None], following[:, None], self._move, self._moves)
+        control = moving - offset[:, None]
+        # Where MuJoCo warns of what is no number, it begins anew and counts from one again.
+        warnings = self.batch.warning[..., 1]
+        warnings[:] = 0
         rolled = self.batch.rollout(steps, control, record=record)
+        self.diverged = np.any(warnings > 0, axis=1)
+        self._torque = self._read_torque()
         every = steps // self.cycles
         return {name: rolled[name][:, every - 1 :: every] for name in record}
 
     judged = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
     """What :meth:`advance` must record for :meth:`judge`."""
 
-    def judge(self, recorded: dict[str, Array]) -> dict[str, Array]:
+    def judge(self, recorded: dict[str, Array]) -> dict[str, NDArray[Any]]:
         """Pick what judges need out of a recorded policy step, (N, cycles, ...)."""
         touch, read = recorded["sensordata"], self._read
         return {
             "qpos": recorded["qpos"],
             "neck_height": recorded["site_xpos"][..., self._neck, 2],
-            "foreign": touch[..., read.whole] > touch[..., read.feet].sum(axis=-1),
+            "foreign": find_foreign(touch, read.whole, read.feet),
             "torque": recorded["actuator_force"][..., self._servos],
             "joint_vel": recorded["qvel"][..., self._layout.dof],
             "head_touch": touch[..., read.head_touch].sum(axis=-1) > 0,
@@ -229,10 +239,11 @@ class Herd:
             rng: Source of the noise; ``None`` for none.
         """
         c, read, data = self.conditions, self._read, self._data["sensordata"]
-        gravity = rotation.gravity_in_body(data[:, read.orientation])
-        gravity = gravity + np.cross(c.imu_tilt, gravity)
-        gravity = rotation.rotate(read.imu_in_torso, gravity)
-        gyro = rotation.rotate(read.imu_in_torso, data[:, read.gyro] + c.gyro_bias)
+        angle = np.linalg.norm(c.imu_tilt, axis=1)
+        axis = c.imu_tilt / np.maximum(angle, 1e-12)[:, None]
+        mounted = rotation.multiply(read.imu_in_torso, rotation.from_axis_angle(axis, angle))
+        gravity = rotation.rotate(mounted, rotation.gravity_in_body(data[:, read.orientation]))
+        gyro = rotation.rotate(mounted, data[:, read.gyro] + c.gyro_bias)
         joint_pos = data[:, read.joint_pos] + c.joint_offset + self._play
         joint_vel = data[:, read.joint_vel]
         if rng is not None:
@@ -256,10 +267,10 @@ class Herd:
             sole_height=soles[..., 2],
             sole_distance=np.linalg.norm(soles[..., :2].mean(axis=1) - neck[:, :2], axis=-1),
             upright=-rotation.gravity_in_body(root)[:, 2],
-            foreign=touch[:, read.whole] > touch[:, read.feet].sum(axis=-1),
+            foreign=find_foreign(touch, read.whole, read.feet),
             root_vel=data["qvel"][:, layout.root_dof : layout.root_dof + 6],
             joint_vel=data["qvel"][:, layout.dof],
-            torque=data["actuator_force"][:, self._servos],
+            torque=self._read_torque(),
         )
 
     def save_state(self) -> dict[str, Any]:
@@ -269,6 +280,7 @@ class Herd:
             "fields": {name: values.copy() for name, values in self._fields.items()},
             "conditions": copy.deepcopy(self.conditions),
             "play": self._play.copy(),
+            "torque": self._torque.copy(),
         }
 
     def restore_state(self, state: dict[str, Any]) -> None:
@@ -279,6 +291,7 @@ class Herd:
         self.batch.state[:] = state["state"]
         self.conditions = copy.deepcopy(state["conditions"])
         self._play = state["play"].copy()
+        self._torque = state["torque"].copy()
 
     @property
     def qpos(self) -> Array:
@@ -290,39 +303,25 @@ class Herd:
         """Return a copy of the MuJoCo velocities, (N, nv)."""
         return self._data["qvel"].copy()
 
-    def _turn_through_play(self) -> Array:
-        """Move each gear inside its free play the way that its joint turned last, (N, n)."""
-        turned = self._data["qvel"][:, self._layout.dof] * (self.robot.control_period * self.cycles)
+    def _take_up_play(self) -> Array:
+        """Put each gear where its servo's torque pushes it: the encoder leads the link, (N, n)."""
         half = 0.5 * self.conditions.backlash[:, None]
-        self._play = np.clip(self._play - turned, -half, half)
+        self._play = half * np.clip(self._torque / FIRM, -1.0, 1.0)
         return self._play
 
+    def _read_torque(self) -> Array:
+        """Read a copy of the servos' torques [N·m], (N, n)."""
+        return self._data["actuator_force"][:, self._servos]
 
-def count_substeps(robot: Robot, model: mujoco.MjModel, cycles: int) -> int:
-    """Count the physics steps of a policy step.
-
-    Raises:
-        ValueError: if a policy step is no multiple of the physics step.
-    """
-    duration = robot.control_period * cycles
-    steps = round(duration / model.opt.timestep)
-    if steps < 1 or abs(steps * model.opt.timestep - duration) > 1e-9:
-        raise ValueError(
-            f"a policy step of {duration:g} s is no multiple of the physics step "
-            f"{model.opt.timestep:g} s"
-        )
-    return steps
-
-
-def _share_steps(steps: int, cycles: int) -> Array:
-    """Compute how far targets have gone at each physics step of a policy step, (steps,).
-
-    They move once a control cycle, as on the robot; where a coarse physics step does not
-    divide a cycle, once a physics step.
-    """
-    if steps % cycles:
-        return np.arange(1, steps + 1) / steps
-    return np.repeat(np.arange(1, cycles + 1) / cycles, steps // cycles)
+    def _fill_memory(self, ids: Ids) -> None:
+        """Let the past of some robots be their present."""
+        # The past is still blank, so sensors are read without their delay.
+        delay = self._fields["sensor_delay"]
+        kept = delay[ids]
+        delay[ids] = 0.0
+        self.batch.forward(ids)
+        delay[ids] = kept
+        self._memory.fill(self._data["history"], ids, self._data["ctrl"], self._data["sensordata"])
 
 
 def build_world(
@@ -360,12 +359,12 @@ def build_world(
         element.nsample = samples
     for element in spec.actuators:
         element.nsample = samples
-    _add_touch(spec, "whole", robot.torso, subtree=True)
+    add_touch(spec, "whole", robot.torso, subtree=True)
     for site in robot.sole_sites:
-        _add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
+        add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
     for name in _list_head_joints(robot)[-1:]:
         head = spec.joint(name).parent.name
-        _add_touch(spec, "head_touch", head, subtree=True)
+        add_touch(spec, "head_touch", head, subtree=True)
         spec.add_sensor(
             name="head_velocity",
             type=sensor.mjSENS_FRAMELINVEL,
@@ -377,20 +376,6 @@ def build_world(
 
 def _list_head_joints(robot: Robot) -> list[str]:
     return [joint.name for joint in robot.joints if joint.segment == "head"]
-
-
-def _add_touch(spec: mujoco.MjSpec, name: str, body: str, *, subtree: bool) -> None:
-    """Count the contacts between a body (or its subtree) and the world."""
-    found = 1 << 0  # mjCONDATA_FOUND
-    spec.add_sensor(
-        name=name,
-        type=mujoco.mjtSensor.mjSENS_CONTACT,
-        objtype=mujoco.mjtObj.mjOBJ_XBODY if subtree else mujoco.mjtObj.mjOBJ_BODY,
-        objname=body,
-        reftype=mujoco.mjtObj.mjOBJ_BODY,
-        refname="world",
-        intprm=[found, 0, 1],
-    )
 
 
 class _Addresses:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from humanoid_getup.action import build_action_spec
+from humanoid_getup.action import choose_actions
 from robots import load_robot
 from sim2real.env import EnvOptions, GetUpEnv, make_world
 from sim2real.randomisation import RANDOMISATIONS
 from sim2real.rewards import REWARDS
-from sim2real.starts import make_pool
+from sim2real.starts import make_pool, pool_rng
 
 
 def make_get_up(
@@ -44,7 +42,7 @@ def make_get_up(
         allowed = ", ".join(RANDOMISATIONS)
         raise ValueError(f"unknown randomisation '{randomisation}': allowed {allowed}")
     body = load_robot(robot)
-    action = build_action_spec(body, body.rising_joints, body.rising_joints if apart else ())
+    action = choose_actions(body, apart)
     world = make_world(body, "flat", delays=False)
     options = EnvOptions(
         robots=num_envs,
@@ -52,6 +50,4 @@ def make_get_up(
         rewards=REWARDS[rewards],
         threads=threads,
     )
-    return GetUpEnv(
-        body, action, make_pool(body, world, falls, np.random.default_rng(seed)), options
-    )
+    return GetUpEnv(body, action, make_pool(body, world, falls, pool_rng(seed)), options)

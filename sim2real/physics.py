@@ -14,6 +14,8 @@ MENAGERIE = {"kp": 21.1, "damping": 1.084, "armature": 0.045, "frictionloss": 0.
 PLAY_ARMATURE = 1e-4  # kg·m² of what lies behind a gear's free play, so that it has an inertia
 PLAY_DAMPING = 1e-3  # N·m·s/rad
 
+MENAGERIE_SERVOS = "menagerie servos"
+
 Change = Callable[[mujoco.MjSpec, Robot], None]
 """Changes a world before it is compiled."""
 
@@ -90,6 +92,9 @@ def free_play(angle: float) -> Change:
             loose.pos[:] = joint.pos
             loose.limited = True
             loose.range[:] = [-half, half]
+            # MuJoCo's own stops would give way by more than the play itself.
+            loose.solref_limit[:] = [0.004, 1.0]
+            loose.solimp_limit[:2] = [0.999, 0.999]
             loose.armature = PLAY_ARMATURE
             loose.damping[0] = PLAY_DAMPING
 
@@ -102,5 +107,5 @@ PHYSICS: dict[str, Change] = {
     "other solver": other_solver,
     "soft contacts": soft_contacts,
     "capsules": capsules,
-    "menagerie servos": menagerie_servos,
+    MENAGERIE_SERVOS: menagerie_servos,
 }

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from humanoid_getup.scene import Scene
 from robots import Robot
 from robots.rotation import Array
 from sim2real.conditions import Conditions, Noise
@@ -109,7 +110,7 @@ TORQUE = Randomisation(
     mass=ONE,
     link_mass=ONE,
     com_shift=0.0,
-    friction=(0.8, 0.8),
+    friction=(Scene.friction, Scene.friction),
     voltage=ONE,
     torque_share=(0.6, 1.0),
     full_torque=0.7,

@@ -25,6 +25,8 @@ class StepReport:
     """Those of them that ended in a stand."""
     reward: float
     """Mean over the robots."""
+    lift: float
+    """Largest share of its weight that a robot hangs by."""
 
 
 class RslEnv(VecEnv):
@@ -76,7 +78,7 @@ class RslEnv(VecEnv):
         """Let a policy step pass."""
         observation, reward, _, ended, info = self.env.step(actions.cpu().numpy())
         self.observations = self._pack(observation, info["critic"])
-        self._on_step(StepReport(info["falls"], info["stood"], float(reward.mean())))
+        self._on_step(StepReport(info["falls"], info["stood"], float(reward.mean()), info["lift"]))
         done = torch.as_tensor(ended, device=self.device)
         log = {f"Rewards/{name}": value for name, value in info["rewards"].items()}
         log["Train/lift"] = info["lift"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,21 +14,30 @@ from numpy.typing import NDArray
 
 from humanoid_getup.action import CYCLES
 from humanoid_getup.database import MOTION_FOLDER
-from humanoid_getup.ground import lowest_point
-from humanoid_getup.lying import DROP_HEIGHT, SPAWN_OVERLAP
+from humanoid_getup.lying import FallError, sample_drop
 from humanoid_getup.motion import Motion
 from humanoid_getup.stage import place
-from robots import Posture, Robot, rotation
+from robots import Robot, rotation
 from robots.rotation import Array
 from sim2real.conditions import Conditions
 from sim2real.herd import Herd
 
-SETTLE_STEPS = 50  # policy steps that a dropped robot lies limp
-MEMORY = 0.3  # weight of the last episode in a start's share of success
-LEAST = 0.15  # weight of a start that always ends standing, against one that never does
+# Policy steps that a dropped robot lies limp: after these 2.4 s, 98 of 100 OP3 lie still.
+SETTLE_STEPS = 50
+# rad/s and m/s; what still rolls or slides is faster, a still robot's contacts creep at 0.03.
+WORST_SPEED = 0.5
+MOST_ROUNDS = 50  # drops of the whole herd for each that is needed if everyone lies still
+# Weight of the last episode in a start's share of success: three episodes tell most of it,
+# since a training that learns makes older ones worthless.
+MEMORY = 0.3
+# Weight of a start that always ends standing, against one that never does: seldom enough to
+# leave time for the hard ones, often enough not to be unlearnt.
+LEAST = 0.15
+POOL_SEED = 7_001  # sets the falls of trainings apart from those that seeds alone give
+# Of a motion's frames, one each 32 ms at the OP3's 8 ms: between two, joints move 0.17 rad at
+# most, so that more frames would hardly differ.
 FRAMES_APART = 4
 MOST_AT_ONCE = 512  # robots that are dropped together
-WORST_SPEED = 0.5  # rad/s; a robot that still rolls is no settled fall
 
 
 @dataclass(eq=False)
@@ -54,26 +64,37 @@ class StartPool:
         """Remember how some episodes ended."""
         self.success[starts] += MEMORY * (stood - self.success[starts])
 
-    def save(self, file: Path) -> None:
-        """Write the starts to an .npz file."""
+    def save(self, file: Path, robot: Robot) -> None:
+        """Write the starts to an .npz file, and whose they are."""
         partial = file.with_suffix(f".{os.getpid()}.part.npz")  # several processes may write
-        np.savez_compressed(partial, qpos=self.qpos)
+        np.savez_compressed(partial, qpos=self.qpos, robot=robot.name)
         partial.replace(file)
 
     @staticmethod
-    def load(file: Path) -> StartPool:
+    def load(file: Path, robot: Robot, width: int) -> StartPool:
         """Read starts from an .npz file.
 
+        Args:
+            file: Where they lie.
+            robot: Robot that shall start there.
+            width: Numbers of its MuJoCo positions, nq.
+
         Raises:
-            ValueError: if the file holds none.
+            ValueError: if the file holds none, or those of another robot.
         """
         try:
             with np.load(file) as stored:
-                return StartPool.of(stored["qpos"])
+                qpos, name = stored["qpos"], str(stored["robot"])
         except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
             raise ValueError(
                 f"{file} holds no starts, allowed an .npz of falls: {error}"
             ) from error
+        if name != robot.name or qpos.shape[1:] != (width,):
+            raise ValueError(
+                f"{file} holds starts of robot '{name}' in an array {qpos.shape}, "
+                f"allowed '{robot.name}' and (any, {width})"
+            )
+        return StartPool.of(qpos)
 
 
 def make_pool(
@@ -85,23 +106,38 @@ def make_pool(
     return StartPool.of(np.concatenate([falls, mirror_starts(robot, model, falls)]))
 
 
+def pool_rng(seed: int) -> np.random.Generator:
+    """Make the source of a training's falls: another one than evaluations draw theirs from."""
+    return np.random.default_rng([seed, POOL_SEED])
+
+
 def drop_falls(herd: Herd, count: int, rng: np.random.Generator) -> Array:
-    """Drop limp robots in random postures until ``count`` lie still, (count, nq)."""
+    """Drop limp robots in random postures until ``count`` lie still, (count, nq).
+
+    Raises:
+        FallError: if too few come to lie still.
+    """
     robot, model = herd.robot, herd.model
     limp = Conditions.nominal(robot, model.nbody, herd.n, torque_limit=0.0)
     everyone = np.arange(herd.n)
     herd.set_conditions(everyone, limp)
     data = mujoco.MjData(model)
+    target = np.zeros((herd.n, robot.n))
     found: list[Array] = []
-    while sum(map(len, found)) < count:
-        starts = np.array([_sample_drop(robot, model, data, rng) for _ in everyone])
+    rounds = MOST_ROUNDS * math.ceil(count / herd.n)
+    for _ in range(rounds):
+        starts = np.array([sample_drop(robot, model, data, rng) for _ in everyone])
         herd.place(everyone, starts)
-        target = np.zeros((herd.n, robot.n))
         for _ in range(SETTLE_STEPS):
             herd.advance(target, target)
         still = np.abs(herd.qvel).max(axis=1) < WORST_SPEED
         found.append(herd.qpos[still])
-    return np.concatenate(found)[:count]
+        if sum(map(len, found)) >= count:
+            return np.concatenate(found)[:count]
+    raise FallError(
+        f"robot '{robot.name}' does not come to lie still: {sum(map(len, found))} of "
+        f"{rounds * herd.n} falls did, {count} are needed"
+    )
 
 
 def mirror_starts(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
@@ -124,23 +160,3 @@ def list_motion_starts(robot: Robot, model: mujoco.MjModel) -> Array:
         for frame in range(0, len(motion.time), FRAMES_APART)
     ]
     return np.array(frames).reshape(-1, model.nq)
-
-
-def _sample_drop(
-    robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
-) -> Array:
-    """Sample a robot in the air, free of self-collision."""
-    while True:
-        posture = Posture(
-            position=np.array([0.0, 0.0, 1.0]),
-            orientation=rotation.normalise(rng.normal(size=4)),
-            joint_pos=rng.uniform(robot.lower, robot.upper),
-        )
-        data.qpos[:] = place(robot, model, posture)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_collision(model, data)
-        if all(contact.dist > -SPAWN_OVERLAP for contact in data.contact):
-            qpos = data.qpos.copy()
-            qpos[robot.layout(model).root_qpos + 2] += DROP_HEIGHT - lowest_point(model, qpos)
-            return qpos

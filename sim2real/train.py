@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import os
 import random
@@ -17,16 +18,16 @@ import numpy as np
 import torch
 from rsl_rl.runners import OnPolicyRunner
 
-from humanoid_getup.action import ActionSpec, build_action_spec
+from humanoid_getup.action import choose_actions
 from robots import Robot
 from sim2real.checkpoint import read_checkpoint, write_checkpoint
 from sim2real.env import EnvOptions, GetUpEnv, make_world
 from sim2real.randomisation import RANDOMISATIONS
 from sim2real.rank import Rank
-from sim2real.recipe_file import settle_recipe
+from sim2real.recipe_file import OtherTrainingError, settle_recipe
 from sim2real.rewards import REWARDS
 from sim2real.rsl_env import RslEnv, StepReport, mirror_batch
-from sim2real.starts import StartPool, make_pool
+from sim2real.starts import StartPool, make_pool, pool_rng
 from sim2real.widening import widen
 
 STEPS = 20  # policy steps of every robot between two updates
@@ -34,7 +35,6 @@ CHECKPOINT = "checkpoint.pt"
 POOL = "falls.npz"
 PROGRESS = "progress.csv"
 RECIPE = "recipe.json"
-POOL_SEED = 7_001  # far from the seeds that evaluations take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,21 +52,48 @@ class Recipe:
     falls: int = 1024
     """Settled falls in the pool; their mirror images double it."""
     discount: float = 0.97
+    """At 20.8 Hz a horizon of 1.6 s, most of a way up."""
     desired_kl: float = 0.015
+    """The step size shrinks above twice this divergence, and grows below half of it."""
     entropy: float = 0.002
+    """A fifth of rsl-rl's own: the least deviation keeps a policy exploring."""
     first_std: float = 1.0
+    most_std: float = 1.5
+    """Most that an action is tried beside what the policy would do, of numbers from -1 to 1.
+
+    Above 0.4 noise alone asks for full speed, this way and that: a policy that learns under
+    it does so, too, and shakes while it stands.
+    """
     physics_step: float = 0.006
     """[s]; a coarse one makes a training of nights one of minutes."""
     lift: float = 0.8
-    """Largest share of its weight that a robot hangs by at first."""
+    """Largest share of its weight that a robot hangs by at first.
+
+    Who hangs by most of it finds standing by chance, which a training from nothing needs;
+    for one that begins with a policy that rises, 0.3 bridges the change of conditions.
+    """
 
 
 RECIPES = {
     "quick": Recipe(rewards="quick", randomisation="torque", apart=False, iterations=500),
     "robust": Recipe(
-        rewards="robust", randomisation="all", apart=True, iterations=1500, lift=0.3
+        rewards="robust",
+        randomisation="all",
+        apart=True,
+        iterations=1500,
+        entropy=0.0,
+        most_std=0.2,
+        lift=0.3,
     ),
-    "gentle": Recipe(rewards="gentle", randomisation="all", apart=True, iterations=800, lift=0.3),
+    "gentle": Recipe(
+        rewards="gentle",
+        randomisation="all",
+        apart=True,
+        iterations=800,
+        entropy=0.0,
+        most_std=0.2,
+        lift=0.3,
+    ),
 }
 
 
@@ -81,7 +108,6 @@ class Runner(OnPolicyRunner):
         super().__init__(env, config, str(folder), device)
         self._file, self._rank = folder / CHECKPOINT, rank
         self.logger.git_status_repos = []  # the tree around a training is nobody's business
-        self.progress = None
 
     def save(self, path: str, infos: dict | None = None) -> None:
         """Write the one checkpoint, in place of the last."""
@@ -128,12 +154,12 @@ class Runner(OnPolicyRunner):
 
 
 def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
-    """Build rsl-rl's configuration."""
+    """Build rsl-rl's configuration: its own defaults where no reason stands beside a number."""
     gaussian = {
         "class_name": "GaussianDistribution",
         "init_std": recipe.first_std,
         "std_type": "log",
-        "std_range": (0.1, 1.5),
+        "std_range": (0.1, recipe.most_std),  # at least 0.1: what is sure of itself still explores
     }
     network = {
         "class_name": "MLPModel",
@@ -151,16 +177,16 @@ def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
         "critic": dict(network),
         "algorithm": {
             "class_name": "PPO",
-            "num_learning_epochs": 4,
+            "num_learning_epochs": 4,  # of four mini-batches, as what first learnt to rise
             "num_mini_batches": 4,
             "clip_param": 0.2,
             "gamma": recipe.discount,
             "lam": 0.95,
             "value_loss_coef": 1.0,
-            "use_clipped_value_loss": False,
+            "use_clipped_value_loss": False,  # clipped, returns near 30 are learnt slowly
             "entropy_coef": recipe.entropy,
             "learning_rate": 1e-3,
-            "schedule": "adaptive",
+            "schedule": "adaptive",  # the step size keeps to the desired KL divergence
             "desired_kl": recipe.desired_kl,
             "max_grad_norm": 1.0,
             "symmetry_cfg": {
@@ -187,6 +213,8 @@ class TrainReport:
     stood: int
     """Those of them that ended in a stand, exploring as they were."""
     reward: float
+    lift: float
+    """Largest share of its weight that a robot hung by: what stands with it has not risen."""
 
     @property
     def share(self) -> float:
@@ -231,6 +259,7 @@ class Progress:
             falls=sum(s.falls for s in self._steps),
             stood=sum(s.stood for s in self._steps),
             reward=round(float(np.mean([s.reward for s in self._steps])), 4),
+            lift=round(self._steps[-1].lift, 3),
         )
         self._steps, self._iteration = [], self._iteration + 1
         if not self._rank.leads:
@@ -255,12 +284,6 @@ def build_options(recipe: Recipe, threads: int) -> EnvOptions:
         lift=recipe.lift,
         threads=threads,
     )
-
-
-def choose_actions(robot: Robot, recipe: Recipe) -> ActionSpec:
-    """Choose what a policy of this robot moves."""
-    together = robot.rising_joints
-    return build_action_spec(robot, together, together if recipe.apart else ())
 
 
 def train(
@@ -300,13 +323,14 @@ def train(
     seed, device, common_seed = rank.seed(seed), rank.device(device), seed
     folder.mkdir(parents=True, exist_ok=True)
     if rank.leads:
-        write_recipe(robot, recipe, common_seed, folder / RECIPE)
+        write_recipe(robot, recipe, common_seed, folder / RECIPE, parent)
     progress = Progress(folder / PROGRESS, recipe, report, rank)
     pool = load_pool(robot, recipe, common_seed, folder / POOL)
     options = build_options(recipe, threads)
     random.seed(seed)
     torch.manual_seed(seed)
-    env = RslEnv(GetUpEnv(robot, choose_actions(robot, recipe), pool, options), device, progress)
+    action = choose_actions(robot, recipe.apart)
+    env = RslEnv(GetUpEnv(robot, action, pool, options), device, progress)
     log_file = folder / "rsl_rl.log" if rank.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log):
         env.begin(seed, np.random.default_rng(seed))
@@ -321,25 +345,48 @@ def train(
             runner.learn(left)
 
 
-def write_recipe(robot: Robot, recipe: Recipe, seed: int, file: Path) -> None:
+def write_recipe(
+    robot: Robot, recipe: Recipe, seed: int, file: Path, parent: Path | None = None
+) -> None:
     """Write down what is trained, for whoever goes on with it or exports it.
 
     Raises:
-        OtherTrainingError: if something else is written there.
+        OSError: if the parent cannot be read.
+        OtherTrainingError: if something else is written there, or the parent's robot is another.
     """
-    record = {
+    record: dict[str, Any] = {
         "robot": robot.name,
         "seed": seed,
-        "actions": choose_actions(robot, recipe).names,
+        "actions": choose_actions(robot, recipe.apart).names,
         "recipe": asdict(recipe),
+        "parent": None if parent is None else _describe_parent(robot, parent),
     }
     settle_recipe(file, record)
 
 
+def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:
+    """Tell what a training begins with, by its content."""
+    record = json.loads((parent / RECIPE).read_text("utf-8"))
+    if record["robot"] != robot.name:
+        raise OtherTrainingError(
+            f"{parent} is a training of robot '{record['robot']}', allowed '{robot.name}'"
+        )
+    content = (parent / CHECKPOINT).read_bytes()
+    return {
+        "recipe": record["recipe"]["rewards"],
+        "seed": record["seed"],
+        "sha256": hashlib.sha256(content).hexdigest(),
+    }
+
+
 def load_pool(robot: Robot, recipe: Recipe, seed: int, file: Path) -> StartPool:
-    """Load the settled falls that a training starts from; make them if there are none."""
+    """Load the settled falls that a training starts from; make them if there are none.
+
+    Raises:
+        FallError: if the robot does not come to lie still.
+        ValueError: if the file holds no falls of this robot.
+    """
+    world = make_world(robot, "flat", False)
     if not file.exists():
-        world = make_world(robot, "flat", False)
-        rng = np.random.default_rng([POOL_SEED, seed])
-        make_pool(robot, world, recipe.falls, rng).save(file)
-    return StartPool.load(file)
+        make_pool(robot, world, recipe.falls, pool_rng(seed)).save(file, robot)
+    return StartPool.load(file, robot, world.nq)

@@ -17,12 +17,22 @@ from humanoid_getup.stage import place
 from robots import Posture, Robot
 from robots.rotation import Array
 from sim2real.conditions import Conditions
-from sim2real.evaluate import DURATION, Policy, Record, rise_all
+from sim2real.evaluate import DURATION, Policy, Rises, rise_all
 from sim2real.herd import LONGEST_DELAY, Herd, build_world
 from sim2real.physics import PHYSICS, Change, free_play
+from sim2real.randomisation import NOISE
 
 PHYSICS_STEP = 0.002  # s, the twin's
 PUSH_EVERY = 1.0  # s
+UNITS = {
+    "torque_limit": "N·m",
+    "delay": "s",
+    "voltage": "V",
+    "backlash": "rad",
+    "push": "m/s",
+    "imu_tilt": "rad",
+    "gyro_bias": "rad/s",
+}
 CHUNK = 250  # robots that are simulated at once
 
 
@@ -50,6 +60,10 @@ class Trial:
     """Speed of a push in a random direction, once a second [m/s]."""
     imu_tilt: float = 0.0
     """How far the IMU is turned about a random axis [rad]."""
+    gyro_bias: float = 0.0
+    """What the gyro tells too much, about a random axis [rad/s]."""
+    noise: bool = False
+    """Whether the sensors are as noisy as in training."""
     physics: str | None = None
     """One of ``PHYSICS``."""
 
@@ -57,7 +71,8 @@ class Trial:
     def label(self) -> str:
         """Return what differs, in words."""
         told = [
-            f"{field.name.replace('_', ' ')} {getattr(self, field.name)}"
+            f"{field.name.replace('_', ' ')} {_tell(getattr(self, field.name))} "
+            f"{UNITS.get(field.name, '')}".rstrip()
             for field in fields(self)
             if getattr(self, field.name) != field.default
         ]
@@ -76,7 +91,7 @@ def run_trial(
     duration: float = DURATION,
     threads: int = 0,
     report: Callable[[int], None] = lambda _: None,
-) -> list[Record]:
+) -> list[Rises]:
     """Let a policy get robots up under a trial's conditions; return a record a chunk.
 
     Args:
@@ -101,17 +116,27 @@ def run_trial(
     records = []
     for first in range(0, len(starts), CHUNK):
         some = starts[first : first + CHUNK]
-        herd = Herd(model, robot, len(some), cycles=action.cycles, threads=threads)
-        herd.set_conditions(np.arange(herd.n), _conditions(herd, trial, place_in.friction, rng))
+        herd = Herd(model, robot, len(some), cycles=action.cycles, threads=threads, noise=NOISE)
+        herd.set_conditions(np.arange(herd.n), make_conditions(herd, trial, place_in.friction, rng))
         qpos = np.array([place(robot, model, posture) for posture in some])
         push = _Pushes(herd, trial.push, round(PUSH_EVERY / herd.step_time), rng)
-        records.append(rise_all(herd, action, policy, qpos, duration=duration, on_step=push))
+        records.append(
+            rise_all(
+                herd,
+                action,
+                policy,
+                qpos,
+                duration=duration,
+                rng=rng if trial.noise else None,
+                on_step=push,
+            )
+        )
         report(len(some))
     return records
 
 
 def summarise_trial(
-    starts: Sequence[Fall], records: Sequence[Record], classes: Sequence[str]
+    starts: Sequence[Fall], records: Sequence[Rises], classes: Sequence[str]
 ) -> dict[str, Any]:
     """Summarise by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
@@ -140,7 +165,17 @@ def _summarise_rows(columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[
     return figures
 
 
-def _conditions(herd: Herd, trial: Trial, friction: float, rng: np.random.Generator) -> Conditions:
+def make_conditions(
+    herd: Herd, trial: Trial, friction: float, rng: np.random.Generator
+) -> Conditions:
+    """Make the conditions of a herd's robots under a trial.
+
+    Args:
+        herd: Robots.
+        trial: What differs from their description.
+        friction: The scene's sliding friction, where the trial says nothing.
+        rng: Source of what is left to chance: the weak servo, the IMU's axis.
+    """
     robot, n = herd.robot, herd.n
     c = Conditions.nominal(
         robot,
@@ -155,9 +190,14 @@ def _conditions(herd: Herd, trial: Trial, friction: float, rng: np.random.Genera
     if trial.voltage is not None:
         c.voltage[:] = trial.voltage
     c.strength[np.arange(n), rng.integers(0, robot.n, n)] = trial.weak_servo
-    axis = rng.normal(size=(n, 3))
-    c.imu_tilt[:] = trial.imu_tilt * axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    for errors, size in ((c.imu_tilt, trial.imu_tilt), (c.gyro_bias, trial.gyro_bias)):
+        axis = rng.normal(size=(n, 3))
+        errors[:] = size * axis / np.linalg.norm(axis, axis=1, keepdims=True)
     return c
+
+
+def _tell(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 class _Pushes:

@@ -13,7 +13,7 @@ from humanoid_getup.observation import Term
 LAST_ACTION = "last_action"
 FIRST_STD = 0.3  # of numbers that are new in an action
 
-State = dict[str, torch.Tensor]
+Weights = dict[str, torch.Tensor]
 
 
 class WideningError(ValueError):
@@ -54,7 +54,7 @@ def widen(
     }
 
 
-def _widen_input(state: State, at: int, more: int) -> State:
+def _widen_input(state: Weights, at: int, more: int) -> Weights:
     """Insert ``more`` inputs without weight at a place."""
     state = dict(state)
     first = "mlp.0.weight"
@@ -65,7 +65,7 @@ def _widen_input(state: State, at: int, more: int) -> State:
     return state
 
 
-def _widen_output(state: State, more: int) -> State:
+def _widen_output(state: Weights, more: int) -> Weights:
     """Append ``more`` outputs without weight, tried with a small deviation."""
     state = dict(state)
     last = max(

@@ -48,8 +48,9 @@ def bench_methods(
         for number, fall in enumerate(falls):
             twin = Twin(stage.robot, stage.model, pwm_limited=pwm_limited)
             rng = np.random.default_rng([seed, number])
-            record = lay_down_and_get_up(twin, stage, plans, fall, rng, options).record()
-            records.append(record | {"way": name})
+            rise = lay_down_and_get_up(twin, stage, plans, fall, rng, options)
+            record = rise.record() | {"way": name}
+            records.append(record)
             report(record)
         for first in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW):
             heat.append(_heat_up(stage, plans, falls[first : first + IN_A_ROW], options, seed))

@@ -18,8 +18,8 @@ from humanoid_getup.commands.inputs import StageOptions, find_torque_faults
 from humanoid_getup.commands.outputs import console_for, find_file_faults, write_json
 from humanoid_getup.commands.policies import find_policy, load_policy
 from humanoid_getup.commands.tables import counting, format_figure
-from humanoid_getup.fall_set import load_falls, save_falls
-from humanoid_getup.lying import CLASSES, Fall, sample_falls
+from humanoid_getup.fall_set import FallSet
+from humanoid_getup.lying import CLASSES, sample_falls
 from humanoid_getup.policy import OnnxPolicy
 from humanoid_getup.report import to_json
 from humanoid_getup.stage import Stage
@@ -60,6 +60,10 @@ class EvalPolicy(StageOptions):
     """Speed of a push in a random direction, once a second [m/s]."""
     imu_tilt: Annotated[float, arg(metavar="DEG")] = 0.0
     """How far the IMU is turned about a random axis [deg]."""
+    gyro_bias: Annotated[float, arg(metavar="DEG/S")] = 0.0
+    """What the gyro tells too much, about a random axis [deg/s]."""
+    noise: bool = False
+    """Let the sensors be as noisy as in training."""
     physics: str | None = None
     """Other physics, by name: 1 ms steps, elliptic cones, other solver, soft contacts, capsules,
     menagerie servos."""
@@ -80,6 +84,7 @@ class EvalPolicy(StageOptions):
             ("weak_servo", 0.0, 1.0, ""),
             ("push", 0.0, 10.0, "m/s"),
             ("imu_tilt", 0.0, 90.0, "deg"),
+            ("gyro_bias", 0.0, 360.0, "deg/s"),
         ):
             value = getattr(self, name)
             if value is not None and not lower <= value <= upper:
@@ -94,9 +99,10 @@ class EvalPolicy(StageOptions):
         from sim2real.trial import run_trial, summarise_trial
 
         trial = self._make_trial()
-        falls = self._find_falls(stage)
+        chosen = self._find_falls(stage)
+        falls = chosen.falls
         with counting("rises", len(falls)) as count:
-            records = run_trial(
+            rises = run_trial(
                 policy.robot,
                 policy.action,
                 policy.act,
@@ -106,16 +112,23 @@ class EvalPolicy(StageOptions):
                 scene=self.scene,
                 report=count,
             )
-        figures = summarise_trial(falls, records, CLASSES)
-        return self._hand_over(figures, trial, policy)
+        about = {"falls_seed": chosen.seed, "falls_scene": chosen.scene, "trial": trial.label}
+        return self._hand_over(about | summarise_trial(falls, rises, CLASSES), policy)
 
     def _make_trial(self) -> Trial:
-        from sim2real.physics import PHYSICS
+        from sim2real.physics import MENAGERIE_SERVOS, PHYSICS
         from sim2real.trial import Trial
 
         if self.physics is not None and self.physics not in PHYSICS:
             raise BadInputError(
                 f"unknown physics '{self.physics}': allowed {', '.join(sorted(PHYSICS))}"
+            )
+        if self.physics == MENAGERIE_SERVOS and (
+            self.torque_limit or self.voltage or self.weak_servo < 1.0
+        ):
+            raise BadInputError(
+                f"physics is '{self.physics}', allowed without torque limit, voltage and weak "
+                "servo: its servos are not motors"
             )
         return Trial(
             torque_limit=self.torque_limit,
@@ -128,26 +141,27 @@ class EvalPolicy(StageOptions):
             weak_servo=self.weak_servo,
             push=self.push,
             imu_tilt=math.radians(self.imu_tilt),
+            gyro_bias=math.radians(self.gyro_bias),
+            noise=self.noise,
             physics=self.physics,
         )
 
-    def _find_falls(self, stage: Stage) -> list[Fall]:
+    def _find_falls(self, stage: Stage) -> FallSet:
+        """Read the falls that are kept, or draw them."""
         if self.falls is not None and self.falls.exists():
             with refusing():
-                falls = load_falls(self.falls, stage.robot)
-            if len(falls) < self.n:
-                raise BadInputError(f"{self.falls} holds {len(falls)} falls, allowed {self.n}")
-            each = self.n // len(CLASSES)
-            kept = [[f for f in falls if f.start_class == kind][:each] for kind in CLASSES]
-            return [fall for kind in kept for fall in kind]
+                return FallSet.load(self.falls, stage.robot).choose(self.n // len(CLASSES))
         counts = {kind: self.n // len(CLASSES) for kind in CLASSES}
         with Console(stderr=True).status("falling"):
-            falls = sample_falls(stage, counts, np.random.default_rng(self.seed))
+            drawn = sample_falls(stage, counts, np.random.default_rng(self.seed))
+        falls = FallSet(
+            robot=stage.robot.name, scene=stage.scene.name, seed=self.seed, falls=tuple(drawn)
+        )
         if self.falls is not None:
-            save_falls(self.falls, falls)
+            falls.save(self.falls)
         return falls
 
-    def _hand_over(self, figures: dict[str, Any], trial: Trial, policy: OnnxPolicy) -> int:
+    def _hand_over(self, figures: dict[str, Any], policy: OnnxPolicy) -> int:
         about = {
             "name": "eval",
             "policy": str(find_policy(policy.robot, self.policy).stem),
@@ -155,10 +169,9 @@ class EvalPolicy(StageOptions):
             "n": self.n,
             "robot": policy.robot.name,
             "scene": self.scene,
-            "trial": trial.label,
         }
         write_json(to_json(about | figures), self.json)
-        table = Table(f"{about['policy']}: {trial.label}", *FIGURES, box=None)
+        table = Table(f"{about['policy']}: {figures['trial']}", *FIGURES, box=None)
         for name, row in (*figures["classes"].items(), ("all", figures["all"])):
             table.add_row(name, *(format_figure(row[figure]) for figure in FIGURES))
         console_for(self.json).print(table)

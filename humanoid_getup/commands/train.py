@@ -19,7 +19,7 @@ from humanoid_getup.cli import DID_IT
 from humanoid_getup.commands.errors import BadInputError, needing, refusing
 from humanoid_getup.commands.inputs import RobotOption
 from humanoid_getup.commands.outputs import console_for, find_folder_faults
-from humanoid_getup.commands.pace import REMEMBERED, Pace, format_time
+from humanoid_getup.commands.training_speed import REMEMBERED, TrainingSpeed, format_time
 
 if TYPE_CHECKING:
     from sim2real.train import Recipe, TrainReport
@@ -33,6 +33,8 @@ class Train(RobotOption):
     """Folder for checkpoint, progress and TensorBoard files."""
     recipe: str = "quick"
     """How to train: quick, robust or gentle."""
+    parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
+    """Folder of a training whose policy this one begins with; without it, from nothing."""
     seed: int = 0
     """Seed of all that is left to chance, 0 or more."""
     threads: int = 0
@@ -74,6 +76,7 @@ class Train(RobotOption):
                 self.out,
                 device=self.device,
                 threads=self.threads,
+                parent=self.parent,
                 report=learnt.note,
             )
         if leads:
@@ -109,19 +112,19 @@ class Learnt:
     """How far a training is, in words and in a bar."""
 
     def __init__(self, show: Callable[..., None]) -> None:
-        self._show, self._pace = show, Pace()
+        self._show, self._speed = show, TrainingSpeed()
         self._recent: deque[TrainReport] = deque(maxlen=REMEMBERED)
 
     def note(self, report: TrainReport) -> None:
         """Take one iteration's report."""
         self._recent.append(report)
-        self._pace.note(time.monotonic(), report.steps)
+        self._speed.note(time.monotonic(), report.steps)
         total = report.steps // (report.iteration + 1) * report.iterations
         self._show(
             completed=report.iteration + 1,
             stood=f"{self.share:.0%} stand",
-            rate=f"{self._pace.rate:,.0f} steps/s",
-            left=f"{format_time(self._pace.time_to_go(total))} to go",
+            rate=f"{self._speed.rate:,.0f} steps/s",
+            left=f"{format_time(self._speed.time_to_go(total))} to go",
         )
 
     @property

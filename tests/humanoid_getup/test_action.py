@@ -13,7 +13,7 @@ from humanoid_getup.action import (
     ActionSpec,
     between,
     build_action_spec,
-    list_pairs,
+    choose_actions,
     next_target,
 )
 from robots import Robot, load_robot
@@ -127,13 +127,19 @@ def test_a_direction_without_a_mirror_image_is_named(op3: Robot):
         replace(SPEC, directions=directions).mirror_sign(op3)
 
 
-def test_each_pair_is_listed_once(op3: Robot):
-    pairs = list_pairs(op3)
-    mirrors = {op3.joint_names[op3.mirror_index[op3.joint_names.index(name)]] for name in pairs}
-    assert len(pairs) == 9  # of twenty joints, the head's two have no pair
-    assert mirrors.isdisjoint(pairs)
+def test_who_gets_up_moves_both_sides_together_and_apart_if_it_may(op3: Robot):
+    k = len(op3.rising_joints)
+    assert choose_actions(op3, apart=False).size == k
+    spec = choose_actions(op3, apart=True)
+    assert spec.mirror_sign(op3).tolist() == [1.0] * k + [-1.0] * k
 
 
 def test_a_policy_step_is_cut_into_equal_parts_that_end_at_the_target():
     parts = [between(np.array([1.0]), np.array([2.0]), cycle, 4)[0] for cycle in range(4)]
     assert parts == [1.25, 1.5, 1.75, 2.0]
+
+
+def test_the_parts_of_a_policy_step_may_be_asked_for_at_once():
+    begin, end = np.array([[1.0, 0.0]]), np.array([[2.0, -1.0]])
+    parts = between(begin, end, np.array([0, 0, 1, 1])[:, None], 2)
+    assert parts.tolist() == [[1.5, -0.5], [1.5, -0.5], [2.0, -1.0], [2.0, -1.0]]

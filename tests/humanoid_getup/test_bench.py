@@ -3,12 +3,14 @@ from dataclasses import replace
 import pytest
 
 from humanoid_getup.bench import motions as motions_bench
+from humanoid_getup.bench.methods import bench_methods
 from humanoid_getup.bench.motions import bench_motions, find_lowest_limit
 from humanoid_getup.bench.rise import bench_rise
 from humanoid_getup.build import settle_posture
 from humanoid_getup.database import MotionDatabase, load_database
 from humanoid_getup.metric import PostureMetric
-from humanoid_getup.rise_plan import RiseOptions
+from humanoid_getup.nearest_motion import TheMotion
+from humanoid_getup.rise_plan import RiseOptions, RisePlan, RiseStatus
 
 
 def test_the_main_benchmark_counts_what_its_rises_say(op3, stage):
@@ -24,6 +26,24 @@ def test_the_main_benchmark_counts_what_its_rises_say(op3, stage):
         assert summary["n"] == 1, name
         low, high = summary["stood_interval_95"]
         assert 0.0 <= low < high <= 1.0
+
+
+class NothingPlanned:
+    """A way of getting up that finds nothing to do."""
+
+    def plan(self, _start, _rng):
+        return RisePlan(status=RiseStatus.NOT_PLANNED, reason="nothing to do")
+
+
+def test_ways_of_getting_up_are_compared_from_the_same_falls(stage, one_motion):
+    seen = []
+    ways = {"motion": TheMotion(one_motion), "nothing": NothingPlanned()}
+    result = bench_methods(stage, ways, seed=4, each=1, report=seen.append)
+    assert result["n"] == 3
+    assert [r["way"] for r in seen] == ["motion"] * 3 + ["nothing"] * 3
+    assert [r["start_class"] for r in seen[:3]] == [r["start_class"] for r in seen[3:]]
+    assert result["cases"]["nothing"]["stood"] == 0
+    assert result["cases"]["motion"]["stood"] == sum(r["stood"] for r in seen[:3])
 
 
 @pytest.fixture

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from humanoid_getup.action import build_action_spec
-from humanoid_getup.observation import Sensed, list_terms, mirror_of_observation, observe
+from humanoid_getup.observation import (
+    Sensed,
+    compute_torque_share,
+    list_terms,
+    mirror_of_observation,
+    observe,
+)
 from robots import Robot, load_robot
 
 OP3 = load_robot("op3")
@@ -42,6 +48,11 @@ def test_one_robot_and_many_see_the_same():
             joint_vel=sensed.joint_vel[i],
         )
         assert np.array_equal(observe(OP3, one, target[i], last[i], share[i]), many[i])
+
+
+def test_a_torque_limit_is_told_as_a_share_and_no_more_than_all():
+    assert compute_torque_share(OP3, np.array([2.05, 4.1, 9.0])).tolist() == [[0.5], [1.0], [1.0]]
+    assert compute_torque_share(OP3, np.inf).tolist() == [1.0]
 
 
 def test_every_term_is_where_the_list_says():

@@ -59,7 +59,11 @@ WRONG = [
     ({"scale": np.ones(3)}, "scale: shape (3,), allowed (20,)"),
     ({"directions": ACTION.directions[:-1]}, "directions: shape (6, 20), allowed (7, 20)"),
     ({"position_gain": 1.02 * OP3.position_gain}, "gains: joint 'r_sho_pitch' 19.25 N·m/rad, here"),
+    ({"max_torque": 0.98 * OP3.max_torque}, "torque: joint 'r_sho_pitch' 4.02 N·m, here 4.10 N·m"),
+    ({"max_torque": np.ones(3)}, "max torque: shape (3,), allowed (20,)"),
     ({"home": bent(ACTION.home)}, "home angles: joint 'l_knee' +1.090 rad, here +0.890 rad"),
+    ({"reach": 0.0 * ACTION.reach}, "reach: joint 'r_sho_pitch' 0 rad, allowed > 0 rad"),
+    ({"reach": -ACTION.reach}, "reach: joint 'r_sho_pitch' -0."),
     ({"reach": 2.0 * ACTION.reach}, "speed: targets of joint 'r_sho_pitch' move at"),
 ]
 
@@ -73,6 +77,7 @@ def test_what_does_not_fit_is_told(changes: dict, told: str):
 def test_all_that_does_not_fit_is_told_at_once():
     keys = ("robot", "mode", "rate_hz", "imu_frame", "joints", "position_gain", "home", "reach")
     changes = {key: value for change, _ in WRONG for key, value in change.items() if key in keys}
+    changes["max_torque"] = 0.5 * OP3.max_torque
     mismatches = replace(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
     begins = [
         "robot",
@@ -81,14 +86,19 @@ def test_all_that_does_not_fit_is_told_at_once():
         "IMU frame",
         "joints",
         "gains",
+        "torque",
         "home angles",
         "speed",
     ]
     assert [line.split(":")[0] for line in mismatches] == begins
 
 
-def test_gains_may_differ_by_a_hundredth():
-    close = replace(CONTRACT, position_gain=1.009 * OP3.position_gain)
+def test_gains_and_torques_may_differ_by_a_hundredth():
+    close = replace(
+        CONTRACT,
+        position_gain=1.009 * OP3.position_gain,
+        max_torque=0.991 * OP3.max_torque,
+    )
     assert close.find_mismatches(OP3, PERIOD) == []
 
 
@@ -115,7 +125,7 @@ def test_what_is_no_contract_is_refused(text: str, told: str):
 
 def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
     record = json.loads(CONTRACT.to_json())
-    del record["joints"], record["action"]["home"]
+    del record["joints"], record["action"]["home"], record["max_torque"]
     record["rate_hz"] = "often"
     record["action"]["scale"] = [0.1, None]
     record["action"]["directions"] = [[1.0], [1.0, 2.0]]
@@ -126,6 +136,7 @@ def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
     for told in (
         "joints is missing",
         "action.home is missing",
+        "max_torque is missing",
         "rate_hz is 'often'",
         "action.scale is",
         "action.directions is",

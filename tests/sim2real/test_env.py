@@ -97,6 +97,23 @@ def test_standing_is_rewarded_and_lying_is_not(op3, action, pool, options, earne
         assert info["rewards"] == {"stands": earned}
 
 
+def test_who_diverges_earns_nothing_and_begins_anew(op3, action, pool, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+    env = GetUpEnv(op3, action, pool, replace(STANDING, rewards=(Reward(stands, 1.0),)))
+    env.reset(seed=0)
+    idle = np.zeros((8, action.size))
+    env.step(idle)
+    env.herd.push(np.array([2]), np.full((1, 3), np.nan))
+    observation, reward, _, cut, info = env.step(idle)
+    assert reward.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    assert np.flatnonzero(cut).tolist() == [2]
+    assert env.ages.tolist() == [2, 2, 0, 2, 2, 2, 2, 2]
+    assert info["stood"] == 0
+    seen = (observation, info["final_obs"], info["critic"])
+    assert all(np.isfinite(values).all() for values in seen)
+    assert not env.step(idle)[3].any()
+
+
 def test_a_success_makes_its_start_rarer(op3, action, pool):
     standing = StartPool.of(np.tile(GetUpEnv(op3, action, pool, FALLEN).standing_qpos, (2, 1)))
     env = GetUpEnv(op3, action, standing, replace(FALLEN, ends_early=1.0))

@@ -17,6 +17,7 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
+from humanoid_getup.action import choose_actions
 from humanoid_getup.cli import main
 from humanoid_getup.observation import list_terms
 from humanoid_getup.onnx_network import OnnxNetwork
@@ -30,7 +31,6 @@ from sim2real.train import (
     RECIPES,
     Recipe,
     build_config,
-    choose_actions,
     write_recipe,
 )
 
@@ -40,7 +40,7 @@ MINE = replace(RECIPES["robust"], hidden=(32, 16))
 
 def make_actor(training: Training, robot: Robot):
     """An actor as it comes out of a training: weights and normaliser far from their first."""
-    action = choose_actions(robot, training.recipe)
+    action = choose_actions(robot, training.recipe.apart)
     size = sum(term.size for term in list_terms(robot, action))
     torch.manual_seed(SEED)
     blank = make_blank(training, size, action.size)
@@ -74,7 +74,7 @@ def test_a_training_is_read_as_it_was_written_down(op3: Robot, tmp_path: Path):
     write_recipe(op3, MINE, SEED, tmp_path / RECIPE)
     training = Training.load(tmp_path)
     assert (training.recipe, training.seed, training.robot) == (MINE, SEED, "op3")
-    assert training.actions == choose_actions(op3, MINE).names
+    assert training.actions == choose_actions(op3, MINE.apart).names
 
 
 @pytest.mark.parametrize("name", ["quick", "robust"])

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from humanoid_getup.action import between
+from humanoid_getup.scene import load_scene
 from humanoid_getup.stage import place
 from robots import Robot
 from robots.robot import GAIN_KP, GAIN_VMAX
 from sim2real.conditions import Conditions, Noise
-from sim2real.herd import Herd
+from sim2real.herd import FIRM, Herd, build_world
+from sim2real.physics import free_play
 from sim2real.randomisation import Randomisation
 
 CYCLES = 6
@@ -206,21 +208,26 @@ def test_an_encoder_that_tells_too_much_moves_targets_and_measurements_alike(op3
     assert sensed[1] - sensed[0] == pytest.approx(offset[1], abs=1e-6)
 
 
-def test_a_gear_with_play_is_turned_through_it_before_the_encoder_follows(op3, world):
-    play, arms = 0.02, np.arange(6)  # light limbs, which come to rest soon
-    herd = make_herd(world, op3, 1, backlash=play)
-    start = in_the_air(op3, world, 1)
-    herd.place(np.array([0]), start)
-    target = start[:, op3.layout(world).qpos]
-    assert herd.sense().joint_pos == pytest.approx(target)
-    for sign in (1.0, -1.0):
-        aim = target + sign * 0.3
-        herd.advance(target, aim)
-        for _ in range(6):  # until the joints are still: sensors are a physics step older
-            herd.advance(aim, aim)
-        lag = (herd.sense().joint_pos - angles(op3, herd))[0, arms]
-        assert lag == pytest.approx(np.full(len(arms), -sign * 0.5 * play), abs=1e-3)
-        target = aim
+def test_a_loaded_gear_lies_at_the_end_of_its_play_where_a_loose_hinge_does(op3):
+    play, leads, torques = 0.02, [], []
+    knees = [op3.joint_names.index(name) for name in ("l_knee", "r_knee")]  # of contrary signs
+    for backlash, changes in ((play, []), (0.0, [free_play(play)])):
+        model = build_world(op3, load_scene("flat"), 0.002, changes=changes)
+        herd = make_herd(model, op3, 1, backlash=backlash)
+        herd.place(np.array([0]), place(op3, model, op3.standing)[None])
+        target = angles(op3, herd)
+        assert herd.sense().joint_pos == pytest.approx(target)
+        for _ in range(30):  # until the robot is still, its weight on its bent knees
+            herd.advance(target, target)
+        link = angles(op3, herd)
+        if changes:
+            link += herd.qpos[:, [model.joint(f"{n}_play").qposadr[0] for n in op3.joint_names]]
+        leads.append((herd.sense().joint_pos - link)[0, knees])
+        torques.append(herd.look().torque[0, knees])
+    assert np.abs(torques).min() > FIRM
+    assert np.prod(np.sign(torques[0])) < 0.0
+    assert leads[0] == pytest.approx(0.5 * play * np.sign(torques[0]), abs=1e-4)
+    assert leads[0] == pytest.approx(leads[1], abs=5e-4)
 
 
 def test_a_crooked_imu_tells_a_turned_gravity_and_a_biased_rate(op3, world, falls):
@@ -290,3 +297,20 @@ def test_a_restored_herd_goes_on_to_the_bit(op3, delayed_world, falls):
     assert np.array_equal(herd.qvel, other.qvel)
     assert np.array_equal(herd.sense().joint_pos, other.sense().joint_pos)
     assert np.array_equal(herd.sense().gravity, other.sense().gravity)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e12])
+def test_who_moves_beyond_all_measure_has_diverged_and_the_others_have_not(
+    op3, world, bad, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+    herd = Herd(world, op3, 3, cycles=CYCLES, threads=1)
+    target = op3.standing.joint_pos[None].repeat(3, axis=0)
+    herd.place(np.arange(3), in_the_air(op3, world, 3))
+    for _ in range(2):  # the second time MuJoCo has already begun it anew
+        herd.advance(target, target)
+        assert not herd.diverged.any()
+        herd.push(np.array([1]), np.array([[0.0, bad, 0.0]]))
+        herd.advance(target, target)
+        assert herd.diverged.tolist() == [False, True, False]
+        assert np.isfinite(herd.qpos).all()

@@ -22,7 +22,7 @@ def drawn(op3, world) -> Conditions:
     [
         ("com_shift", -R.com_shift, R.com_shift),
         ("friction", *R.friction),
-        ("voltage", *R.voltage),
+        ("voltage", 10.5, 12.6),  # shares of the nominal 12 V
         ("friction_loss", *R.friction_loss),
         ("joint_offset", -R.joint_offset, R.joint_offset),
         ("backlash", *R.backlash),

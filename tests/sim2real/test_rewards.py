@@ -7,6 +7,7 @@ import pytest
 
 from sim2real.herd import Herd
 from sim2real.rewards import (
+    MOST_ASKED,
     REWARDS,
     SOLES_LOW,
     UNDER_TORSO,
@@ -14,6 +15,7 @@ from sim2real.rewards import (
     Reward,
     action_change,
     dropping,
+    haste,
     joint_speed,
     over_feet,
     restless,
@@ -34,6 +36,7 @@ STANDING = Moment(
     joint_speed=np.zeros((1, 2)),
     torque=np.zeros((1, 2)),
     fall_speed=np.zeros(1),
+    asked=np.zeros((1, 2)),
     action=np.zeros((1, 2)),
     last_action=np.zeros((1, 2)),
     away=np.zeros((1, 2)),
@@ -73,7 +76,9 @@ def change(**fields: object) -> Moment:
         (stands, STANDING, 1.0),
         (stands, SITTING, 0.0),
         (stance, STANDING, 1.0),
-        (stance, change(away=[[0.5, 0.5]]), 1.0 / np.e),  # 4 times 0.25
+        (stance, change(away=[[0.0, 0.5**0.5]]), 0.5 * (1.0 + 1.0 / np.e)),  # each joint counts
+        (haste, change(asked=[[1.0, 0.0]]), 0.5),
+        (haste, change(asked=[[MOST_ASKED + 5.0, -MOST_ASKED]]), MOST_ASKED**2),
         (stance, SITTING, 0.0),
         (action_change, change(action=[[1.0, 0.0]], last_action=[[-1.0, 0.0]]), 2.0),
         (joint_speed, change(joint_speed=[[0.5, -0.5]]), 0.25),

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from humanoid_getup.ground import lowest_point
-from robots import rotation
+from humanoid_getup.lying import FallError
+from robots import load_robot, rotation
+from sim2real import starts as starts_module
 from sim2real.herd import Herd
 from sim2real.starts import LEAST, StartPool, drop_falls, list_motion_starts, mirror_starts
 
@@ -34,10 +36,28 @@ def test_a_share_of_success_follows_how_episodes_end():
     assert 0.0 < pool.success[0] < 1.0
 
 
-def test_a_pool_survives_its_file(tmp_path: Path, falls):
-    StartPool.of(falls).save(tmp_path / "falls.npz")
-    assert np.array_equal(StartPool.load(tmp_path / "falls.npz").qpos, falls)
+def test_a_pool_survives_its_file(tmp_path: Path, op3, falls):
+    StartPool.of(falls).save(tmp_path / "falls.npz", op3)
+    again = StartPool.load(tmp_path / "falls.npz", op3, falls.shape[1])
+    assert np.array_equal(again.qpos, falls)
     assert [file.name for file in tmp_path.iterdir()] == ["falls.npz"]
+
+
+def test_a_pool_of_another_robot_or_of_another_width_is_refused(tmp_path: Path, op3, falls):
+    file = tmp_path / "falls.npz"
+    StartPool.of(falls).save(file, op3)
+    tiny = load_robot("tests/robots/tiny")
+    told = f"starts of robot 'op3' in an array \\(16, 27\\), allowed '{tiny.name}' and \\(any, 9\\)"
+    with pytest.raises(ValueError, match=told):
+        StartPool.load(file, tiny, 9)
+    with pytest.raises(ValueError, match=r"allowed 'op3' and \(any, 28\)"):
+        StartPool.load(file, op3, 28)
+
+
+def test_a_file_that_tells_no_robot_holds_no_starts(tmp_path: Path, op3, falls):
+    np.savez(tmp_path / "falls.npz", qpos=falls)
+    with pytest.raises(ValueError, match="holds no starts"):
+        StartPool.load(tmp_path / "falls.npz", op3, falls.shape[1])
 
 
 def test_mirroring_a_start_twice_changes_nothing(op3, world, falls):
@@ -73,6 +93,15 @@ def test_one_seed_makes_one_set_of_falls(op3, world):
 
     assert np.array_equal(drop(1, 1), drop(1, 2))
     assert not np.array_equal(drop(1, 1), drop(2, 1))
+
+
+def test_a_robot_that_never_lies_still_is_named(op3, world, monkeypatch):
+    monkeypatch.setattr(starts_module, "WORST_SPEED", 0.0)
+    monkeypatch.setattr(starts_module, "MOST_ROUNDS", 2)
+    herd = Herd(world, op3, 2, cycles=6, threads=1)
+    told = "robot 'op3' does not come to lie still: 0 of 8 falls did, 3 are needed"
+    with pytest.raises(FallError, match=told):
+        drop_falls(herd, 3, np.random.default_rng(0))
 
 
 def test_frames_of_the_known_motions_are_starts(op3, world):

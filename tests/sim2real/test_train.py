@@ -1,6 +1,9 @@
 """Training: one seed one policy, and a kill that takes nothing back."""
 
 import csv
+import hashlib
+import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +16,18 @@ pytest.importorskip("gymnasium")
 pytest.importorskip("tensorboard")
 
 import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
 
+from humanoid_getup.action import choose_actions
+from humanoid_getup.observation import list_terms
+from robots import Robot
+from sim2real.checkpoint import read_checkpoint
 from sim2real.env import EnvOptions, GetUpEnv
+from sim2real.recipe_file import OtherTrainingError
 from sim2real.rsl_env import RslEnv, mirror_batch
 from sim2real.starts import StartPool
-from sim2real.train import CHECKPOINT, PROGRESS, STEPS, Recipe, train
+from sim2real.train import CHECKPOINT, PROGRESS, RECIPE, STEPS, Recipe, Runner, build_config, train
 
 TINY = Recipe(
     rewards="quick",
@@ -115,6 +125,71 @@ def test_progress_has_a_row_for_every_iteration(unbroken):
     seconds = [float(row["seconds"]) for row in rows]
     assert seconds == sorted(seconds)
     assert all(int(row["stood"]) <= int(row["falls"]) for row in rows)
+
+
+def test_progress_tells_the_lift(unbroken):
+    # Nobody rises in four iterations, so the help stays what it was.
+    assert [float(row["lift"]) for row in read_rows(unbroken)] == [TINY.lift] * TINY.iterations
+
+
+@pytest.fixture(scope="module")
+def parent(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A training whose policy moves both sides alike."""
+    folder = tmp_path_factory.mktemp("parent")
+    train(op3, replace(TINY, apart=False, iterations=2), 1, folder, threads=1)
+    return folder
+
+
+def load_actor(robot: Robot, folder: Path, recipe: Recipe) -> MLPModel:
+    action = choose_actions(robot, recipe.apart)
+    size = sum(term.size for term in list_terms(robot, action))
+    config = build_config(recipe, 0)["actor"]
+    del config["class_name"]
+    blank = TensorDict({"policy": torch.zeros(1, size)}, batch_size=[1])
+    actor = MLPModel(blank, {"actor": ["policy"]}, "actor", action.size, **config)
+    actor.load_state_dict(read_checkpoint(folder / CHECKPOINT)["actor_state_dict"])
+    return actor.eval()
+
+
+def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkeypatch):
+    def save_and_stop(self: Runner, *_: object, **__: object) -> None:
+        self.save("")
+
+    monkeypatch.setattr(Runner, "learn", save_and_stop)  # before the first update
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
+    old = load_actor(op3, parent, replace(TINY, apart=False))
+    new = load_actor(op3, tmp_path, TINY)
+    k = len(op3.rising_joints)
+    seen = torch.randn(32, new.obs_dim, generator=torch.Generator().manual_seed(0))
+    # The last numbers of the last action, which the parent does not know, and the torque share.
+    known = torch.cat((seen[:, : -k - 1], seen[:, -1:]), dim=1)
+    acted, wanted = (
+        model(TensorDict({"policy": values}, batch_size=[32])).detach()
+        for model, values in ((new, seen), (old, known))
+    )
+    assert torch.allclose(acted[:, :k], wanted, atol=1e-6)
+    assert wanted.abs().max() > 1e-3
+    assert acted[:, k:].eq(0.0).all()
+
+
+def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, tmp_path):
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
+    told = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
+    content = (parent / CHECKPOINT).read_bytes()
+    assert told == {"recipe": "quick", "seed": 1, "sha256": hashlib.sha256(content).hexdigest()}
+    assert [row["iteration"] for row in read_rows(tmp_path)] == ["0"]
+    with pytest.raises(OtherTrainingError, match="parent"):
+        train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
+
+
+def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(parent, other)
+    record = json.loads((other / RECIPE).read_text("utf-8"))
+    (other / RECIPE).write_text(json.dumps(record | {"robot": "nao"}), "utf-8")
+    with pytest.raises(OtherTrainingError, match="is a training of robot 'nao', allowed 'op3'"):
+        train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=other)
+    assert list((tmp_path / "mine").iterdir()) == []
 
 
 def test_a_checkpoint_is_never_half_written(unbroken):

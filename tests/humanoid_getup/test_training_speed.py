@@ -4,24 +4,24 @@ import math
 
 import pytest
 
-from humanoid_getup.commands.pace import REMEMBERED, Pace, format_time
+from humanoid_getup.commands.training_speed import REMEMBERED, TrainingSpeed, format_time
 
 
 def test_nobody_knows_the_rate_after_one_report():
-    pace = Pace()
-    pace.note(5.0, 10)
-    assert math.isnan(pace.rate)
-    assert math.isnan(pace.time_to_go(100))
+    speed = TrainingSpeed()
+    speed.note(5.0, 10)
+    assert math.isnan(speed.rate)
+    assert math.isnan(speed.time_to_go(100))
 
 
 def test_the_rate_is_that_of_the_last_reports_alone():
-    pace = Pace()
+    speed = TrainingSpeed()
     for i in range(100):  # a start ten times as fast as what follows
-        pace.note(0.1 * i, i)
+        speed.note(0.1 * i, i)
     for i in range(REMEMBERED):
-        pace.note(10.0 + i, 100 + i)
-    assert pace.rate == pytest.approx(1.0)
-    assert pace.time_to_go(200) == pytest.approx(200 - (100 + REMEMBERED - 1))
+        speed.note(10.0 + i, 100 + i)
+    assert speed.rate == pytest.approx(1.0)
+    assert speed.time_to_go(200) == pytest.approx(200 - (100 + REMEMBERED - 1))
 
 
 @pytest.mark.parametrize(

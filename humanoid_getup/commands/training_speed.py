@@ -1,4 +1,4 @@
-"""Pace: how fast a long work moves now, and how long the rest will take."""
+"""Training speed: how fast a long work moves now, and how long the rest will take."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 REMEMBERED = 20  # last reports: long enough to be steady, short enough to be honest
 
 
-class Pace:
+class TrainingSpeed:
     """Rate over the last reports, all that happens between them included."""
 
     def __init__(self) -> None:

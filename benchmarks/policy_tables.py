@@ -1,0 +1,190 @@
+"""Puts a policy through every trial of docs/benchmarks.md, and prints the tables.
+
+    python benchmarks/policy_tables.py robust --falls falls.npz --n 1000 --json tables.json
+
+The falls are those of `getup eval --falls`. What was measured already is kept in the JSON file
+and not measured again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+from rich.console import Console
+
+from humanoid_getup.bench.statistics import wilson_interval
+from humanoid_getup.commands.policies import find_policy
+from humanoid_getup.fall_set import FallSet
+from humanoid_getup.lying import CLASSES, Fall, read_posture
+from humanoid_getup.policy import OnnxPolicy
+from humanoid_getup.report import to_json
+from humanoid_getup.scene import load_scene
+from robots import Posture, Robot, load_robot
+from sim2real.evaluate import Rises
+from sim2real.herd import build_world
+from sim2real.physics import PHYSICS
+from sim2real.trial import Trial, run_trial, summarise_trial
+
+GROUPS: dict[str, dict[str, Trial]] = {
+    "torque": {
+        "4.1 N·m": Trial(),
+        "3.0 N·m": Trial(torque_limit=3.0),
+        "2.5 N·m": Trial(torque_limit=2.5),
+        "2.0 N·m": Trial(torque_limit=2.0),
+        "3.0 N·m by PWM": Trial(torque_limit=3.0, pwm_limited=True),
+        "2.5 N·m by PWM": Trial(torque_limit=2.5, pwm_limited=True),
+        "2.0 N·m by PWM": Trial(torque_limit=2.0, pwm_limited=True),
+    },
+    "robustness": {
+        "delay 20 ms": Trial(delay=0.02),
+        "delay 40 ms": Trial(delay=0.04),
+        "delay 60 ms": Trial(delay=0.06),
+        "supply 10.5 V": Trial(voltage=10.5),
+        "supply 11.1 V": Trial(voltage=11.1),
+        "supply 12.6 V": Trial(voltage=12.6),
+        "friction 0.3": Trial(friction=0.3),
+        "friction 0.5": Trial(friction=0.5),
+        "friction 1.2": Trial(friction=1.2),
+        "mass -15 %": Trial(mass=0.85),
+        "mass +15 %": Trial(mass=1.15),
+        "backlash 0.25 deg": Trial(backlash=math.radians(0.25)),
+        "backlash 1 deg": Trial(backlash=math.radians(1.0)),
+        "backlash 2 deg": Trial(backlash=math.radians(2.0)),
+        "one servo at 60 %": Trial(weak_servo=0.6),
+        "pushes 0.3 m/s": Trial(push=0.3),
+        "pushes 0.5 m/s": Trial(push=0.5),
+        "sensor noise": Trial(noise=True),
+        "gyro bias 2 deg/s": Trial(gyro_bias=math.radians(2.0)),
+        "IMU turned 2 deg": Trial(imu_tilt=math.radians(2.0)),
+        "IMU turned 5 deg": Trial(imu_tilt=math.radians(5.0)),
+    },
+    "transfer": {name: Trial(physics=name) for name in PHYSICS},
+}
+STANDING: dict[str, Trial] = {
+    "undisturbed": Trial(),
+    "pushes 0.3 m/s": Trial(push=0.3),
+    "pushes 0.5 m/s": Trial(push=0.5),
+    "pushes 0.7 m/s": Trial(push=0.7),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Put a policy through every trial."""
+
+    policy: Annotated[str, tyro.conf.Positional]
+    falls: Path
+    """Settled falls."""
+    json: Path
+    """Where figures are kept."""
+    robot: str = "op3"
+    n: int = 1000
+    """Falls of each trial of the group torque."""
+    fewer: int = 400
+    """Falls of each trial of the other groups."""
+    seed: int = 1
+    after: int = 200
+    """Falls from which robots get up before it is seen how they stand."""
+    groups: tuple[str, ...] = (*GROUPS, "standing")
+    threads: int = 0
+
+
+def main(options: Options) -> None:
+    """Run what is not measured yet, write it down, print it."""
+    robot = load_robot(options.robot)
+    file = find_policy(robot, options.policy)
+    policy = OnnxPolicy.load(file, robot, robot.control_period)
+    falls = FallSet.load(options.falls, robot)
+    about = {
+        "policy_sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+        "falls_seed": falls.seed,
+        "seed": options.seed,
+    }
+    kept = json.loads(options.json.read_text()) if options.json.exists() else about
+    if {key: kept[key] for key in about} != about:
+        raise SystemExit(f"{options.json} holds the figures of another policy, falls or seed")
+    console = Console(width=160)
+
+    def put_through(trial: Trial, starts: Sequence[Posture]) -> list[Rises]:
+        action, act = policy.action, policy.act
+        return run_trial(robot, action, act, starts, trial, options.seed, threads=options.threads)
+
+    def measure(key: str, compute: Callable[[], dict[str, Any]]) -> None:
+        begun = time.monotonic()
+        if key not in kept:
+            kept[key] = compute()
+            partial = options.json.with_suffix(".part")
+            partial.write_text(to_json(kept))
+            partial.replace(options.json)
+        console.print(f"{_row(key, kept[key])}  [{time.monotonic() - begun:.0f} s]")
+
+    for group in options.groups:
+        if group == "standing":
+            stands = _find_stands(robot, put_through, falls.choose(options.after // len(CLASSES)))
+            for name, trial in STANDING.items():
+                measure(f"{group}: {name}", lambda t=trial, s=stands: _hold(s, put_through(t, s)))
+            continue
+        some = falls.choose((options.n if group == "torque" else options.fewer) // len(CLASSES))
+        starts = [fall.posture for fall in some.falls]
+        for name, trial in GROUPS[group].items():
+            measure(
+                f"{group}: {name}, n {len(starts)}",
+                lambda t=trial, f=some.falls, s=starts: summarise_trial(
+                    f, put_through(t, s), CLASSES
+                ),
+            )
+
+
+def _find_stands(
+    robot: Robot, put_through: Callable[[Trial, Sequence[Posture]], list[Rises]], falls: FallSet
+) -> list[Posture]:
+    """Let robots rise; return where those are that stand."""
+    model = build_world(robot, load_scene(falls.scene), 0.002)
+    risen = put_through(Trial(), [fall.posture for fall in falls.falls])
+    return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.stood]]
+
+
+def _hold(stands: Sequence[Posture], rises: list[Rises]) -> dict[str, Any]:
+    """Summarise who stays up for all of the time: a robot that fell and rose again did not."""
+    held = [Fall(posture=posture, start_class="held") for posture in stands]
+    figures = summarise_trial(held, rises, ("held",))
+    stayed = np.concatenate([r.upright.all(axis=1) for r in rises])
+    low, high = wilson_interval(int(stayed.sum()), len(stayed))
+    for row in (figures["all"], figures["classes"]["held"]):
+        row |= {"stood": int(stayed.sum()), "stood_interval_95": [low, high]}
+    return figures
+
+
+def _row(name: str, figures: dict[str, Any]) -> str:
+    whole = figures["all"]
+    shares = [f"{100 * row['stood'] / max(row['n'], 1):.1f}" for row in figures["classes"].values()]
+    low, high = whole["stood_interval_95"]
+    cells = (
+        name,
+        f"{whole['stood']}/{whole['n']}",
+        f"{100 * low:.1f}% to {100 * high:.1f}%",
+        *shares,
+        _two(whole["stand_time_s"]),
+        _two(whole["rms_torque_nm"]),
+        _two(whole["head_impact_m_s"]),
+        _two(whole["standing_joint_speed_rad_s"]),
+    )
+    return "| " + " | ".join(cells) + " |"
+
+
+def _two(summary: dict[str, float | None]) -> str:
+    median, p95 = summary["median"], summary["p95"]
+    return "–" if median is None or p95 is None else f"{median:.2f} ({p95:.2f})"
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options, config=(tyro.conf.OmitArgPrefixes,)))

@@ -150,8 +150,8 @@ def measure_peer(task: Task, iterations: int) -> float | None:
     if importlib.util.find_spec("stable_baselines3") is None:
         print("stable-baselines3 is not installed: left out")
         return None
-    from stable_baselines3 import PPO
-    from stable_baselines3.common.vec_env import SubprocVecEnv
+    from stable_baselines3 import PPO  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.vec_env import SubprocVecEnv  # pyright: ignore[reportMissingImports]
 
     samples = STEPS * task.recipe.robots  # between two updates, as in our training
     robots = SubprocVecEnv([lambda: OneRobot(task)] * PROCESSES)

@@ -30,9 +30,9 @@ from humanoid_getup.report import to_json
 from humanoid_getup.scene import load_scene
 from robots import Posture, Robot, load_robot
 from sim2real.evaluate import Rises
-from sim2real.herd import build_world
 from sim2real.physics import PHYSICS
 from sim2real.trial import Trial, run_trial, summarise_trial
+from sim2real.world import build_world
 
 GROUPS: dict[str, dict[str, Trial]] = {
     "torque": {

@@ -31,16 +31,10 @@ from humanoid_getup.observation import Floats
 from robots import Robot, load_robot
 from robots.rotation import Array
 from sim2real.env import GetUpEnv
+from sim2real.progress import TrainReport
+from sim2real.recipes import RECIPES, STEPS, Recipe
 from sim2real.starts import StartPool
-from sim2real.train import (
-    RECIPES,
-    STEPS,
-    Recipe,
-    TrainReport,
-    build_options,
-    load_pool,
-    train,
-)
+from sim2real.train import build_options, load_pool, train
 
 ROUNDS = 5  # of bare physics and of the environment, in turn
 PROCESSES = 2

@@ -18,6 +18,9 @@ CYCLES = 6  # control cycles a policy step: 48 ms, about 20 Hz, at the OP3's 8 m
 SPEED_SHARE = 0.95  # of the servo's no-load speed, so that whole ticks stay within the guard's
 LEAD = 0.6  # rad; full voltage at the servo's position gain needs 0.22
 EAGERNESS = 2.0  # half an action already asks for all the speed: exploring is bold
+# rad of tilt, and rad of a joint from home, from which on a rate counts in full
+CALM_TILT, CALM_AWAY = 0.5, 0.5
+CALMEST = 0.15  # of a rate, for a robot that stands: enough to balance, too slow to shake
 HOMING_SHARE = 0.4  # of the servo's speed, for joints that no action moves
 
 
@@ -30,6 +33,34 @@ class ActionMode(StrEnum):
     """The measured angle."""
     RATE = "rate"
     """The last target."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calm:
+    """How rates slow down as a robot comes to stand.
+
+    A policy that learns by trying rates must fight what it tries, and does so with a gain
+    that shakes a standing robot, whose sensors and servos are late. Fallen it needs full
+    speed; upright, with its joints near home, a small share of it.
+    """
+
+    tilt: float
+    """Of the torso from upright, at and above which rates count in full [rad]."""
+    away: float
+    """Of a joint from home, at and above which its rate counts in full [rad]."""
+    least: float
+    """Share that is always left."""
+
+    def share(self, gravity: Array, offset: Array) -> Array:
+        """Compute the share of its rate that each joint moves at, (..., n).
+
+        Args:
+            gravity: Direction of gravity in the torso, (..., 3).
+            offset: Measured angles from home [rad], (..., n).
+        """
+        tilt = np.arccos(np.clip(-gravity[..., 2:], -1.0, 1.0))
+        far = np.maximum(tilt / self.tilt, np.abs(offset) / self.away)
+        return np.clip(far, self.least, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +80,8 @@ class ActionSpec:
     """Furthest that a target is from the measured angle [rad]; it bounds torque and wind-up."""
     home: Array
     """Where the joints go that no number moves [rad], shape (n,)."""
+    calm: Calm
+    """How rates slow down as the robot comes to stand; other modes know no such thing."""
     lower: Array
     """[rad], shape (n,)"""
     upper: Array
@@ -114,6 +147,7 @@ def build_action_spec(
         reach=reach,
         lead=LEAD,
         home=robot.standing.joint_pos,
+        calm=Calm(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
         lower=robot.lower,
         upper=robot.upper,
     )
@@ -129,16 +163,21 @@ def choose_actions(robot: Robot, apart: bool) -> ActionSpec:
     return build_action_spec(robot, robot.rising_joints, robot.rising_joints if apart else ())
 
 
-def next_target(spec: ActionSpec, target: Array, measured: Array, action: Array) -> Array:
+def next_target(
+    spec: ActionSpec, target: Array, measured: Array, gravity: Array, action: Array
+) -> Array:
     """Compute where the joints shall be at the end of a policy step [rad], (..., n).
 
     Args:
         spec: What the numbers mean.
         target: Last targets [rad], (..., n).
         measured: Measured angles [rad], (..., n).
+        gravity: Direction of gravity in the torso, (..., 3).
         action: Numbers from -1 to 1; beyond, they are cut. (..., k)
     """
     share = np.clip(np.clip(action, -1.0, 1.0) @ spec.directions, -1.0, 1.0)
+    if spec.mode is ActionMode.RATE:
+        share = share * spec.calm.share(gravity, measured - spec.home)
     origin = {
         ActionMode.ABSOLUTE: spec.home,
         ActionMode.OFFSET: measured,

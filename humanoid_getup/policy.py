@@ -160,7 +160,9 @@ class OnnxPolicy:
             self.fault = f"the network answers with what is no number: {bad}"
             return
         self._last_action = np.clip(action, -1.0, 1.0)
-        self._following = next_target(self.action, self._target, state.joint_pos, self._last_action)
+        self._following = next_target(
+            self.action, self._target, sensed.joint_pos, sensed.gravity, self._last_action
+        )
         moved = float(np.abs(self._following - self._target).max())
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)
         steady = upright and moved <= STILL_TARGET * self._step_time

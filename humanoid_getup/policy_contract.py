@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from humanoid_getup.action import ActionMode, ActionSpec
+from humanoid_getup.action import ActionMode, ActionSpec, Calm
 from humanoid_getup.observation import Term, list_terms
 from robots import Robot
 from robots.faults import is_number, shown
 from robots.fields import Fields
 from robots.rotation import Array
 
-FORMAT = 1
+FORMAT = 2
 METADATA_KEY = "policy_contract"  # under which the contract lies in an ONNX file's metadata
 IMU_FRAME = "gravity and gyro in the torso's frame: x forward, y left, z up"
 SERVO_SLACK = 0.01  # share of a servo's position gain and torque
@@ -49,7 +49,7 @@ class PolicyContract:
     names: tuple[str, ...]
     """What each number of an action moves."""
     directions: Array
-    """Shape (k, n); this and the next five as in `ActionSpec`."""
+    """Shape (k, n); this and the next six as in `ActionSpec`."""
     scale: Array
     """[rad], shape (n,)"""
     reach: Array
@@ -58,6 +58,7 @@ class PolicyContract:
     """[rad]"""
     home: Array
     """[rad], shape (n,); joint angles in the observation are counted from here."""
+    calm: Calm
     cycles: int
     control_period: float
     """[s]"""
@@ -94,6 +95,7 @@ class PolicyContract:
             reach=action.reach,
             lead=action.lead,
             home=action.home,
+            calm=action.calm,
             cycles=action.cycles,
             control_period=period,
             rate_hz=1.0 / (period * action.cycles),
@@ -118,6 +120,7 @@ class PolicyContract:
             reach=self.reach,
             lead=self.lead,
             home=self.home,
+            calm=self.calm,
             lower=robot.lower,
             upper=robot.upper,
             cycles=self.cycles,
@@ -217,6 +220,7 @@ class PolicyContract:
                 "reach": self.reach.tolist(),
                 "lead": self.lead,
                 "home": self.home.tolist(),
+                "calm": asdict(self.calm),
                 "cycles": self.cycles,
             },
             "control_period": self.control_period,
@@ -258,6 +262,7 @@ class PolicyContract:
             reach=action.array("reach", 1),
             lead=action.number("lead", 10.0, "rad"),
             home=action.array("home", 1),
+            calm=action.calm("calm"),
             cycles=action.integer("cycles", 1, 1000),
             control_period=whole.number("control_period", 1.0, "s"),
             rate_hz=whole.number("rate_hz", 10_000.0, "Hz"),
@@ -293,6 +298,7 @@ def _list_layout(robot: Robot, action_size: int) -> tuple[Term, ...]:
         reach=none,
         lead=0.0,
         home=none,
+        calm=Calm(tilt=1.0, away=1.0, least=1.0),
         lower=none,
         upper=none,
     )
@@ -324,6 +330,15 @@ class _ContractFields(Fields):
             return value
         self._refuse(key, f"finite numbers on {axes} axes")
         return np.zeros((0,) * axes)
+
+    def calm(self, key: str) -> Calm:
+        """Read how rates slow down."""
+        part = Fields(self.table(key), f"action.{key}.", self._faults)
+        return Calm(
+            tilt=part.number("tilt", 10.0, "rad"),
+            away=part.number("away", 10.0, "rad"),
+            least=part.number("least", 1.0, ""),
+        )
 
     def terms(self, key: str) -> tuple[Term, ...]:
         """Read the parts of an observation; the blank is ()."""

@@ -10,6 +10,9 @@ import torch
 
 from robots.faults import shown
 
+CHECKPOINT = "checkpoint.pt"
+"""Name of the file in a training's folder."""
+
 
 class CheckpointError(ValueError):
     """A file is no checkpoint of a training; the message is one line."""

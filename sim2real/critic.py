@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from humanoid_getup.observation import ROTATION, VECTOR, Floats, MirrorPart
 from robots import Robot
 from sim2real.conditions import Conditions
-from sim2real.herd import Truth
 from sim2real.randomisation import MOST_DELAY
+from sim2real.truth import HerdTruth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Known:
     """What a simulation knows of N robots."""
 
-    truth: Truth
+    truth: HerdTruth
     conditions: Conditions
     held: NDArray[np.floating[Any]]
     """How long each has stood [s], (N,)."""

@@ -27,10 +27,11 @@ from humanoid_getup.stage import place
 from robots import Robot
 from robots.rotation import Array
 from sim2real.critic import Known, list_critic_terms, observe_privileged
-from sim2real.herd import LONGEST_DELAY, Herd, build_world
+from sim2real.herd import Herd
 from sim2real.randomisation import Randomisation
 from sim2real.rewards import QUICK, Moment, Reward, score
 from sim2real.starts import StartPool, list_motion_starts
+from sim2real.world import LONGEST_DELAY, build_world
 
 PHYSICS_STEP = 0.006  # s; judges take 0.002
 # s; the known motions rise in 1.6 to 4.6 s, so there is time for a second try and for a stand.
@@ -199,8 +200,8 @@ class GetUpEnv(VectorEnv):
         """Let a policy step pass."""
         asked = np.asarray(actions, dtype=float)
         action = np.clip(asked, -1.0, 1.0)
-        measured = self._sensed.joint_pos
-        following = next_target(self.action, self._target, measured, action)
+        measured, gravity = self._sensed.joint_pos, self._sensed.gravity
+        following = next_target(self.action, self._target, measured, gravity, action)
         self.herd.advance(self._target, following)
         self._target = following
         truth = self.herd.look()

@@ -102,7 +102,7 @@ def rise_all(
         on_step(step)
         observation = observe(robot, sensed, target, last_action, share)
         last_action = np.clip(policy(observation).astype(float), -1.0, 1.0)
-        following = next_target(action, target, sensed.joint_pos, last_action)
+        following = next_target(action, target, sensed.joint_pos, sensed.gravity, last_action)
         recorded = herd.advance(target, following, record=herd.judged)
         diverged |= herd.diverged
         for name, values in herd.judge(recorded).items():

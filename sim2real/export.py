@@ -6,7 +6,7 @@ import json
 import logging
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -26,8 +26,10 @@ from humanoid_getup.policy import OnnxPolicy, PolicyError
 from humanoid_getup.policy_contract import METADATA_KEY, Fact, PolicyContract
 from robots import Robot
 from robots.faults import shown
-from sim2real.checkpoint import read_checkpoint
-from sim2real.train import CHECKPOINT, RECIPE, RECIPES, Recipe, build_config
+from sim2real.checkpoint import CHECKPOINT, read_checkpoint
+from sim2real.recipe_file import RECIPE
+from sim2real.recipes import RECIPES, Recipe
+from sim2real.runner import build_config
 
 OPSET = 18
 SAMPLES = 1000  # observations on which torch and onnxruntime must agree
@@ -50,6 +52,8 @@ class Training:
     seed: int
     actions: tuple[str, ...]
     """What each number of an action moves."""
+    parent: Mapping[str, Fact]
+    """What it began with: recipe, seed, iterations, checksum; empty for nothing."""
 
     @staticmethod
     def load(folder: Path) -> Training:
@@ -63,13 +67,14 @@ class Training:
         try:
             record = json.loads(file.read_text("utf-8"))
             fields: dict[str, Any] = dict(record["recipe"])
-            fields["hidden"] = tuple(fields["hidden"])
+            fields |= {name: tuple(fields[name]) for name in ("hidden", "settling")}
             return Training(
                 folder=folder,
                 robot=str(record["robot"]),
                 recipe=Recipe(**fields),
                 seed=int(record["seed"]),
                 actions=tuple(record["actions"]),
+                parent=dict(record["parent"] or {}),
             )
         except (KeyError, TypeError, ValueError) as error:
             told = f"{type(error).__name__}: {error}"
@@ -81,6 +86,7 @@ class Training:
         named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
         facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
         about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}
+        about |= {f"parent.{key}": value for key, value in self.parent.items()}
         return facts | {key: _as_fact(value) for key, value in about.items()}
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -14,43 +12,22 @@ from numpy.typing import NDArray
 
 from humanoid_getup.action import between
 from humanoid_getup.observation import Sensed
-from humanoid_getup.scene import Scene
-from humanoid_getup.stage import add_touch, count_substeps, find_foreign
+from humanoid_getup.stage import count_substeps, find_foreign
 from robots import Robot, rotation
 from robots.rotation import Array
 from sim2real.conditions import Conditions, Noise
-from sim2real.physics import Change
+from sim2real.memory import Ids, Memory
+from sim2real.truth import HerdTruth
+from sim2real.world import Addresses
 
-LONGEST_DELAY = 0.064  # s that the history buffers hold
 FIRM = 0.3  # N·m that hold a gear at the end of its free play
-Ids = NDArray[np.int_]
-Whole = NDArray[np.integer[Any]]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Truth:
-    """What only a simulation knows of N robots: for rewards, critics and judges."""
-
-    neck_height: Array
-    """Over the ground [m], (N,)."""
-    sole_height: Array
-    """Of each sole over the ground [m], (N, soles)."""
-    sole_distance: Array
-    """Horizontal distance of the soles' middle from the neck [m], (N,)."""
-    upright: Array
-    """Cosine of the torso's tilt, (N,)."""
-    foreign: NDArray[np.bool_]
-    """Whether anything but the feet touches the world, (N,)."""
-    root_vel: Array
-    """Linear (world) and angular (torso) velocity of the torso [m/s, rad/s], (N, 6)."""
-    joint_vel: Array
-    """[rad/s], (N, n)"""
-    torque: Array
-    """Of the servos [N·m], (N, n)."""
 
 
 class Herd:
     """Steps ``n`` robots side by side on a thread pool, each under its own conditions."""
+
+    judged = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
+    """What :meth:`advance` must record for :meth:`judge`."""
 
     def __init__(
         self,
@@ -65,7 +42,7 @@ class Herd:
         """Build a herd of a compiled world.
 
         Args:
-            model: World made by :func:`build_world`.
+            model: World made by :func:`sim2real.world.build_world`.
             robot: Robot in it.
             n: How many.
             cycles: Control cycles a policy step.
@@ -88,8 +65,8 @@ class Herd:
         self._neck = model.site(robot.neck_site).id
         self._soles = [model.site(site).id for site in robot.sole_sites]
         self._torso = model.body(robot.torso).id
-        self._read = _Addresses(model, robot)
-        self._memory = _Memory(model)
+        self._read = Addresses(model, robot)
+        self._memory = Memory(model)
         names = (
             "qpos",
             "qvel",
@@ -206,9 +183,6 @@ class Herd:
         every = steps // self.cycles
         return {name: rolled[name][:, every - 1 :: every] for name in record}
 
-    judged = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
-    """What :meth:`advance` must record for :meth:`judge`."""
-
     def judge(self, recorded: dict[str, Array]) -> dict[str, NDArray[Any]]:
         """Pick what judges need out of a recorded policy step, (N, cycles, ...)."""
         touch, read = recorded["sensordata"], self._read
@@ -255,14 +229,14 @@ class Herd:
         gravity /= np.linalg.norm(gravity, axis=-1, keepdims=True)
         return Sensed(gravity=gravity, gyro=gyro, joint_pos=joint_pos, joint_vel=joint_vel)
 
-    def look(self) -> Truth:
+    def look(self) -> HerdTruth:
         """See what only a simulation knows."""
         data, read, layout = self._data, self._read, self._layout
         site, touch = data["site_xpos"], data["sensordata"]
         soles = site[:, self._soles]  # (N, soles, 3)
         neck = site[:, self._neck]
         root = data["qpos"][:, layout.root_qpos + 3 : layout.root_qpos + 7]
-        return Truth(
+        return HerdTruth(
             neck_height=neck[:, 2],
             sole_height=soles[..., 2],
             sole_distance=np.linalg.norm(soles[..., :2].mean(axis=1) - neck[:, :2], axis=-1),
@@ -322,111 +296,3 @@ class Herd:
         self.batch.forward(ids)
         delay[ids] = kept
         self._memory.fill(self._data["history"], ids, self._data["ctrl"], self._data["sensordata"])
-
-
-def build_world(
-    robot: Robot,
-    scene: Scene,
-    timestep: float,
-    longest_delay: float = 0.0,
-    changes: Sequence[Change] = (),
-) -> mujoco.MjModel:
-    """Compile a robot in a scene with the sensors that a herd reads.
-
-    Args:
-        robot: Robot.
-        scene: Where it lies.
-        timestep: Physics step [s]; a control period must be a multiple of it.
-        longest_delay: Longest delay of targets and measurements that histories hold [s].
-        changes: What else differs from the robot's description.
-    """
-    spec = scene.build(robot)
-    spec.option.timestep = timestep
-    for change in changes:
-        change(spec, robot)
-    timestep = spec.option.timestep
-    samples = int(np.ceil(longest_delay / timestep - 1e-9))
-    sensor, obj = mujoco.mjtSensor, mujoco.mjtObj
-    for name in robot.joint_names:
-        for kind, label in ((sensor.mjSENS_JOINTPOS, "pos"), (sensor.mjSENS_JOINTVEL, "vel")):
-            spec.add_sensor(
-                name=f"{label}_{name}", type=kind, objtype=obj.mjOBJ_JOINT, objname=name
-            )
-    imu = {"objtype": obj.mjOBJ_SITE, "objname": robot.imu_site}
-    spec.add_sensor(name="imu_gyro", type=sensor.mjSENS_GYRO, **imu)
-    spec.add_sensor(name="imu_orientation", type=sensor.mjSENS_FRAMEQUAT, **imu)
-    for element in spec.sensors:
-        element.nsample = samples
-    for element in spec.actuators:
-        element.nsample = samples
-    add_touch(spec, "whole", robot.torso, subtree=True)
-    for site in robot.sole_sites:
-        add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
-    for name in _list_head_joints(robot)[-1:]:
-        head = spec.joint(name).parent.name
-        add_touch(spec, "head_touch", head, subtree=True)
-        spec.add_sensor(
-            name="head_velocity",
-            type=sensor.mjSENS_FRAMELINVEL,
-            objtype=obj.mjOBJ_BODY,
-            objname=head,
-        )
-    return spec.compile()
-
-
-def _list_head_joints(robot: Robot) -> list[str]:
-    return [joint.name for joint in robot.joints if joint.segment == "head"]
-
-
-class _Addresses:
-    """Where a world's sensors are."""
-
-    def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
-        def at(name: str) -> int:
-            return int(model.sensor(name).adr[0])
-
-        self.joint_pos = np.array([at(f"pos_{name}") for name in robot.joint_names])
-        self.joint_vel = np.array([at(f"vel_{name}") for name in robot.joint_names])
-        self.gyro = at("imu_gyro") + np.arange(3)
-        self.orientation = at("imu_orientation") + np.arange(4)
-        self.whole = at("whole")
-        self.feet = [at(f"foot_{site}") for site in robot.sole_sites]
-        self.imu_in_torso = np.array(model.site(robot.imu_site).quat)
-        has_head = bool(_list_head_joints(robot))
-        self.head_touch = at("head_touch") + np.arange(1) if has_head else np.arange(0)
-        self.head_velocity = at("head_velocity") + np.arange(3) if has_head else np.arange(0)
-        self.is_delayed = model.sensor_history[:, 0] > 0
-
-
-class _Memory:
-    """The history buffers of a world: filled so that a robot's past is its present.
-
-    A buffer is two numbers of bookkeeping, its sample times, then its samples
-    (mjData.history).
-    """
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self.exists = model.nhistory > 0
-        data = mujoco.MjData(model)
-        self._blank = data.history.copy()
-        each, one = np.arange(model.nu), np.ones(model.nu, dtype=int)
-        self._ctrl = _find_samples(model.actuator_historyadr, model.actuator_history, each, one)
-        self._sensors = _find_samples(
-            model.sensor_historyadr, model.sensor_history, model.sensor_adr, model.sensor_dim
-        )
-
-    def fill(self, history: Array, ids: Ids, ctrl: Array, sensordata: Array) -> None:
-        """Write what holds now as what always held, for some robots."""
-        rows = np.tile(self._blank, (len(ids), 1))
-        for (there, here), now in ((self._ctrl, ctrl), (self._sensors, sensordata)):
-            rows[:, there] = now[ids[:, None], here]
-        history[ids] = rows
-
-
-def _find_samples(starts: Whole, history: Whole, addresses: Whole, sizes: Whole) -> tuple[Ids, Ids]:
-    """Find where histories keep their samples, and where the values are that they sample."""
-    there, here = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
-    for start, samples, address, size in zip(starts, history[:, 0], addresses, sizes, strict=True):
-        there.append(start + 2 + samples + np.arange(samples * size))
-        here.append(address + np.tile(np.arange(size), samples))
-    return np.concatenate(there), np.concatenate(here)

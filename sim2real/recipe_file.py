@@ -8,6 +8,8 @@ from typing import Any
 
 from robots.faults import shown
 
+RECIPE = "recipe.json"
+"""Name of the file in a training's folder."""
 FREE = ("recipe.iterations",)  # how long, not what: a training may go on for longer
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.standing import is_upright
 from robots import Robot
 from robots.rotation import Array
-from sim2real.herd import Truth
+from sim2real.truth import HerdTruth
 
 SOLES_LOW = 0.3  # share of the standing neck height
 MOST_ASKED = 4.0  # of an action's numbers from -1 to 1; beyond, nothing is counted any more
@@ -51,7 +51,7 @@ class Moment:
 
     @staticmethod
     def of(
-        robot: Robot, truth: Truth, joint_pos: Array, asked: Array, last_action: Array
+        robot: Robot, truth: HerdTruth, joint_pos: Array, asked: Array, last_action: Array
     ) -> Moment:
         """Normalise what the simulation knows."""
         size = robot.standing_neck_height

@@ -18,9 +18,10 @@ from robots import Posture, Robot
 from robots.rotation import Array
 from sim2real.conditions import Conditions
 from sim2real.evaluate import DURATION, Policy, Rises, rise_all
-from sim2real.herd import LONGEST_DELAY, Herd, build_world
+from sim2real.herd import Herd
 from sim2real.physics import PHYSICS, Change, free_play
 from sim2real.randomisation import NOISE
+from sim2real.world import LONGEST_DELAY, build_world
 
 PHYSICS_STEP = 0.002  # s, the twin's
 PUSH_EVERY = 1.0  # s

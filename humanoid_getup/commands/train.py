@@ -22,7 +22,8 @@ from humanoid_getup.commands.outputs import console_for, find_folder_faults
 from humanoid_getup.commands.training_speed import REMEMBERED, TrainingSpeed, format_time
 
 if TYPE_CHECKING:
-    from sim2real.train import Recipe, TrainReport
+    from sim2real.progress import TrainReport
+    from sim2real.recipes import Recipe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +85,7 @@ class Train(RobotOption):
         return DID_IT
 
     def _choose_recipe(self) -> Recipe:
-        from sim2real.train import RECIPES
+        from sim2real.recipes import RECIPES
 
         if self.recipe not in RECIPES:
             raise BadInputError(f"unknown recipe '{self.recipe}': allowed {', '.join(RECIPES)}")

@@ -11,11 +11,13 @@ from humanoid_getup.action import (
     HOMING_SHARE,
     ActionMode,
     ActionSpec,
+    Calm,
     between,
     build_action_spec,
     choose_actions,
     next_target,
 )
+from humanoid_getup.observation import VECTOR
 from robots import Robot, load_robot
 
 OP3 = load_robot("op3")
@@ -28,26 +30,33 @@ def spec_of(mode: ActionMode) -> ActionSpec:
     return replace(SPEC, mode=mode)
 
 
-def sample(seed: int, count: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sample targets, measured angles near them, and actions somewhat beyond -1 to 1."""
+Sample = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+UPRIGHT, SUPINE = np.array([0.0, 0.0, -1.0]), np.array([-1.0, 0.0, 0.0])
+
+
+def sample(seed: int, count: int = 8) -> Sample:
+    """Sample targets, measured angles near them, ways down, and actions beyond -1 to 1, too."""
     rng = np.random.default_rng(seed)
     target = rng.uniform(OP3.lower, OP3.upper, (count, OP3.n))
     measured = target + rng.normal(0.0, 0.5, target.shape)
-    return target, measured, rng.uniform(-1.5, 1.5, (count, SPEC.size))
+    down = rng.normal(size=(count, 3))
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    return target, measured, down, rng.uniform(-1.5, 1.5, (count, SPEC.size))
 
 
 @given(seed=SEEDS, mode=MODES)
 def test_mirrored_numbers_make_mirrored_targets(seed: int, mode: ActionMode):
-    target, measured, action = sample(seed)
+    target, measured, down, action = sample(seed)
     spec, mirror = spec_of(mode), OP3.mirror_joints
-    mirrored = next_target(spec, mirror(target), mirror(measured), action * spec.mirror_sign(OP3))
-    assert mirrored == pytest.approx(mirror(next_target(spec, target, measured, action)))
+    following = next_target(spec, target, measured, down, action)
+    other = (mirror(target), mirror(measured), down * VECTOR[1], action * spec.mirror_sign(OP3))
+    assert next_target(spec, *other) == pytest.approx(mirror(following))
 
 
 @given(seed=SEEDS, mode=MODES)
 def test_a_target_moves_no_further_than_its_reach_and_stays_in_range(seed: int, mode: ActionMode):
-    target, measured, action = sample(seed)
-    following = next_target(spec_of(mode), target, measured, action)
+    target, measured, down, action = sample(seed)
+    following = next_target(spec_of(mode), target, measured, down, action)
     assert np.all(np.abs(following - target) <= SPEC.reach + 1e-12)
     assert np.all((following >= OP3.lower - 1e-12) & (following <= OP3.upper + 1e-12))
 
@@ -56,8 +65,8 @@ def test_a_target_moves_no_further_than_its_reach_and_stays_in_range(seed: int, 
 def test_a_target_leads_no_further_than_allowed_or_comes_back_as_fast_as_it_can(
     seed: int, mode: ActionMode
 ):
-    target, measured, action = sample(seed)
-    following = next_target(spec_of(mode), target, measured, action)
+    target, measured, down, action = sample(seed)
+    following = next_target(spec_of(mode), target, measured, down, action)
     nearest = np.clip(measured, OP3.lower, OP3.upper)  # a target may not leave its range for it
     ahead = np.abs(following - nearest) > SPEC.lead + 1e-12
     came_back = np.abs(target - nearest) - np.abs(following - nearest)
@@ -70,14 +79,14 @@ def test_a_joint_outside_its_range_is_called_back():
     target[0] = OP3.upper[0] + 0.8
     measured = target.copy()
     for _ in range(20):
-        target = next_target(SPEC, target, measured, np.ones(SPEC.size))
+        target = next_target(SPEC, target, measured, UPRIGHT, np.ones(SPEC.size))
         measured = target
     assert np.all(target <= OP3.upper)
 
 
 def test_zero_at_rest_keeps_what_is_moved_and_brings_the_rest_home():
     target = OP3.standing.joint_pos + 0.5
-    following = next_target(SPEC, target, target, np.zeros(SPEC.size))
+    following = next_target(SPEC, target, target, UPRIGHT, np.zeros(SPEC.size))
     assert following[SPEC.moved] == pytest.approx(target[SPEC.moved])
     still = ~SPEC.moved
     step = np.minimum(HOMING_SHARE * SPEC.reach[still], 0.5)
@@ -102,11 +111,43 @@ def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float
         reach=np.array([1.0]),
         lead=0.6,
         home=np.array([0.25]),
+        calm=Calm(tilt=0.5, away=0.5, least=0.2),
         lower=np.array([-1.0]),
         upper=np.array([1.0]),
     )
-    following = next_target(spec, np.array([0.3]), np.array([0.2]), np.array([0.5]))
+    following = next_target(spec, np.array([0.3]), np.array([0.2]), SUPINE, np.array([0.5]))
     assert following == pytest.approx([wanted])
+
+
+@pytest.mark.parametrize(
+    ("tilt", "offset", "share"),
+    [
+        (0.0, 0.0, 0.2),  # it stands at home: no less than this
+        (0.25, 0.0, 0.5),  # half of the tilt
+        (0.0, -0.3, 0.6),  # 0.3 of 0.5 rad
+        (0.25, 0.1, 0.5),  # what asks for more counts
+        (1.6, 0.0, 1.0),
+        (0.0, 2.0, 1.0),
+    ],
+)
+def test_rates_slow_down_upright_and_near_home(tilt: float, offset: float, share: float):
+    calm = Calm(tilt=0.5, away=0.5, least=0.2)
+    for direction in (0.0, 2.0):  # falling forwards, or some other way
+        sideways = np.sin(tilt) * np.array([np.cos(direction), np.sin(direction)])
+        gravity = np.array([*sideways, -np.cos(tilt)])
+        assert calm.share(gravity, np.array([offset])) == pytest.approx([share])
+
+
+def test_a_standing_robot_is_calm_and_a_fallen_one_is_not(op3: Robot):
+    home, most = op3.standing.joint_pos, np.ones(SPEC.size)
+    slow = next_target(SPEC, home, home, UPRIGHT, most) - home
+    fast = next_target(replace(SPEC, lower=home - 9, upper=home + 9), home, home, SUPINE, most)
+    moved = SPEC.moved
+    assert np.abs(fast - home)[moved] == pytest.approx(SPEC.reach[moved])
+    within = moved & (home + SPEC.reach < op3.upper) & (home - SPEC.reach > op3.lower)
+    assert within.sum() > moved.sum() / 2
+    wanted = np.abs(most @ SPEC.directions).clip(max=1.0) * SPEC.calm.least * SPEC.scale
+    assert np.abs(slow[within]) == pytest.approx(wanted[within])
 
 
 def test_directions_of_a_pair_worked_out_by_hand(op3: Robot):

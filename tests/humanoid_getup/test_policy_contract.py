@@ -31,7 +31,7 @@ def test_a_contract_survives_the_trip_through_json_to_the_last_bit():
     for name in ("directions", "scale", "reach", "home", "lower", "upper"):
         np.testing.assert_array_equal(getattr(spec, name), getattr(ACTION, name))
     assert (spec.mode, spec.names) == (ActionMode.RATE, ACTION.names)
-    assert (spec.lead, spec.cycles) == (ACTION.lead, ACTION.cycles)
+    assert (spec.lead, spec.cycles, spec.calm) == (ACTION.lead, ACTION.cycles, ACTION.calm)
 
 
 def swapped(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -114,8 +114,8 @@ def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
         ("", "no JSON"),
         ("{", "no JSON"),
         ("[1]", "allowed a JSON object"),
-        ("{}", "format None, allowed 1"),
-        ('{"format": 2}', "format 2, allowed 1"),
+        ("{}", "format None, allowed 2"),
+        ('{"format": 1}', "format 1, allowed 2"),
     ],
 )
 def test_what_is_no_contract_is_refused(text: str, told: str):
@@ -125,7 +125,7 @@ def test_what_is_no_contract_is_refused(text: str, told: str):
 
 def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
     record = json.loads(CONTRACT.to_json())
-    del record["joints"], record["action"]["home"], record["max_torque"]
+    del record["joints"], record["action"]["home"], record["max_torque"], record["action"]["calm"]["least"]
     record["rate_hz"] = "often"
     record["action"]["scale"] = [0.1, None]
     record["action"]["directions"] = [[1.0], [1.0, 2.0]]
@@ -136,6 +136,7 @@ def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
     for told in (
         "joints is missing",
         "action.home is missing",
+        "action.calm.least is missing",
         "max_torque is missing",
         "rate_hz is 'often'",
         "action.scale is",

@@ -5,8 +5,9 @@ import pytest
 from humanoid_getup.action import ActionSpec, build_action_spec
 from humanoid_getup.scene import load_scene
 from robots import Robot, load_robot
-from sim2real.herd import LONGEST_DELAY, Herd, build_world
+from sim2real.herd import Herd
 from sim2real.starts import StartPool, drop_falls, mirror_starts
+from sim2real.world import LONGEST_DELAY, build_world
 
 PHYSICS_STEP = 0.004  # s
 

@@ -23,16 +23,12 @@ from humanoid_getup.observation import list_terms
 from humanoid_getup.onnx_network import OnnxNetwork
 from humanoid_getup.policy import OnnxPolicy
 from robots import Robot
-from sim2real.checkpoint import CheckpointError
+from sim2real.checkpoint import CHECKPOINT, CheckpointError
 from sim2real.export import MOST_BYTES, ExportError, Training, export_policy
-from sim2real.train import (
-    CHECKPOINT,
-    RECIPE,
-    RECIPES,
-    Recipe,
-    build_config,
-    write_recipe,
-)
+from sim2real.recipe_file import RECIPE
+from sim2real.recipes import RECIPES, Recipe
+from sim2real.runner import build_config
+from sim2real.train import write_recipe
 
 SEED = 7
 MINE = replace(RECIPES["robust"], hidden=(32, 16))

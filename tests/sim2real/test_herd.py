@@ -12,9 +12,10 @@ from humanoid_getup.stage import place
 from robots import Robot
 from robots.robot import GAIN_KP, GAIN_VMAX
 from sim2real.conditions import Conditions, Noise
-from sim2real.herd import FIRM, Herd, build_world
+from sim2real.herd import FIRM, Herd
 from sim2real.physics import free_play
 from sim2real.randomisation import Randomisation
+from sim2real.world import build_world
 
 CYCLES = 6
 

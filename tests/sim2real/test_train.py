@@ -22,12 +22,15 @@ from tensordict import TensorDict
 from humanoid_getup.action import choose_actions
 from humanoid_getup.observation import list_terms
 from robots import Robot
-from sim2real.checkpoint import read_checkpoint
+from sim2real.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.env import EnvOptions, GetUpEnv
-from sim2real.recipe_file import OtherTrainingError
+from sim2real.export import Training
+from sim2real.recipe_file import RECIPE, OtherTrainingError
+from sim2real.recipes import STEPS, Recipe
 from sim2real.rsl_env import RslEnv, mirror_batch
+from sim2real.runner import Runner, build_config
 from sim2real.starts import StartPool
-from sim2real.train import CHECKPOINT, PROGRESS, RECIPE, STEPS, Recipe, Runner, build_config, train
+from sim2real.train import PROGRESS, train
 
 TINY = Recipe(
     rewards="quick",
@@ -37,6 +40,8 @@ TINY = Recipe(
     robots=8,
     hidden=(16, 16),
     falls=8,
+    last_std=0.5,
+    settling=(1, 3),
     lift=0.8,
 )
 
@@ -175,8 +180,14 @@ def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkey
 def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, tmp_path):
     train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
     told = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
-    content = (parent / CHECKPOINT).read_bytes()
-    assert told == {"recipe": "quick", "seed": 1, "sha256": hashlib.sha256(content).hexdigest()}
+    digest = hashlib.sha256((parent / CHECKPOINT).read_bytes()).hexdigest()
+    assert told == {"recipe": "quick", "seed": 1, "iterations": 2, "sha256": digest}
+    assert Training.load(tmp_path).provenance.items() >= {
+        ("parent.recipe", "quick"),
+        ("parent.seed", 1),
+        ("parent.iterations", 2),
+        ("parent.sha256", digest),
+    }
     assert [row["iteration"] for row in read_rows(tmp_path)] == ["0"]
     with pytest.raises(OtherTrainingError, match="parent"):
         train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
@@ -190,6 +201,13 @@ def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
     with pytest.raises(OtherTrainingError, match="is a training of robot 'nao', allowed 'op3'"):
         train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=other)
     assert list((tmp_path / "mine").iterdir()) == []
+
+
+def test_a_parent_whose_recipe_is_none_is_refused(op3, tmp_path):
+    for text in ("{}", "[]", '{"robot": "op3", "recipe": 3}', "what?"):
+        (tmp_path / RECIPE).write_text(text, "utf-8")
+        with pytest.raises(OtherTrainingError, match="is no recipe of a training"):
+            train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=tmp_path)
 
 
 def test_a_checkpoint_is_never_half_written(unbroken):

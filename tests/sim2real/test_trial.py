@@ -9,9 +9,10 @@ from humanoid_getup.lying import Fall
 from humanoid_getup.scene import load_scene
 from robots import Robot
 from sim2real.evaluate import Rises
-from sim2real.herd import Herd, build_world
+from sim2real.herd import Herd
 from sim2real.physics import PHYSICS, free_play
 from sim2real.trial import Trial, make_conditions, run_trial, summarise_trial
+from sim2real.world import build_world
 
 SHORT = 3.5  # s: a held stand and a little
 

@@ -12,7 +12,8 @@ from tensordict import TensorDict
 from humanoid_getup.action import ActionSpec, build_action_spec
 from humanoid_getup.observation import list_terms
 from robots import Robot
-from sim2real.train import RECIPES, build_config
+from sim2real.recipes import RECIPES
+from sim2real.runner import build_config
 from sim2real.widening import FIRST_STD, WideningError, widen
 
 

@@ -1,0 +1,80 @@
+"""Recipes: how the policies that come with a robot are trained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+STEPS = 20  # policy steps of every robot between two updates
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How a policy is trained."""
+
+    rewards: str
+    randomisation: str
+    """By name."""
+    apart: bool
+    """Whether mirrored joints may also move contrary to each other."""
+    iterations: int
+    robots: int = 512
+    hidden: tuple[int, ...] = (256, 128)
+    falls: int = 1024
+    """Settled falls in the pool; their mirror images double it."""
+    discount: float = 0.97
+    """At 20.8 Hz a horizon of 1.6 s, most of a way up."""
+    desired_kl: float = 0.015
+    """The step size shrinks above twice this divergence, and grows below half of it."""
+    entropy: float = 0.002
+    """A fifth of rsl-rl's own: the least deviation keeps a policy exploring."""
+    first_std: float = 1.0
+    most_std: float = 1.5
+    """Most that an action is tried beside what the policy would do, of numbers from -1 to 1.
+
+    Above 0.4 noise alone asks for full speed, this way and that.
+    """
+    last_std: float = 1.5
+    """What that falls to: the last per cents are learnt from what the policy itself does."""
+    settling: tuple[int, int] = (300, 400)
+    """Iterations over which it falls, evenly."""
+    physics_step: float = 0.006
+    """[s]; a coarse one makes a training of nights one of minutes."""
+    lift: float = 0.8
+    """Largest share of its weight that a robot hangs by at first.
+
+    Who hangs by most of it finds standing by chance, which a training from nothing needs;
+    for one that begins with a policy that rises, 0.3 bridges the change of conditions.
+    """
+
+    def std_ceiling(self, iteration: int) -> float:
+        """Return the most that an action is tried beside the policy's in an iteration."""
+        begin, end = self.settling
+        share = min(max((iteration - begin) / (end - begin), 0.0), 1.0)
+        return self.most_std + share * (self.last_std - self.most_std)
+
+
+RECIPES = {
+    "quick": Recipe(rewards="quick", randomisation="torque", apart=False, iterations=500),
+    "robust": Recipe(
+        rewards="robust",
+        randomisation="all",
+        apart=True,
+        iterations=1000,
+        falls=4096,
+        entropy=0.0,
+        most_std=0.3,
+        last_std=0.15,
+        lift=0.3,
+    ),
+    "gentle": Recipe(
+        rewards="gentle",
+        randomisation="all",
+        apart=True,
+        iterations=500,
+        falls=4096,
+        entropy=0.0,
+        most_std=0.3,
+        last_std=0.15,
+        lift=0.3,
+    ),
+}

@@ -67,7 +67,7 @@ class Training:
         try:
             record = json.loads(file.read_text("utf-8"))
             fields: dict[str, Any] = dict(record["recipe"])
-            fields |= {name: tuple(fields[name]) for name in ("hidden", "settling")}
+            fields["hidden"] = tuple(fields["hidden"])
             return Training(
                 folder=folder,
                 robot=str(record["robot"]),

@@ -242,6 +242,7 @@ class Herd:
             sole_distance=np.linalg.norm(soles[..., :2].mean(axis=1) - neck[:, :2], axis=-1),
             upright=-rotation.gravity_in_body(root)[:, 2],
             foreign=find_foreign(touch, read.whole, read.feet),
+            head_fall=np.maximum(-touch[:, read.head_velocity][:, 2:].sum(axis=1), 0.0),
             root_vel=data["qvel"][:, layout.root_dof : layout.root_dof + 6],
             joint_vel=data["qvel"][:, layout.dof],
             torque=self._read_torque(),

@@ -31,12 +31,9 @@ class Recipe:
     most_std: float = 1.5
     """Most that an action is tried beside what the policy would do, of numbers from -1 to 1.
 
-    Above 0.4 noise alone asks for full speed, this way and that.
+    Above 0.4 noise alone asks for full speed, this way and that; below, what is learnt in an
+    update shrinks with it, since its divergence is held.
     """
-    last_std: float = 1.5
-    """What that falls to: the last per cents are learnt from what the policy itself does."""
-    settling: tuple[int, int] = (300, 400)
-    """Iterations over which it falls, evenly."""
     physics_step: float = 0.006
     """[s]; a coarse one makes a training of nights one of minutes."""
     lift: float = 0.8
@@ -46,12 +43,6 @@ class Recipe:
     for one that begins with a policy that rises, 0.3 bridges the change of conditions.
     """
 
-    def std_ceiling(self, iteration: int) -> float:
-        """Return the most that an action is tried beside the policy's in an iteration."""
-        begin, end = self.settling
-        share = min(max((iteration - begin) / (end - begin), 0.0), 1.0)
-        return self.most_std + share * (self.last_std - self.most_std)
-
 
 RECIPES = {
     "quick": Recipe(rewards="quick", randomisation="torque", apart=False, iterations=500),
@@ -60,10 +51,9 @@ RECIPES = {
         randomisation="all",
         apart=True,
         iterations=1000,
-        falls=4096,
+        falls=2048,
         entropy=0.0,
-        most_std=0.3,
-        last_std=0.15,
+        most_std=0.45,
         lift=0.3,
     ),
     "gentle": Recipe(
@@ -71,10 +61,9 @@ RECIPES = {
         randomisation="all",
         apart=True,
         iterations=500,
-        falls=4096,
+        falls=2048,
         entropy=0.0,
-        most_std=0.3,
-        last_std=0.15,
+        most_std=0.45,
         lift=0.3,
     ),
 }

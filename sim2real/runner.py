@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -24,31 +23,11 @@ class Runner(OnPolicyRunner):
     env: RslEnv
 
     def __init__(
-        self, env: RslEnv, recipe: Recipe, seed: int, folder: Path, device: str, rank: Rank
+        self, env: RslEnv, config: dict[str, Any], folder: Path, device: str, rank: Rank
     ) -> None:
-        config = build_config(recipe, seed)
         super().__init__(env, config, str(folder), device)
-        self._file, self._rank, self._recipe = folder / CHECKPOINT, rank, recipe
-        self._update, self.alg.update = self.alg.update, self._update_and_settle
+        self._file, self._rank = folder / CHECKPOINT, rank
         self.logger.git_status_repos = []  # the tree around a training is nobody's business
-
-    def learn(self, num_learning_iterations: int, init_at_random_ep_len: bool = False) -> None:
-        """Learn for some iterations more."""
-        self._limit_std(self.current_learning_iteration)
-        super().learn(num_learning_iterations, init_at_random_ep_len)
-
-    def _update_and_settle(self) -> dict[str, float]:
-        losses = self._update()
-        self._limit_std(self._iteration + 1)
-        return losses
-
-    def _limit_std(self, iteration: int) -> None:
-        """Let an iteration try actions no further than its recipe says."""
-        self._iteration = iteration  # rsl-rl's own lags behind, unless it is resumed
-        ceiling = self._recipe.std_ceiling(iteration)
-        distribution: Any = self.alg.actor.distribution
-        distribution.std_range[1] = ceiling
-        distribution.log_std_range[1] = math.log(ceiling)
 
     def save(self, path: str, infos: dict | None = None) -> None:
         """Write the one checkpoint, in place of the last."""

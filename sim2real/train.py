@@ -26,7 +26,7 @@ from sim2real.recipe_file import RECIPE, OtherTrainingError, settle_recipe
 from sim2real.recipes import Recipe
 from sim2real.rewards import REWARDS
 from sim2real.rsl_env import RslEnv
-from sim2real.runner import Runner
+from sim2real.runner import Runner, build_config
 from sim2real.starts import StartPool, make_pool, pool_rng
 
 POOL = "falls.npz"
@@ -93,7 +93,7 @@ def train(
     log_file = folder / "rsl_rl.log" if rank.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log):
         env.begin(seed, np.random.default_rng(seed))
-        runner = Runner(env, recipe, seed, folder, device, rank)
+        runner = Runner(env, build_config(recipe, seed), folder, device, rank)
         if (folder / CHECKPOINT).exists():
             runner.resume()
         elif parent is not None:

@@ -24,6 +24,8 @@ class HerdTruth:
     """Cosine of the torso's tilt, (N,)."""
     foreign: NDArray[np.bool_]
     """Whether anything but the feet touches the world, (N,)."""
+    head_fall: Array
+    """Downward speed of the head [m/s]; 0 for who has none, (N,)."""
     root_vel: Array
     """Linear (world) and angular (torso) velocity of the torso [m/s, rad/s], (N, 6)."""
     joint_vel: Array

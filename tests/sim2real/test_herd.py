@@ -279,6 +279,14 @@ def test_a_standing_robot_is_seen_to_stand_and_a_fallen_one_to_lie(op3, world, f
     assert truth.sole_height[0] == pytest.approx([0.0, 0.0], abs=0.005)
 
 
+def test_a_falling_head_is_seen_to_fall_and_a_rising_one_not_to(op3, world, falls):
+    herd = make_herd(world, op3, 3)
+    qvel = np.zeros((3, world.nv))
+    qvel[:, op3.layout(world).root_dof + 2] = (-0.5, 0.0, 0.5)
+    herd.place(np.arange(3), np.tile(falls[0], (3, 1)), qvel)
+    assert herd.look().head_fall == pytest.approx([0.5, 0.0, 0.0], abs=1e-9)
+
+
 def test_a_restored_herd_goes_on_to_the_bit(op3, delayed_world, falls):
     everyone, rng = np.arange(8), np.random.default_rng(0)
     conditions = Randomisation().sample(op3, delayed_world, 8, rng)

@@ -8,6 +8,7 @@ import pytest
 from sim2real.herd import Herd
 from sim2real.rewards import (
     MOST_ASKED,
+    NECK_LOW,
     REWARDS,
     SOLES_LOW,
     UNDER_TORSO,
@@ -16,6 +17,7 @@ from sim2real.rewards import (
     action_change,
     dropping,
     haste,
+    head_strike,
     joint_speed,
     over_feet,
     restless,
@@ -36,6 +38,7 @@ STANDING = Moment(
     joint_speed=np.zeros((1, 2)),
     torque=np.zeros((1, 2)),
     fall_speed=np.zeros(1),
+    head_fall=np.zeros(1),
     asked=np.zeros((1, 2)),
     action=np.zeros((1, 2)),
     last_action=np.zeros((1, 2)),
@@ -86,6 +89,9 @@ def change(**fields: object) -> Moment:
         (restless, replace(SITTING, joint_speed=np.array([[0.5, -0.1]])), 0.0),
         (torque, change(torque=[[1.0, 0.0]]), 0.5),
         (dropping, change(fall_speed=2.0), 4.0),
+        (head_strike, change(head_fall=2.0, height=0.0), 4.0),
+        (head_strike, change(head_fall=2.0, height=NECK_LOW), 4.0 / np.e),
+        (head_strike, STANDING, 0.0),
     ],
 )
 def test_a_term_worked_out_by_hand(term, moment, value):
@@ -117,6 +123,7 @@ def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
         truth, neck_height=np.array([0.9 * size]), upright=np.array([1.0]), root_vel=velocity
     )
     truth = replace(truth, foreign=np.array([False]), sole_height=np.full((1, 2), 0.1 * size))
+    truth = replace(truth, head_fall=np.array([0.6]))
     truth = replace(truth, joint_vel=np.tile(op3.max_velocity, (1, 1)))
     moment = Moment.of(op3, truth, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1)))
     assert moment.height == pytest.approx([0.9])
@@ -124,5 +131,6 @@ def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
     assert moment.sole_height == pytest.approx([0.1])
     assert moment.standing.tolist() == [True]
     assert moment.fall_speed == pytest.approx([0.3 / size])
+    assert moment.head_fall == pytest.approx([0.6 / size])
     assert moment.joint_speed == pytest.approx(np.ones((1, op3.n)))
     assert moment.away == pytest.approx(np.zeros((1, op3.n)))

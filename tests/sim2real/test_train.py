@@ -40,8 +40,6 @@ TINY = Recipe(
     robots=8,
     hidden=(16, 16),
     falls=8,
-    last_std=0.5,
-    settling=(1, 3),
     lift=0.8,
 )
 

@@ -125,7 +125,8 @@ def test_what_is_no_contract_is_refused(text: str, told: str):
 
 def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
     record = json.loads(CONTRACT.to_json())
-    del record["joints"], record["action"]["home"], record["max_torque"], record["action"]["calm"]["least"]
+    del record["joints"], record["max_torque"]
+    del record["action"]["home"], record["action"]["calm"]["least"]
     record["rate_hz"] = "often"
     record["action"]["scale"] = [0.1, None]
     record["action"]["directions"] = [[1.0], [1.0, 2.0]]

@@ -14,7 +14,7 @@ pytest.importorskip("gymnasium")
 pytest.importorskip("tensorboard")
 
 from humanoid_getup.cli import main
-from sim2real import train as training
+from sim2real.recipes import RECIPES
 
 TINY = ("train", "--out", "mine", "--iterations", "2", "--robots", "4", "--threads", "1")
 Run = Callable[..., tuple[int, str, str]]
@@ -24,8 +24,8 @@ Run = Callable[..., tuple[int, str, str]]
 def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run `getup` in an empty folder, with a `quick` recipe that is over in a moment."""
     monkeypatch.chdir(tmp_path)
-    tiny = replace(training.RECIPES["quick"], hidden=(8, 8), falls=4)
-    monkeypatch.setitem(training.RECIPES, "quick", tiny)
+    tiny = replace(RECIPES["quick"], hidden=(8, 8), falls=4)
+    monkeypatch.setitem(RECIPES, "quick", tiny)
 
     def run(*arguments: str) -> tuple[int, str, str]:
         code = main(arguments)

@@ -6,7 +6,7 @@ import numpy as np
 
 from humanoid_getup.attempt import Plans
 from humanoid_getup.lying import classify
-from humanoid_getup.records import Records, Way
+from humanoid_getup.records import BY_TORQUE, Records, Way
 from humanoid_getup.rise_plan import RisePlan
 from robots import Posture
 
@@ -18,15 +18,23 @@ class ByRecord:
     lies on no side has no record.
     """
 
-    def __init__(self, ways: dict[Way, Plans], records: Records, torque_limit: float) -> None:
+    def __init__(
+        self,
+        ways: dict[Way, Plans],
+        records: Records,
+        torque_limit: float,
+        cap: str = BY_TORQUE,
+    ) -> None:
         """Prepare to choose.
 
         Args:
             ways: Makes plans of each way.
             records: What each way has shown.
             torque_limit: Cap on every servo [N·m].
+            cap: How it is made: `BY_TORQUE` or `BY_PWM`.
         """
-        self._ways, self._records, self._torque_limit = ways, records, torque_limit
+        self._ways, self._records = ways, records
+        self._torque_limit, self._cap = torque_limit, cap
 
     def choose(self, start_class: str | None) -> Way:
         """Choose the way for a class of starts; ``None`` for no side."""
@@ -34,7 +42,7 @@ class ByRecord:
         def promise(way: Way) -> float:
             if start_class is None:
                 return 0.0
-            return self._records.promise(way, start_class, self._torque_limit)
+            return self._records.promise(way, start_class, self._torque_limit, self._cap)
 
         return max(self._ways, key=promise)
 

@@ -1,7 +1,8 @@
 """Records: how often each way of getting up has ended in a held stand.
 
 A robot's records lie in ``policies/records.toml`` of its folder, one table a way and torque
-limit. Every class may be left out where nothing was measured::
+limit. Every class may be left out where nothing was measured, and ``cap`` where both kinds of
+caps are alike: at all that the servos have::
 
     [[record]]
     method = "plan"        # or "policy"
@@ -13,6 +14,7 @@ limit. Every class may be left out where nothing was measured::
     method = "policy"
     policy = "robust"      # which; with method "policy" only
     torque_limit = 2.5
+    cap = "pwm"            # as servos in position mode have it, or "torque"
     supine = { stood = 240, n = 250 }
 """
 
@@ -31,6 +33,7 @@ from robots.faults import shown
 from robots.fields import Fields
 
 PLAN, POLICY = "plan", "policy"
+BY_TORQUE, BY_PWM = "torque", "pwm"
 RECORDS = Path("policies", "records.toml")
 LIMIT_SLACK = 1e-9  # N·m
 MOST_TORQUE, MOST_RISES = 1000.0, 10**9
@@ -67,6 +70,8 @@ class Record:
     """Cap on every servo [N·m]."""
     counts: Mapping[str, Count]
     """By the class of the start."""
+    cap: str | None = None
+    """`BY_TORQUE` or `BY_PWM`; None where both are alike."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,9 @@ class Records:
         """Tell whether a way was measured at all."""
         return any(record.way == way for record in self.records)
 
-    def promise(self, way: Way, start_class: str, torque_limit: float) -> float:
+    def promise(
+        self, way: Way, start_class: str, torque_limit: float, cap: str = BY_TORQUE
+    ) -> float:
         """Return the share of stands that a way can be trusted to reach, from 0 to 1.
 
         It is the lower end of the 95 % interval, so that few rises promise little. A robot
@@ -93,6 +100,7 @@ class Records:
             if record.way == way
             and start_class in record.counts
             and record.torque_limit <= torque_limit + LIMIT_SLACK
+            and record.cap in (None, cap)
         ]
         if not fitting:
             return 0.0
@@ -131,7 +139,8 @@ def _read(table: dict[str, Any], owner: str, faults: list[str]) -> Record:
     for name in CLASSES:
         if name in table:
             counts[name] = _count(table[name], f"{owner}{name}", faults)
-    return Record(way, torque_limit, counts)
+    cap = fields.choice("cap", (BY_TORQUE, BY_PWM)) if "cap" in table else None
+    return Record(way, torque_limit, counts, cap)
 
 
 def _count(value: Any, owner: str, faults: list[str]) -> Count:

@@ -19,7 +19,7 @@ from humanoid_getup.commands.results import hand_over
 from humanoid_getup.commands.trials import WHERE_IT_LAY, try_to_rise
 from humanoid_getup.database import MotionDatabase, load_database
 from humanoid_getup.policy_plan import ThePolicy
-from humanoid_getup.records import PLAN, POLICY, Records, Way, load_records
+from humanoid_getup.records import BY_PWM, BY_TORQUE, PLAN, POLICY, Records, Way, load_records
 from humanoid_getup.rise_plan import RiseOptions
 from humanoid_getup.rising import RisePlanner
 from humanoid_getup.stage import Stage
@@ -108,7 +108,8 @@ class RiseCommand(TrialOptions):
         if means.policy is not None:
             ways[Way(POLICY, self.policy)] = means.policy
         limit = float(stage.robot.max_torque.max())
-        return ByRecord(ways, means.records, min(self.torque_limit or limit, limit))
+        cap = BY_PWM if body.has_servos else BY_TORQUE
+        return ByRecord(ways, means.records, min(self.torque_limit or limit, limit), cap)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from humanoid_getup.bench.statistics import wilson_interval
-from humanoid_getup.records import PLAN, POLICY, Count, RecordsError, Way, load_records
+from humanoid_getup.records import BY_PWM, PLAN, POLICY, Count, RecordsError, Way, load_records
 from robots import Robot, load_robot
 
 ROBUST = Way(POLICY, "robust")
@@ -27,7 +27,15 @@ left = { stood = 4, n = 4 }
 method = "policy"
 policy = "robust"
 torque_limit = 2.0
+cap = "torque"
 supine = { stood = 170, n = 250 }
+
+[[record]]
+method = "policy"
+policy = "robust"
+torque_limit = 2.0
+cap = "pwm"
+supine = { stood = 120, n = 250 }
 """
 
 
@@ -39,7 +47,7 @@ def robot_with(text: str, folder: Path) -> Robot:
 
 def test_records_are_read_from_the_robots_folder(tmp_path: Path):
     records = load_records(robot_with(TEXT, tmp_path))
-    assert [record.way for record in records.records] == [Way(PLAN), ROBUST, ROBUST]
+    assert [record.way for record in records.records] == [Way(PLAN), ROBUST, ROBUST, ROBUST]
     assert records.records[1].counts == {"supine": Count(248, 250), "left": Count(4, 4)}
     assert records.knows(ROBUST)
     assert not records.knows(Way(POLICY, "gentle"))
@@ -60,6 +68,13 @@ def test_what_counts_is_the_strongest_servo_not_stronger_than_mine(
 ):
     records = load_records(robot_with(TEXT, tmp_path))
     assert records.promise(ROBUST, "supine", torque_limit) == wilson_interval(stood, n)[0]
+
+
+@pytest.mark.parametrize(("torque_limit", "stood"), [(2.0, 120), (3.0, 120), (4.1, 248)])
+def test_a_cap_by_pwm_has_records_of_its_own(tmp_path: Path, torque_limit: float, stood: int):
+    records = load_records(robot_with(TEXT, tmp_path))
+    promised = records.promise(ROBUST, "supine", torque_limit, BY_PWM)
+    assert promised == wilson_interval(stood, 250)[0]
 
 
 def test_nothing_is_promised_of_what_was_not_measured(tmp_path: Path):
@@ -85,6 +100,7 @@ torque_limit = 0
 [[record]]
 method = "policy"
 torque_limit = 2.0
+cap = "hat"
 supine = { stood = 9, n = 8 }
 prone = 3
 """
@@ -94,6 +110,7 @@ prone = 3
         "records.toml: record 1: method is 'luck', allowed plan, policy",
         "record 1: torque_limit is 0",
         "record 2: policy is missing",
+        "record 2: cap is 'hat', allowed torque, pwm",
         "record 2: supine.stood is 9, allowed an integer from 0 to 8",
         "record 2: prone is 3, allowed { stood = ..., n = ... }",
     ):

@@ -45,7 +45,7 @@ class Recipe:
 
 
 RECIPES = {
-    "quick": Recipe(rewards="quick", randomisation="torque", apart=False, iterations=480),
+    "quick": Recipe(rewards="quick", randomisation="torque", apart=False, iterations=500),
     "robust": Recipe(
         rewards="robust",
         randomisation="all",

@@ -98,9 +98,14 @@ def stands(m: Moment) -> Array:
 
 
 def stance(m: Moment) -> Array:
-    """Reward each joint for nearing its standing angle while standing: walking begins there.
+    """Reward each joint for its standing angle while standing: walking begins from there."""
+    return m.standing * np.exp(-2.0 * m.away**2).mean(axis=1)
 
-    Even in the distance: what fades far from home leaves the arms up where they were thrown.
+
+def at_ease(m: Moment) -> Array:
+    """Reward each joint for nearing its standing angle while standing, from however far.
+
+    What fades far from home leaves the arms up where they were thrown.
     """
     return m.standing * np.clip(1.0 - np.abs(m.away) / HALF_TURN, 0.0, 1.0).mean(axis=1)
 
@@ -162,7 +167,7 @@ QUICK = (
 )
 ROBUST = (
     *RISE,
-    Reward(stance, 1.00),  # with less, moving the arms home costs more than it gains
+    Reward(at_ease, 1.00),  # with less, moving the arms home costs more than it gains
     Reward(haste, -0.05),
     Reward(action_change, -0.05),
     Reward(joint_speed, -0.02),
@@ -173,7 +178,7 @@ ROBUST = (
 )
 GENTLE = (
     *RISE,
-    Reward(stance, 1.00),  # with less, moving the arms home costs more than it gains
+    Reward(at_ease, 1.00),  # with less, moving the arms home costs more than it gains
     Reward(haste, -0.05),
     Reward(action_change, -0.05),
     Reward(joint_speed, -0.30),

@@ -15,6 +15,7 @@ from sim2real.rewards import (
     Moment,
     Reward,
     action_change,
+    at_ease,
     dropping,
     haste,
     head_strike,
@@ -79,8 +80,11 @@ def change(**fields: object) -> Moment:
         (stands, STANDING, 1.0),
         (stands, SITTING, 0.0),
         (stance, STANDING, 1.0),
-        (stance, change(away=[[0.0, -np.pi / 4.0]]), 0.5 * (1.0 + 0.75)),  # each joint counts
-        (stance, change(away=[[4.0, 4.0]]), 0.0),
+        (stance, change(away=[[0.0, 0.5**0.5]]), 0.5 * (1.0 + 1.0 / np.e)),  # each joint counts
+        (at_ease, STANDING, 1.0),
+        (at_ease, SITTING, 0.0),
+        (at_ease, change(away=[[0.0, -np.pi / 4.0]]), 0.5 * (1.0 + 0.75)),
+        (at_ease, change(away=[[4.0, 4.0]]), 0.0),
         (haste, change(asked=[[1.0, 0.0]]), 0.5),
         (haste, change(asked=[[MOST_ASKED + 5.0, -MOST_ASKED]]), MOST_ASKED**2),
         (stance, SITTING, 0.0),

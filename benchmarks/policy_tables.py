@@ -89,7 +89,7 @@ class Options:
     robot: str = "op3"
     n: int = 1000
     """Falls of each trial of the group torque."""
-    fewer: int = 400
+    fewer: int = 200
     """Falls of each trial of the other groups."""
     seed: int = 1
     after: int = 200

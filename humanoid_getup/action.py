@@ -21,7 +21,7 @@ EAGERNESS = 2.0  # half an action already asks for all the speed: exploring is b
 # rad of tilt, and rad of a joint from home, from which on a rate counts in full
 CALM_TILT, CALM_AWAY = 0.5, 0.5
 CALMEST = 0.15  # of a rate, for a robot that stands: enough to balance, too slow to shake
-HOMING_SHARE = 0.4  # of the servo's speed, for joints that no action moves
+HOMING_SHARE = 0.4  # of the servo's speed, for joints that come home by themselves
 
 
 class ActionMode(StrEnum):
@@ -79,7 +79,9 @@ class ActionSpec:
     lead: float
     """Furthest that a target is from the measured angle [rad]; it bounds torque and wind-up."""
     home: Array
-    """Where the joints go that no number moves [rad], shape (n,)."""
+    """How the joints stand [rad], shape (n,)."""
+    homing: Array
+    """What a joint comes home by itself in a policy step [rad], shape (n,)."""
     calm: Calm
     """How rates slow down as the robot comes to stand; other modes know no such thing."""
     lower: Array
@@ -115,17 +117,23 @@ class ActionSpec:
 
 
 def build_action_spec(
-    robot: Robot, together: tuple[str, ...], apart: tuple[str, ...] = (), apart_share: float = 0.5
+    robot: Robot,
+    together: tuple[str, ...],
+    apart: tuple[str, ...] = (),
+    homing: tuple[str, ...] = (),
+    apart_share: float = 0.5,
 ) -> ActionSpec:
     """Build rate actions in which mirrored joints move together, and apart.
 
     A 20 Hz rate is integrated into real motion where noise on targets would be averaged
-    away by a slow servo, and moving both sides alike halves the search.
+    away by a slow servo, and moving both sides alike halves the search. Joints that no
+    number moves come home by themselves.
 
     Args:
         robot: Robot whose joints move.
         together: One joint of each mirrored pair that has a number for both sides alike.
         apart: One joint of each pair that has a number for both sides contrary.
+        homing: One joint of each pair that comes home by itself though a number moves it.
         apart_share: Share of the scale that a contrary number moves.
     """
     names = [f"{name} together" for name in together] + [f"{name} apart" for name in apart]
@@ -139,6 +147,10 @@ def build_action_spec(
         row[joint] = share
         row[other] = share * sign * robot.mirror_sign[other]
     reach = robot.max_velocity * robot.control_period * CYCLES * SPEED_SHARE
+    held = np.any(directions != 0.0, axis=0)
+    for name in homing:
+        joint = robot.joint_names.index(name)
+        held[[joint, robot.mirror_index[joint]]] = False
     return ActionSpec(
         mode=ActionMode.RATE,
         names=tuple(names),
@@ -147,20 +159,25 @@ def build_action_spec(
         reach=reach,
         lead=LEAD,
         home=robot.standing.joint_pos,
+        homing=np.where(held, 0.0, HOMING_SHARE * reach),
         calm=Calm(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
         lower=robot.lower,
         upper=robot.upper,
     )
 
 
-def choose_actions(robot: Robot, apart: bool) -> ActionSpec:
+def choose_actions(robot: Robot, wide: bool) -> ActionSpec:
     """Choose what a policy that gets this robot up moves.
 
     Args:
         robot: Robot.
-        apart: Whether mirrored joints may also move contrary to each other.
+        wide: Whether mirrored joints may also move contrary to each other, and limbs spread.
     """
-    return build_action_spec(robot, robot.rising_joints, robot.rising_joints if apart else ())
+    rising, spreading = robot.rising_joints, robot.spreading_joints
+    if not wide:
+        return build_action_spec(robot, rising)
+    both = (*rising, *spreading)
+    return build_action_spec(robot, both, both, homing=spreading)
 
 
 def next_target(
@@ -178,13 +195,12 @@ def next_target(
     share = np.clip(np.clip(action, -1.0, 1.0) @ spec.directions, -1.0, 1.0)
     if spec.mode is ActionMode.RATE:
         share = share * spec.calm.share(gravity, measured - spec.home)
+    towards_home = target + np.clip(spec.home - target, -spec.homing, spec.homing)
     origin = {
         ActionMode.ABSOLUTE: spec.home,
         ActionMode.OFFSET: measured,
-        ActionMode.RATE: target,
+        ActionMode.RATE: towards_home,
     }[spec.mode]
-    homing = HOMING_SHARE * spec.reach
-    towards_home = target + np.clip(spec.home - target, -homing, homing)
     wanted = np.where(spec.moved, origin + share * spec.scale, towards_home)
     wanted = np.clip(wanted, measured - spec.lead, measured + spec.lead)
     wanted = np.clip(wanted, spec.lower, spec.upper)

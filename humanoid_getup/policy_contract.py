@@ -16,7 +16,7 @@ from robots.faults import is_number, shown
 from robots.fields import Fields
 from robots.rotation import Array
 
-FORMAT = 2
+FORMAT = 3
 METADATA_KEY = "policy_contract"  # under which the contract lies in an ONNX file's metadata
 IMU_FRAME = "gravity and gyro in the torso's frame: x forward, y left, z up"
 SERVO_SLACK = 0.01  # share of a servo's position gain and torque
@@ -49,7 +49,7 @@ class PolicyContract:
     names: tuple[str, ...]
     """What each number of an action moves."""
     directions: Array
-    """Shape (k, n); this and the next six as in `ActionSpec`."""
+    """Shape (k, n); this and the next seven as in `ActionSpec`."""
     scale: Array
     """[rad], shape (n,)"""
     reach: Array
@@ -58,6 +58,8 @@ class PolicyContract:
     """[rad]"""
     home: Array
     """[rad], shape (n,); joint angles in the observation are counted from here."""
+    homing: Array
+    """[rad], shape (n,)"""
     calm: Calm
     cycles: int
     control_period: float
@@ -95,6 +97,7 @@ class PolicyContract:
             reach=action.reach,
             lead=action.lead,
             home=action.home,
+            homing=action.homing,
             calm=action.calm,
             cycles=action.cycles,
             control_period=period,
@@ -120,6 +123,7 @@ class PolicyContract:
             reach=self.reach,
             lead=self.lead,
             home=self.home,
+            homing=self.homing,
             calm=self.calm,
             lower=robot.lower,
             upper=robot.upper,
@@ -173,7 +177,8 @@ class PolicyContract:
         if layout != wanted:
             faults.append(f"observation: {_list_sizes(layout)}, here {_list_sizes(wanted)}")
         shapes = {"directions": (k, n)}
-        shapes |= dict.fromkeys(("scale", "reach", "home", "position_gain", "max_torque"), (n,))
+        vectors = ("scale", "reach", "home", "homing", "position_gain", "max_torque")
+        shapes |= dict.fromkeys(vectors, (n,))
         for name, shape in shapes.items():
             found = getattr(self, name).shape
             if found != shape:
@@ -220,6 +225,7 @@ class PolicyContract:
                 "reach": self.reach.tolist(),
                 "lead": self.lead,
                 "home": self.home.tolist(),
+                "homing": self.homing.tolist(),
                 "calm": asdict(self.calm),
                 "cycles": self.cycles,
             },
@@ -262,6 +268,7 @@ class PolicyContract:
             reach=action.array("reach", 1),
             lead=action.number("lead", 10.0, "rad"),
             home=action.array("home", 1),
+            homing=action.array("homing", 1),
             calm=action.calm("calm"),
             cycles=action.integer("cycles", 1, 1000),
             control_period=whole.number("control_period", 1.0, "s"),
@@ -298,6 +305,7 @@ def _list_layout(robot: Robot, action_size: int) -> tuple[Term, ...]:
         reach=none,
         lead=0.0,
         home=none,
+        homing=none,
         calm=Calm(tilt=1.0, away=1.0, least=1.0),
         lower=none,
         upper=none,

@@ -54,6 +54,8 @@ class Description:
     """None for a robot without a servo bus."""
     rising_joints: tuple[str, ...] = ()
     """One joint of each mirrored pair that a learned rise moves."""
+    spreading_joints: tuple[str, ...] = ()
+    """One joint of each pair that spreads limbs and comes home by itself."""
 
 
 def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
@@ -74,10 +76,13 @@ def read_description(table: dict[str, Any]) -> tuple[Description, list[str]]:
         bus=None,
     )
     names = tuple(row.name for row in description.joints)
+    mirror = {row.name: row.mirror for row in description.joints}
+    rising = _read_rising_joints(table, description.joints, mirror, faults)
     description = replace(
         description,
         bus=read_bus(table.get("bus"), names, faults),
-        rising_joints=_read_rising_joints(table, description.joints, faults),
+        rising_joints=rising,
+        spreading_joints=_read_spreading_joints(table, rising, mirror, faults),
     )
     faults += _board_takes_an_id(description)
     faults += _repeated(description.joints)
@@ -126,20 +131,42 @@ def _read_standing(angles: Any, faults: list[str]) -> dict[str, float]:
 
 
 def _read_rising_joints(
-    table: dict[str, Any], rows: tuple[JointRow, ...], faults: list[str]
+    table: dict[str, Any], rows: tuple[JointRow, ...], mirror: dict[str, str], faults: list[str]
 ) -> tuple[str, ...]:
     """Read which pairs a learned rise moves; those of all limbs where nothing is said."""
-    mirror = {row.name: row.mirror for row in rows}
     if "rising_joints" not in table:
         limbs = [row.name for row in rows if row.segment != "head"]
         pairs = {frozenset((name, mirror[name])): name for name in reversed(limbs)}
         return tuple(name for pair, name in reversed(pairs.items()) if len(pair) > 1)
-    names = Fields(table, "", faults).texts("rising_joints")
+    return _read_pairs("rising_joints", table, mirror, faults)
+
+
+def _read_spreading_joints(
+    table: dict[str, Any], rising: tuple[str, ...], mirror: dict[str, str], faults: list[str]
+) -> tuple[str, ...]:
+    """Read which pairs spread limbs; none where nothing is said."""
+    key = "spreading_joints"
+    if key not in table:
+        return ()
+    names = _read_pairs(key, table, mirror, faults)
+    faults += [
+        f"{key}: {shown(name)} is one of rising_joints, allowed others"
+        for name in names
+        if name in rising or mirror.get(name) in rising
+    ]
+    return names
+
+
+def _read_pairs(
+    key: str, table: dict[str, Any], mirror: dict[str, str], faults: list[str]
+) -> tuple[str, ...]:
+    """Read names of joints, one of a mirrored pair each."""
+    names = Fields(table, "", faults).texts(key)
     for name in names:
         if name not in mirror:
-            faults.append(f"rising_joints: unknown joint {shown(name)}")
+            faults.append(f"{key}: unknown joint {shown(name)}")
         elif mirror[name] == name or mirror[name] in names:
-            faults.append(f"rising_joints: {shown(name)}, allowed one joint of a mirrored pair")
+            faults.append(f"{key}: {shown(name)}, allowed one joint of a mirrored pair")
     return names
 
 

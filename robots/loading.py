@@ -107,6 +107,7 @@ def _build_robot(folder: Path, description: Description, model: mujoco.MjModel) 
         model_file=folder / description.model,
         bus=description.bus,
         rising_joints=description.rising_joints,
+        spreading_joints=description.spreading_joints,
     )
 
 

@@ -87,6 +87,8 @@ class Robot:
     """How its servos are reached; None when nobody said."""
     rising_joints: tuple[str, ...] = ()
     """One joint of each mirrored pair that a learned rise moves."""
+    spreading_joints: tuple[str, ...] = ()
+    """One joint of each pair that spreads limbs and comes home by itself."""
 
     @property
     def n(self) -> int:

@@ -16,7 +16,7 @@ def make_get_up(
     robot: str = "op3",
     rewards: str = "robust",
     randomisation: str = "all",
-    apart: bool = True,
+    wide: bool = True,
     falls: int = 128,
     seed: int = 0,
     threads: int = 0,
@@ -28,7 +28,7 @@ def make_get_up(
         robot: Robot by name, or a folder that holds a robot.toml.
         rewards: Rewards by name.
         randomisation: How robots differ from their description, by name.
-        apart: Whether mirrored joints may also move contrary to each other.
+        wide: Whether mirrored joints may also move contrary to each other, and limbs spread.
         falls: Settled falls that episodes begin with; their mirror images double them.
         seed: Seed of the falls; that of the episodes goes to ``reset``.
         threads: Threads that step physics; 0 for all that the machine has.
@@ -42,7 +42,7 @@ def make_get_up(
         allowed = ", ".join(RANDOMISATIONS)
         raise ValueError(f"unknown randomisation '{randomisation}': allowed {allowed}")
     body = load_robot(robot)
-    action = choose_actions(body, apart)
+    action = choose_actions(body, wide)
     world = make_world(body, "flat", delays=False)
     options = EnvOptions(
         robots=num_envs,

@@ -21,7 +21,7 @@ from humanoid_getup.observation import VECTOR
 from robots import Robot, load_robot
 
 OP3 = load_robot("op3")
-SPEC = build_action_spec(OP3, OP3.rising_joints, OP3.rising_joints)
+SPEC = choose_actions(OP3, wide=True)
 SEEDS = st.integers(0, 2**32 - 1)
 MODES = st.sampled_from(list(ActionMode))
 
@@ -84,14 +84,24 @@ def test_a_joint_outside_its_range_is_called_back():
     assert np.all(target <= OP3.upper)
 
 
-def test_zero_at_rest_keeps_what_is_moved_and_brings_the_rest_home():
+def test_zero_at_rest_keeps_what_rises_and_brings_the_rest_home():
     target = OP3.standing.joint_pos + 0.5
     following = next_target(SPEC, target, target, UPRIGHT, np.zeros(SPEC.size))
-    assert following[SPEC.moved] == pytest.approx(target[SPEC.moved])
-    still = ~SPEC.moved
-    step = np.minimum(HOMING_SHARE * SPEC.reach[still], 0.5)
-    assert still.any()
-    assert following[still] == pytest.approx(target[still] - step)
+    rising = np.any(build_action_spec(OP3, OP3.rising_joints).directions != 0.0, axis=0)
+    assert following[rising] == pytest.approx(target[rising])
+    step = np.minimum(HOMING_SHARE * SPEC.reach[~rising], 0.5)
+    assert 0 < SPEC.moved.sum() - rising.sum() < (~rising).sum()
+    assert following[~rising] == pytest.approx(target[~rising] - step)
+
+
+def test_a_joint_that_comes_home_can_be_held_off_when_fallen_but_not_for_good_when_standing():
+    spec = build_action_spec(OP3, ("l_hip_roll",), homing=("l_hip_roll",))
+    joint, home = OP3.joint_names.index("l_hip_roll"), OP3.standing.joint_pos
+    for gravity, spread in ((SUPINE, OP3.upper[joint] - home[joint]), (UPRIGHT, 0.0)):
+        target = home.copy()
+        for _ in range(200):
+            target = next_target(spec, target, target, gravity, np.ones(1))
+        assert target[joint] - home[joint] == pytest.approx(spread, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -111,6 +121,7 @@ def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float
         reach=np.array([1.0]),
         lead=0.6,
         home=np.array([0.25]),
+        homing=np.zeros(1),
         calm=Calm(tilt=0.5, away=0.5, least=0.2),
         lower=np.array([-1.0]),
         upper=np.array([1.0]),
@@ -170,9 +181,12 @@ def test_a_direction_without_a_mirror_image_is_named(op3: Robot):
 
 def test_who_gets_up_moves_both_sides_together_and_apart_if_it_may(op3: Robot):
     k = len(op3.rising_joints)
-    assert choose_actions(op3, apart=False).size == k
-    spec = choose_actions(op3, apart=True)
-    assert spec.mirror_sign(op3).tolist() == [1.0] * k + [-1.0] * k
+    narrow, spec = choose_actions(op3, wide=False), choose_actions(op3, wide=True)
+    assert narrow.size == k
+    both = k + len(op3.spreading_joints)
+    assert spec.mirror_sign(op3).tolist() == [1.0] * both + [-1.0] * both
+    assert spec.names[:k] == narrow.names
+    assert spec.homing.tolist() == narrow.homing.tolist()
 
 
 def test_a_policy_step_is_cut_into_equal_parts_that_end_at_the_target():

@@ -92,7 +92,7 @@ def test_a_file_without_a_contract_is_refused(tiny: Robot, tmp_path: Path):
 
 
 def test_a_contract_that_is_none_is_refused(tiny: Robot, tmp_path: Path):
-    file = save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 2}')
+    file = save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 3}')
     with pytest.raises(PolicyError, match=r"robot is missing.*action\.mode is missing"):
         OnnxPolicy.load(file, tiny, PERIOD)
 

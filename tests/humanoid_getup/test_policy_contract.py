@@ -28,7 +28,7 @@ def test_a_contract_survives_the_trip_through_json_to_the_last_bit():
     assert back.to_json() == CONTRACT.to_json()
     assert back.provenance == {"recipe": "quick", "seed": 3, "hours": 0.25}
     spec = back.action_spec(OP3)
-    for name in ("directions", "scale", "reach", "home", "lower", "upper"):
+    for name in ("directions", "scale", "reach", "home", "homing", "lower", "upper"):
         np.testing.assert_array_equal(getattr(spec, name), getattr(ACTION, name))
     assert (spec.mode, spec.names) == (ActionMode.RATE, ACTION.names)
     assert (spec.lead, spec.cycles, spec.calm) == (ACTION.lead, ACTION.cycles, ACTION.calm)
@@ -114,8 +114,8 @@ def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
         ("", "no JSON"),
         ("{", "no JSON"),
         ("[1]", "allowed a JSON object"),
-        ("{}", "format None, allowed 2"),
-        ('{"format": 1}', "format 1, allowed 2"),
+        ("{}", "format None, allowed 3"),
+        ('{"format": 1}', "format 1, allowed 3"),
     ],
 )
 def test_what_is_no_contract_is_refused(text: str, told: str):

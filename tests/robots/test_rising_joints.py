@@ -1,4 +1,4 @@
-"""Which joints a learned rise moves: read, filled in, and refused where they are wrong."""
+"""Which joints a learned rise moves, and spreads: read, filled in, refused where wrong."""
 
 import pytest
 from spoiling import complaint, spoil
@@ -26,11 +26,29 @@ def test_the_head_and_joints_without_a_pair_do_not_rise_by_themselves(own_robot)
     assert load_robot(own_robot).rising_joints == ()
 
 
-def test_op3_rises_by_six_pairs(op3):
+def test_op3_rises_by_six_pairs_and_spreads_its_legs(op3):
     mirror = op3.mirror_index
     rows = [op3.joint_names.index(name) for name in op3.rising_joints]
     assert len(rows) == 6
     assert {int(mirror[row]) for row in rows}.isdisjoint(rows)
+    assert op3.spreading_joints == ("l_hip_roll",)
+
+
+def test_spreading_joints_are_none_unless_said(tiny):
+    assert tiny.spreading_joints == ()
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ('["l_toe"]', "spreading_joints: unknown joint 'l_toe'"),
+        ('["r_hip"]', "spreading_joints: 'r_hip' is one of rising_joints, allowed others"),
+        ("[]", "spreading_joints is [], allowed a list of texts, at least one"),
+    ],
+)
+def test_wrong_spreading_joints_are_told_with_what_is_allowed(own_robot, value, words):
+    spoil(own_robot, PERIOD, f"{PERIOD}\nspreading_joints = {value}")
+    assert words in complaint(own_robot)
 
 
 @pytest.mark.parametrize(

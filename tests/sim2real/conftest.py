@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.action import ActionSpec, build_action_spec
+from humanoid_getup.action import ActionSpec, choose_actions
 from humanoid_getup.scene import load_scene
 from robots import Robot, load_robot
 from sim2real.herd import Herd
@@ -19,7 +19,7 @@ def op3() -> Robot:
 
 @pytest.fixture(scope="session")
 def action(op3: Robot) -> ActionSpec:
-    return build_action_spec(op3, op3.rising_joints, op3.rising_joints)
+    return choose_actions(op3, wide=True)
 
 
 @pytest.fixture(scope="session")

@@ -36,7 +36,7 @@ MINE = replace(RECIPES["robust"], hidden=(32, 16))
 
 def make_actor(training: Training, robot: Robot):
     """An actor as it comes out of a training: weights and normaliser far from their first."""
-    action = choose_actions(robot, training.recipe.apart)
+    action = choose_actions(robot, training.recipe.wide)
     size = sum(term.size for term in list_terms(robot, action))
     torch.manual_seed(SEED)
     blank = make_blank(training, size, action.size)
@@ -70,7 +70,7 @@ def test_a_training_is_read_as_it_was_written_down(op3: Robot, tmp_path: Path):
     write_recipe(op3, MINE, SEED, tmp_path / RECIPE)
     training = Training.load(tmp_path)
     assert (training.recipe, training.seed, training.robot) == (MINE, SEED, "op3")
-    assert training.actions == choose_actions(op3, MINE.apart).names
+    assert training.actions == choose_actions(op3, MINE.wide).names
 
 
 @pytest.mark.parametrize("name", ["quick", "robust"])

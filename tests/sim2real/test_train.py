@@ -35,7 +35,7 @@ from sim2real.train import PROGRESS, train
 TINY = Recipe(
     rewards="quick",
     randomisation="all",
-    apart=True,
+    wide=True,
     iterations=4,
     robots=8,
     hidden=(16, 16),
@@ -139,12 +139,12 @@ def test_progress_tells_the_lift(unbroken):
 def parent(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A training whose policy moves both sides alike."""
     folder = tmp_path_factory.mktemp("parent")
-    train(op3, replace(TINY, apart=False, iterations=2), 1, folder, threads=1)
+    train(op3, replace(TINY, wide=False, iterations=2), 1, folder, threads=1)
     return folder
 
 
 def load_actor(robot: Robot, folder: Path, recipe: Recipe) -> MLPModel:
-    action = choose_actions(robot, recipe.apart)
+    action = choose_actions(robot, recipe.wide)
     size = sum(term.size for term in list_terms(robot, action))
     config = build_config(recipe, 0)["actor"]
     del config["class_name"]
@@ -160,12 +160,12 @@ def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkey
 
     monkeypatch.setattr(Runner, "learn", save_and_stop)  # before the first update
     train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
-    old = load_actor(op3, parent, replace(TINY, apart=False))
+    old = load_actor(op3, parent, replace(TINY, wide=False))
     new = load_actor(op3, tmp_path, TINY)
     k = len(op3.rising_joints)
     seen = torch.randn(32, new.obs_dim, generator=torch.Generator().manual_seed(0))
     # The last numbers of the last action, which the parent does not know, and the torque share.
-    known = torch.cat((seen[:, : -k - 1], seen[:, -1:]), dim=1)
+    known = torch.cat((seen[:, : old.obs_dim - 1], seen[:, -1:]), dim=1)
     acted, wanted = (
         model(TensorDict({"policy": values}, batch_size=[32])).detach()
         for model, values in ((new, seen), (old, known))

@@ -26,6 +26,7 @@ from humanoid_getup.policy import OnnxPolicy, PolicyError
 from humanoid_getup.policy_contract import METADATA_KEY, Fact, PolicyContract
 from robots import Robot
 from robots.faults import shown
+from sim2real.averaging import AVERAGE
 from sim2real.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.recipe_file import RECIPE
 from sim2real.recipes import RECIPES, Recipe
@@ -119,7 +120,7 @@ def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
         )
     checkpoint = read_checkpoint(training.folder / CHECKPOINT)
     size = sum(term.size for term in list_terms(robot, action))
-    actor = rebuild_actor(training, size, action.size, checkpoint["actor_state_dict"])
+    actor = rebuild_actor(training, size, action.size, checkpoint[AVERAGE])
     iterations = int(checkpoint["iter"]) + 1
     provenance = training.provenance | {"iterations": iterations}
     contract = PolicyContract.of(robot, action, robot.control_period, provenance)

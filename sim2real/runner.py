@@ -96,7 +96,7 @@ def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
         "actor": network | {"distribution_cfg": gaussian},
         "critic": dict(network),
         "algorithm": {
-            "class_name": "PPO",
+            "class_name": "sim2real.averaging:AveragingPPO",
             "num_learning_epochs": 4,  # of four mini-batches, as what first learnt to rise
             "num_mini_batches": 4,
             "clip_param": 0.2,

@@ -23,6 +23,7 @@ from humanoid_getup.observation import list_terms
 from humanoid_getup.onnx_network import OnnxNetwork
 from humanoid_getup.policy import OnnxPolicy
 from robots import Robot
+from sim2real.averaging import AVERAGE
 from sim2real.checkpoint import CHECKPOINT, CheckpointError
 from sim2real.export import MOST_BYTES, ExportError, Training, export_policy
 from sim2real.recipe_file import RECIPE
@@ -62,7 +63,9 @@ def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> Training
     write_recipe(robot, recipe, SEED, folder / RECIPE)
     training = Training.load(folder)
     actor = make_actor(training, robot)
-    torch.save({"actor_state_dict": actor.state_dict(), "iter": 41}, folder / CHECKPOINT)
+    newest = {name: torch.zeros_like(value) for name, value in actor.state_dict().items()}
+    state = {"actor_state_dict": newest, AVERAGE: actor.state_dict(), "iter": 41}
+    torch.save(state, folder / CHECKPOINT)
     return training
 
 
@@ -110,15 +113,15 @@ def spoil(training: Training, change) -> None:
 
 
 def add_nan(state: dict) -> None:
-    state["actor_state_dict"]["mlp.0.weight"][0, 0] = torch.nan
+    state[AVERAGE]["mlp.0.weight"][0, 0] = torch.nan
 
 
 def lose_a_layer(state: dict) -> None:
-    del state["actor_state_dict"]["mlp.2.weight"]
+    del state[AVERAGE]["mlp.2.weight"]
 
 
 def lose_the_actor(state: dict) -> None:
-    del state["actor_state_dict"]
+    del state[AVERAGE]
 
 
 @pytest.mark.parametrize(

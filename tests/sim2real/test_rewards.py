@@ -58,6 +58,9 @@ SITTING = replace(
 LYING = replace(SITTING, height=np.array([0.15]), stretch=np.array([0.1]), upright=np.array([0.0]))
 
 
+ONE_MOVES = np.array([[0.5, 0.0]])
+
+
 def change(**fields: object) -> Moment:
     return replace(STANDING, **{name: np.atleast_1d(value) for name, value in fields.items()})
 
@@ -90,8 +93,9 @@ def change(**fields: object) -> Moment:
         (stance, SITTING, 0.0),
         (action_change, change(action=[[1.0, 0.0]], last_action=[[-1.0, 0.0]]), 2.0),
         (joint_speed, change(joint_speed=[[0.5, -0.5]]), 0.25),
-        (restless, change(joint_speed=[[0.5, -0.1]]), 0.3),
-        (restless, replace(SITTING, joint_speed=np.array([[0.5, -0.1]])), 0.0),
+        (restless, change(joint_speed=[[0.5, -0.1]], away=[[0.2, -0.1]]), 0.3),
+        (restless, change(joint_speed=[[0.5, -0.1]], away=[[0.2, 0.1]]), 0.25),  # one comes home
+        (restless, replace(SITTING, joint_speed=ONE_MOVES, away=ONE_MOVES), 0.0),
         (torque, change(torque=[[1.0, 0.0]]), 0.5),
         (dropping, change(fall_speed=2.0), 4.0),
         (head_strike, change(head_fall=2.0, height=0.0), 4.0),

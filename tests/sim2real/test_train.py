@@ -22,6 +22,7 @@ from tensordict import TensorDict
 from humanoid_getup.action import choose_actions
 from humanoid_getup.observation import list_terms
 from robots import Robot
+from sim2real.averaging import AVERAGE, SHARE
 from sim2real.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.env import EnvOptions, GetUpEnv
 from sim2real.export import Training
@@ -50,7 +51,7 @@ class KilledError(Exception):
 
 def read_policy(folder: Path) -> dict[str, torch.Tensor]:
     state = torch.load(folder / CHECKPOINT, weights_only=False)
-    parts = ("actor_state_dict", "critic_state_dict")
+    parts = ("actor_state_dict", "critic_state_dict", AVERAGE)
     return {f"{part}.{name}": value for part in parts for name, value in state[part].items()}
 
 
@@ -90,6 +91,15 @@ def test_one_seed_is_one_policy_on_any_number_of_threads(op3, unbroken, tmp_path
     train(op3, TINY, 1, tmp_path, threads=2)
     assert_same_policy(unbroken, tmp_path)
     assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
+
+
+def test_the_average_follows_the_policy_by_a_share_of_each_update(op3, unbroken, tmp_path):
+    train(op3, replace(TINY, iterations=3), 1, tmp_path, threads=1)
+    before, after = read_policy(tmp_path), read_policy(unbroken)
+    name = "mlp.0.weight"
+    newest, average = after[f"actor_state_dict.{name}"], after[f"{AVERAGE}.{name}"]
+    assert torch.equal(average, before[f"{AVERAGE}.{name}"].lerp(newest, SHARE))
+    assert not torch.equal(average, newest)
 
 
 def test_another_seed_is_another_policy(op3, unbroken, tmp_path):

@@ -1,0 +1,50 @@
+"""Averaging: what leaves a training is the mean of the policies that it went through lately."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from rsl_rl.algorithms import PPO
+
+AVERAGE = "averaged_actor_state_dict"
+"""Where a checkpoint holds the averaged policy."""
+SHARE = 0.02  # of the newest policy in the average, which looks back on some fifty updates
+
+Weights = dict[str, torch.Tensor]
+
+
+class AveragingPPO(PPO):
+    """PPO that keeps a running mean of its actor's weights beside them.
+
+    Each update learns some falls and forgets others, so that a policy taken at any moment is
+    worse than those around it. Learning itself goes on from the newest weights.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.average = _copy(self._raw_actor)
+
+    def update(self) -> dict[str, float]:
+        """Learn from what was seen, and let the average follow."""
+        losses = super().update()
+        newest = _copy(self._raw_actor)
+        self.average = {
+            name: value.lerp(newest[name], SHARE) if value.is_floating_point() else newest[name]
+            for name, value in self.average.items()
+        }
+        return losses
+
+    def save(self) -> dict[str, Any]:
+        """Return all that a resumed training needs."""
+        return super().save() | {AVERAGE: self.average}
+
+    def load(self, loaded_dict: dict[str, Any], load_cfg: dict | None, strict: bool) -> bool:
+        """Go on from what was saved; where no average is, from the policy itself."""
+        goes_on = super().load(loaded_dict, load_cfg, strict)
+        self.average = loaded_dict.get(AVERAGE) or _copy(self._raw_actor)
+        return goes_on
+
+
+def _copy(actor: torch.nn.Module) -> Weights:
+    return {name: value.detach().clone() for name, value in actor.state_dict().items()}

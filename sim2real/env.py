@@ -23,14 +23,13 @@ from humanoid_getup.observation import (
     observe,
 )
 from humanoid_getup.scene import load_scene
-from humanoid_getup.stage import place
 from robots import Robot
 from robots.rotation import Array
 from sim2real.critic import Known, list_critic_terms, observe_privileged
 from sim2real.herd import Herd
 from sim2real.randomisation import Randomisation
 from sim2real.rewards import QUICK, Moment, Reward, score
-from sim2real.starts import StartPool, list_motion_starts
+from sim2real.starts import StartPool, list_motion_starts, sample_stands
 from sim2real.world import LONGEST_DELAY, build_world
 
 PHYSICS_STEP = 0.006  # s; judges take 0.002
@@ -41,6 +40,7 @@ EPISODE = 6.0
 HELD = 1.5
 # Hard falls are drawn more often, so less than half of them standing is most of all falls.
 LIFT_EPISODES, LIFT_SUCCESS, LIFT_STEP = 200, 0.45, 0.05
+STANDS = 64  # postures that episodes of standing robots begin with
 FLOAT = np.float32
 
 
@@ -55,7 +55,7 @@ class EnvOptions:
     rewards: tuple[Reward, ...] = QUICK
     falls: float = 0.8
     """Share of episodes that begin with a settled fall."""
-    motions: float = 0.15
+    motions: float = 0.1
     """Share that begins somewhere along a known motion; the rest begins standing."""
     lift: float = 0.0
     """Largest share of its weight that a robot hangs by at first; fades with success."""
@@ -148,7 +148,7 @@ class GetUpEnv(VectorEnv):
             model, robot, n, cycles=action.cycles, threads=options.threads, noise=noise
         )
         self._motions = list_motion_starts(robot, model)
-        self.standing_qpos = place(robot, model, robot.standing)
+        self._stands = sample_stands(robot, model, STANDS, np.random.default_rng(0))
         self.step_time = robot.control_period * action.cycles
         self.terms = list_terms(robot, action)
         self._critic_terms = list_critic_terms(robot)
@@ -254,7 +254,8 @@ class GetUpEnv(VectorEnv):
         rng, o, count = self._rng, self.options, len(ids)
         kind = rng.random(count)
         start = np.where(kind < o.falls, self.pool.draw(count, rng), -1)
-        qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], self.standing_qpos)
+        stands = self._stands[rng.integers(0, STANDS, count)]
+        qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], stands)
         along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
         qpos[along] = self._motions[rng.integers(0, max(len(self._motions), 1), along.sum())]
         if o.randomisation:

@@ -151,6 +151,45 @@ def mirror_starts(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
     return mirrored
 
 
+def sample_stands(
+    robot: Robot, model: mujoco.MjModel, count: int, rng: np.random.Generator
+) -> Array:
+    """Sample standing robots whose arms are anywhere on their way home, (count, nq).
+
+    A rise ends with the arms where they were thrown, at a stop as a rule, where small trials
+    change nothing: that they belong home is learnt from where it is near.
+    """
+    layout, data = robot.layout(model), mujoco.MjData(model)
+    standing = place(robot, model, robot.standing)
+    home = robot.standing.joint_pos
+    arms = find_arms(robot, model)
+    stands = np.tile(standing, (count, 1))
+    for qpos in stands:
+        anywhere = rng.uniform(robot.lower, robot.upper)
+        share = rng.uniform() * arms
+        data.qpos[:] = qpos
+        data.qpos[layout.qpos] = home + share * (anywhere - home)
+        mujoco.mj_forward(model, data)
+        bodies = model.geom_bodyid[data.contact.geom]  # (contacts, 2)
+        if (bodies == 0).any(axis=1).all():
+            qpos[:] = data.qpos
+    return stands
+
+
+def find_arms(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Find the joints that a rise moves, and that no foot hangs on, (n,)."""
+    rising = np.array([robot.joint_names.index(name) for name in robot.rising_joints], dtype=int)
+    arms = np.zeros(robot.n, dtype=bool)
+    arms[rising] = arms[robot.mirror_index[rising]] = True
+    joint_bodies = model.jnt_bodyid[[model.joint(name).id for name in robot.joint_names]]
+    for site in robot.sole_sites:
+        body = int(model.site_bodyid[model.site(site).id])
+        while body:
+            arms &= joint_bodies != body
+            body = int(model.body_parentid[body])
+    return arms
+
+
 def list_motion_starts(robot: Robot, model: mujoco.MjModel) -> Array:
     """List the frames of the robot's known motions as MuJoCo positions (M, nq)."""
     files = sorted((robot.folder / MOTION_FOLDER).glob("*.npz"))

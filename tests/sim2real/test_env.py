@@ -9,6 +9,7 @@ pytest.importorskip("gymnasium")
 
 from gymnasium.vector import AutoresetMode
 
+from humanoid_getup.stage import place
 from sim2real.env import HELD, EnvOptions, GetUpEnv
 from sim2real.randomisation import Randomisation
 from sim2real.rewards import Reward, stands
@@ -115,7 +116,8 @@ def test_who_diverges_earns_nothing_and_begins_anew(op3, action, pool, tmp_path,
 
 
 def test_a_success_makes_its_start_rarer(op3, action, pool):
-    standing = StartPool.of(np.tile(GetUpEnv(op3, action, pool, FALLEN).standing_qpos, (2, 1)))
+    model = GetUpEnv(op3, action, pool, FALLEN).herd.model
+    standing = StartPool.of(np.tile(place(op3, model, op3.standing), (2, 1)))
     env = GetUpEnv(op3, action, standing, replace(FALLEN, ends_early=1.0))
     env.reset(seed=0)
     for _ in range(round(HELD / env.step_time)):

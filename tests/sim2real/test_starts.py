@@ -2,15 +2,26 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from humanoid_getup.ground import lowest_point
 from humanoid_getup.lying import FallError
+from humanoid_getup.stage import place
 from robots import load_robot, rotation
 from sim2real import starts as starts_module
+from sim2real.env import make_world
 from sim2real.herd import Herd
-from sim2real.starts import LEAST, StartPool, drop_falls, list_motion_starts, mirror_starts
+from sim2real.starts import (
+    LEAST,
+    StartPool,
+    drop_falls,
+    find_arms,
+    list_motion_starts,
+    mirror_starts,
+    sample_stands,
+)
 
 
 def test_what_fails_is_drawn_more_often():
@@ -112,3 +123,30 @@ def test_frames_of_the_known_motions_are_starts(op3, world):
     tilt = rotation.tilt(starts[:, root + 3 : root + 7])
     assert tilt.min() < 0.1
     assert tilt.max() > 1.0
+
+
+def test_op3s_arms_are_what_no_foot_hangs_on(op3, world):
+    arms = {name for name, arm in zip(op3.joint_names, find_arms(op3, world), strict=True) if arm}
+    assert arms == {f"{side}_{name}" for side in "lr" for name in ("sho_pitch", "sho_roll", "el")}
+
+
+def test_stands_have_their_feet_at_home_and_their_arms_anywhere_but_in_the_robot(op3, world):
+    stands = sample_stands(op3, world, 32, np.random.default_rng(0))
+    joints = stands[:, op3.layout(world).qpos]
+    arms = find_arms(op3, world)
+    assert np.array_equal(joints[:, ~arms], np.tile(op3.standing.joint_pos[~arms], (32, 1)))
+    assert np.ptp(joints[:, arms], axis=0).min() > 1.0
+    assert np.all((joints >= op3.lower) & (joints <= op3.upper))
+    assert len({tuple(row) for row in joints}) > 25  # where an arm met the body, it is at home
+    data = mujoco.MjData(world)
+    for qpos in stands:
+        data.qpos[:] = qpos
+        mujoco.mj_forward(world, data)
+        assert (world.geom_bodyid[data.contact.geom] == 0).any(axis=1).all()
+
+
+def test_who_has_no_arms_stands_as_described():
+    tiny = load_robot("tests/robots/tiny")
+    model = make_world(tiny, "flat", delays=False)
+    stands = sample_stands(tiny, model, 4, np.random.default_rng(0))
+    assert np.array_equal(stands, np.tile(place(tiny, model, tiny.standing), (4, 1)))

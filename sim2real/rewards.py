@@ -130,6 +130,11 @@ def restless(m: Moment) -> Array:
     return m.standing * np.maximum(m.joint_speed * np.sign(m.away), 0.0).mean(axis=1)
 
 
+def demanding(m: Moment) -> Array:
+    """Count what is asked for while standing: arms pushed to their stops never come home."""
+    return m.standing * haste(m)
+
+
 def torque(m: Moment) -> Array:
     """Count torque: it heats servos and wears gears."""
     return (m.torque**2).mean(axis=1)
@@ -172,6 +177,7 @@ ROBUST = (
     Reward(action_change, -0.05),
     Reward(joint_speed, -0.02),
     Reward(restless, -3.00),  # with a fifth of it a robot stands, and shakes by 0.8 rad/s
+    Reward(demanding, -1.00),
     Reward(torque, -0.30),
     Reward(dropping, -0.02),
     Reward(head_strike, -0.20),
@@ -183,6 +189,7 @@ GENTLE = (
     Reward(action_change, -0.05),
     Reward(joint_speed, -0.30),
     Reward(restless, -3.00),
+    Reward(demanding, -1.00),
     Reward(torque, -8.00),  # a rise of 1.1 N·m RMS costs 0.6 a step, and standing half of that
     Reward(dropping, -0.40),
     Reward(head_strike, -2.00),  # half a metre a second costs two steps of standing

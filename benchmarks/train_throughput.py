@@ -53,7 +53,7 @@ class Task:
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
         options = replace(build_options(self.recipe, threads), robots=robots)
-        actions = choose_actions(self.robot, self.recipe.wide)
+        actions = choose_actions(self.robot, self.recipe.wide, self.recipe.lead)
         return GetUpEnv(self.robot, actions, StartPool.of(self.pool.qpos), options)
 
 

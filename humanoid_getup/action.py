@@ -122,6 +122,7 @@ def build_action_spec(
     apart: tuple[str, ...] = (),
     homing: tuple[str, ...] = (),
     apart_share: float = 0.5,
+    lead: float = LEAD,
 ) -> ActionSpec:
     """Build rate actions in which mirrored joints move together, and apart.
 
@@ -135,6 +136,7 @@ def build_action_spec(
         apart: One joint of each pair that has a number for both sides contrary.
         homing: One joint of each pair that comes home by itself though a number moves it.
         apart_share: Share of the scale that a contrary number moves.
+        lead: Furthest that a target is from the measured angle [rad].
     """
     names = [f"{name} together" for name in together] + [f"{name} apart" for name in apart]
     signs = [1.0] * len(together) + [-1.0] * len(apart)
@@ -157,7 +159,7 @@ def build_action_spec(
         directions=directions,
         scale=EAGERNESS * reach,
         reach=reach,
-        lead=LEAD,
+        lead=lead,
         home=robot.standing.joint_pos,
         homing=np.where(held, 0.0, HOMING_SHARE * reach),
         calm=Calm(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
@@ -166,18 +168,19 @@ def build_action_spec(
     )
 
 
-def choose_actions(robot: Robot, wide: bool) -> ActionSpec:
+def choose_actions(robot: Robot, wide: bool, lead: float = LEAD) -> ActionSpec:
     """Choose what a policy that gets this robot up moves.
 
     Args:
         robot: Robot.
         wide: Whether mirrored joints may also move contrary to each other, and limbs spread.
+        lead: Furthest that a target is from the measured angle [rad].
     """
     rising, spreading = robot.rising_joints, robot.spreading_joints
     if not wide:
-        return build_action_spec(robot, rising)
+        return build_action_spec(robot, rising, lead=lead)
     both = (*rising, *spreading)
-    return build_action_spec(robot, both, both, homing=spreading)
+    return build_action_spec(robot, both, both, homing=spreading, lead=lead)
 
 
 def next_target(

@@ -112,7 +112,7 @@ def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
         ExportError: if the training is another robot's, the checkpoint is none of it or
             holds what is no number, or what was written does not act like the checkpoint.
     """
-    action = choose_actions(robot, training.recipe.wide)
+    action = choose_actions(robot, training.recipe.wide, training.recipe.lead)
     if training.robot != robot.name or training.actions != action.names:
         raise ExportError(
             f"{training.folder}: trained for robot '{training.robot}' with actions "

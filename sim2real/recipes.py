@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from humanoid_getup.action import LEAD
+
 STEPS = 20  # policy steps of every robot between two updates
 
 
@@ -17,6 +19,8 @@ class Recipe:
     wide: bool
     """Whether mirrored joints may also move contrary to each other, and limbs spread."""
     iterations: int
+    lead: float = LEAD
+    """Furthest that a target is from the measured angle [rad]; it bounds torque and speed."""
     robots: int = 512
     hidden: tuple[int, ...] = (256, 128)
     falls: int = 1024
@@ -58,5 +62,6 @@ ONWARD = Recipe(
 RECIPES = {
     "quick": Recipe(rewards="quick", randomisation="torque", wide=False, iterations=500),
     "robust": ONWARD,
-    "gentle": replace(ONWARD, rewards="gentle", iterations=500),
+    # A servo has its full voltage at a lead of 0.22 rad, and moves on by it in a policy step.
+    "gentle": replace(ONWARD, rewards="gentle", iterations=400, lead=0.2),
 }

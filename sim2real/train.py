@@ -88,7 +88,7 @@ def train(
     options = build_options(recipe, threads)
     random.seed(seed)
     torch.manual_seed(seed)
-    action = choose_actions(robot, recipe.wide)
+    action = choose_actions(robot, recipe.wide, recipe.lead)
     env = RslEnv(GetUpEnv(robot, action, pool, options), device, progress)
     log_file = folder / "rsl_rl.log" if rank.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log):
@@ -116,7 +116,7 @@ def write_recipe(
     record: dict[str, Any] = {
         "robot": robot.name,
         "seed": seed,
-        "actions": choose_actions(robot, recipe.wide).names,
+        "actions": choose_actions(robot, recipe.wide, recipe.lead).names,
         "recipe": asdict(recipe),
         "parent": None if parent is None else _describe_parent(robot, parent),
     }

@@ -76,7 +76,7 @@ def test_a_training_is_read_as_it_was_written_down(op3: Robot, tmp_path: Path):
     assert training.actions == choose_actions(op3, MINE.wide).names
 
 
-@pytest.mark.parametrize("name", ["quick", "robust"])
+@pytest.mark.parametrize("name", ["quick", "gentle"])
 def test_what_is_exported_acts_like_the_checkpoint_and_tells_how_it_was_made(
     name: str, op3: Robot, tmp_path: Path
 ):
@@ -87,6 +87,7 @@ def test_what_is_exported_acts_like_the_checkpoint_and_tells_how_it_was_made(
     assert export.size == file.stat().st_size < MOST_BYTES
     assert [path.name for path in file.parent.iterdir()] == ["policy.onnx"]
     policy = OnnxPolicy.load(file, op3, op3.control_period)
+    assert policy.action.lead == RECIPES[name].lead
     provenance = policy.contract.provenance
     assert (provenance["recipe"], provenance["seed"], provenance["iterations"]) == (name, SEED, 42)
     actor = make_actor(training, op3).eval()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from drivers import Ending
 from humanoid_getup import film, plots
 from humanoid_getup.cli import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
@@ -76,7 +78,9 @@ def _draw(rise: Rise, stage: Stage, options: TrialOptions, folder: Path) -> str 
     plots.save_torque(robot, watched, options.torque_limit, folder / TORQUE, title=title)
     period = robot.control_period
     end = watched.stand.start_time + film.AFTERMATH if rise.stood else len(watched.qpos) * period
-    rows = film.pick_frames(min(len(watched.qpos), round(end / period)))
+    last = len(watched.qpos) - 1  # how it stands when all is over
+    rows = film.pick_frames(min(last, round(end / period)), film.FRAMES - 1)
+    rows = np.union1d(rows, [last])
     try:
         pictures = film.render_frames(robot, stage.model, watched.qpos[rows])
     except film.NoRendererError as error:

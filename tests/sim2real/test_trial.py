@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.action import ActionSpec
+from humanoid_getup.action import ActionSpec, choose_actions
 from humanoid_getup.lying import Fall
 from humanoid_getup.scene import load_scene
-from robots import Robot
+from robots import Robot, load_robot
 from sim2real.evaluate import Rises
 from sim2real.herd import Herd
 from sim2real.physics import PHYSICS, free_play
@@ -15,10 +15,11 @@ from sim2real.trial import Trial, make_conditions, run_trial, summarise_trial
 from sim2real.world import build_world
 
 SHORT = 3.5  # s: a held stand and a little
+SIZE = choose_actions(load_robot("op3"), wide=True).size
 
 
 def idle(observations: np.ndarray) -> np.ndarray:
-    return np.zeros((len(observations), 12))
+    return np.zeros((len(observations), SIZE))
 
 
 def hold_still(op3: Robot, action: ActionSpec, trial: Trial, robots: int = 2) -> Rises:
@@ -74,7 +75,7 @@ def test_capsules_reach_as_far_as_the_boxes_did(op3: Robot):
 
 def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
     def thrash(observations: np.ndarray) -> np.ndarray:
-        return np.sin(np.arange(12) + observations[:, :1] * 20.0)
+        return np.sin(np.arange(SIZE) + observations[:, :1] * 20.0)
 
     for trial in (Trial(torque_limit=1.5), Trial(torque_limit=1.5, pwm_limited=True)):
         (record,) = run_trial(

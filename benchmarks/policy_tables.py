@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import mujoco
 import numpy as np
 import tyro
 from rich.console import Console
@@ -29,6 +30,7 @@ from humanoid_getup.policy import OnnxPolicy
 from humanoid_getup.report import to_json
 from humanoid_getup.scene import load_scene
 from robots import Posture, Robot, load_robot
+from robots.rotation import Array
 from sim2real.evaluate import Rises
 from sim2real.physics import PHYSICS
 from sim2real.trial import Trial, run_trial, summarise_trial
@@ -131,7 +133,10 @@ def main(options: Options) -> None:
         if group == "standing":
             stands = _find_stands(robot, put_through, falls.choose(options.after // len(CLASSES)))
             for name, trial in STANDING.items():
-                measure(f"{group}: {name}", lambda t=trial, s=stands: _hold(s, put_through(t, s)))
+                measure(
+                    f"{group}: {name}",
+                    lambda t=trial, s=stands: _hold(robot, s, put_through(t, s)),
+                )
             continue
         some = falls.choose((options.n if group == "torque" else options.fewer) // len(CLASSES))
         starts = [fall.posture for fall in some.falls]
@@ -153,7 +158,7 @@ def _find_stands(
     return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.stood]]
 
 
-def _hold(stands: Sequence[Posture], rises: list[Rises]) -> dict[str, Any]:
+def _hold(robot: Robot, stands: Sequence[Posture], rises: list[Rises]) -> dict[str, Any]:
     """Summarise who stays up for all of the time: a robot that fell and rose again did not."""
     held = [Fall(posture=posture, start_class="held") for posture in stands]
     figures = summarise_trial(held, rises, ("held",))
@@ -161,7 +166,21 @@ def _hold(stands: Sequence[Posture], rises: list[Rises]) -> dict[str, Any]:
     low, high = wilson_interval(int(stayed.sum()), len(stayed))
     for row in (figures["all"], figures["classes"]["held"]):
         row |= {"stood": int(stayed.sum()), "stood_interval_95": [low, high]}
-    return figures
+    ends = np.concatenate([r.qpos[:, -1] for r in rises])[stayed]
+    return figures | {"own_contact_depths_m": _find_own_contacts(robot, ends)}
+
+
+def _find_own_contacts(robot: Robot, ends: Array) -> list[float]:
+    """Return how deep limbs lie in each other, a number for each posture in which any touch."""
+    model = build_world(robot, load_scene("flat"), 0.002)
+    data, depths = mujoco.MjData(model), []
+    for qpos in ends:
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        own = (model.geom_bodyid[data.contact.geom] != 0).all(axis=1)
+        if own.any():
+            depths.append(float(np.maximum(-data.contact.dist[own], 0.0).max()))
+    return depths
 
 
 def _row(name: str, figures: dict[str, Any]) -> str:
@@ -178,7 +197,11 @@ def _row(name: str, figures: dict[str, Any]) -> str:
         _two(whole["head_impact_m_s"]),
         _two(whole["standing_joint_speed_rad_s"]),
     )
-    return "| " + " | ".join(cells) + " |"
+    row = "| " + " | ".join(cells) + " |"
+    depths = figures.get("own_contact_depths_m")
+    if depths:
+        row += f" limbs touch in {len(depths)}, {1e3 * max(depths):.2f} mm deep at most"
+    return row
 
 
 def _two(summary: dict[str, float | None]) -> str:

@@ -26,7 +26,6 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from humanoid_getup.action import choose_actions
 from humanoid_getup.observation import Floats
 from robots import Robot, load_robot
 from robots.rotation import Array
@@ -53,7 +52,7 @@ class Task:
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
         options = replace(build_options(self.recipe, threads), robots=robots)
-        actions = choose_actions(self.robot, self.recipe.wide, self.recipe.lead)
+        actions = self.recipe.choose_actions(self.robot)
         return GetUpEnv(self.robot, actions, StartPool.of(self.pool.qpos), options)
 
 

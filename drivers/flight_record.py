@@ -85,7 +85,9 @@ class FlightRecord:
 
     def command(self, cycle: int) -> Command:
         """Return what reached the servos in a cycle."""
-        return Command(**_row(self.sent, Command, cycle))
+        # Logs older than this limit do not hold it: all of the supply was allowed.
+        unlimited = {"pwm_limit": np.ones(len(self.joint_names))}
+        return Command(**unlimited | _row(self.sent, Command, cycle))
 
     def describe(self) -> str:
         """Tell in one line how much there is."""

@@ -52,7 +52,7 @@ class SafetyGuard(ClosesItself):
     - The target never moves further from the reference than top speed times the period,
       before the servos round it to whole ticks.
     - The torque limit lies between 0 and the guard's own, less where a servo is hot; the
-      gain share lies between 0 and 1.
+      gain share and the PWM limit lie between 0 and 1.
     - While the measurement of a joint is some periods old, the targets stand still.
 
     A position servo makes force by having its target beyond its angle, so the distance
@@ -69,7 +69,7 @@ class SafetyGuard(ClosesItself):
         self._backend = backend
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self._reach = self.limits.max_velocity * backend.period
-        self._counts = np.zeros((4, backend.robot.n), dtype=int)
+        self._counts = np.zeros((5, backend.robot.n), dtype=int)
         self._is_open = False
         self._stop_reason: str | None = None
         self.holds = 0
@@ -210,14 +210,16 @@ class SafetyGuard(ClosesItself):
         target = np.where(released, state.joint_pos, target)
         torque = np.minimum(command.torque_limit, limits.derate(state.temperature))
         gain = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)
+        pwm = np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0)
         held = ~released
         self._counts += (
             held & (in_range != wanted),
             held & (target != in_range),
             torque != command.torque_limit,
             gain != command.gain_scale,
+            pwm != command.pwm_limit,
         )
-        return Command(joint_pos=target, gain_scale=gain, torque_limit=torque)
+        return Command(joint_pos=target, gain_scale=gain, torque_limit=torque, pwm_limit=pwm)
 
 
 def _clip(wanted: Array, lower: Array, upper: Array, reference: Array) -> Array:

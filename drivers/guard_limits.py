@@ -96,6 +96,7 @@ class GuardLimits:
             ("target", "rad", command.joint_pos),
             ("gain share", "", command.gain_scale),
             ("torque limit", "N·m", command.torque_limit),
+            ("PWM limit", "", command.pwm_limit),
         )
         faults = [
             f"{name} has shape {np.shape(values)}, allowed ({n},)"
@@ -134,6 +135,8 @@ class ClipCounts:
     """Torque limits above the guard's, shape (n,)."""
     gain: np.ndarray
     """Gain shares outside 0 to 1, shape (n,)."""
+    pwm: np.ndarray
+    """PWM limits outside 0 to 1, shape (n,)."""
 
     @property
     def total(self) -> int:

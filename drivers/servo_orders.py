@@ -15,10 +15,9 @@ from drivers.servo_units import ServoUnits
 from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
 from robots.rotation import Array
-from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, TICKS_PER_TURN
+from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, PWM_ROUNDING, TICKS_PER_TURN
 
 FAR = 100.0  # rad, beyond any servo; only keeps absurd targets within whole numbers
-ROUNDING = 1e-9  # of a PWM count: what was rounded once stays the same
 # Every so many cycles gains and limits are sent again, should a servo have missed them.
 REFRESH = 64
 FRESH = 2.5  # periods; an older position is no place to begin from
@@ -57,7 +56,8 @@ class Translator:
         check_command(command, self._n)
         target = np.minimum(np.maximum(command.joint_pos, -FAR), FAR)
         goal = self._units.to_ticks(self._units.round_goal(target))
-        counts = np.floor(PWM_FULL_SCALE * command.torque_limit / self._stall + ROUNDING)
+        allowed = np.minimum(command.torque_limit / self._stall, command.pwm_limit)
+        counts = np.maximum(np.floor(PWM_FULL_SCALE * allowed + PWM_ROUNDING), 0.0)
         pwm = np.minimum(counts, self.pwm_limit).astype(int)
         gain = np.rint(DEFAULT_P_GAIN * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
         return Orders(
@@ -69,11 +69,13 @@ class Translator:
 
     def to_command(self, orders: Orders, asked: Command) -> Command:
         """Tell what orders mean."""
-        torque: Array = orders.pwm / PWM_FULL_SCALE * self._stall
+        share = orders.pwm / PWM_FULL_SCALE
+        torque: Array = share * self._stall
         return Command(
             joint_pos=self._units.to_rad(orders.goal),
             gain_scale=orders.p_gain / DEFAULT_P_GAIN,
             torque_limit=np.where(orders.torque, np.minimum(torque, asked.torque_limit), 0.0),
+            pwm_limit=np.minimum(share, asked.pwm_limit),
         )
 
 

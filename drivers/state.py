@@ -79,6 +79,8 @@ class Command:
     """Share of each servo's position gain, 0 to 1, shape (n,)."""
     torque_limit: Array
     """Largest torque of each servo [N·m], shape (n,); 0 releases the joint."""
+    pwm_limit: Array
+    """Largest share of the supply that drives each motor, 0 to 1, shape (n,)."""
 
     @property
     def n(self) -> int:
@@ -93,11 +95,15 @@ class Command:
     @staticmethod
     def limp(n: int) -> Command:
         """Release every joint."""
-        return Command(joint_pos=np.zeros(n), gain_scale=np.ones(n), torque_limit=np.zeros(n))
+        none, all_of_it = np.zeros(n), np.ones(n)
+        return Command(joint_pos=none, gain_scale=all_of_it, torque_limit=none, pwm_limit=all_of_it)
 
     @staticmethod
     def position(
-        robot: Robot, joint_pos: Array, torque_limit: Array | float | None = None
+        robot: Robot,
+        joint_pos: Array,
+        torque_limit: Array | float | None = None,
+        pwm_limit: float = 1.0,
     ) -> Command:
         """Send joints to angles with full gain.
 
@@ -106,11 +112,17 @@ class Command:
             joint_pos: Target angles [rad], shape (n,).
             torque_limit: Largest torque [N·m], shape (n,) or one for all, never above
                 what the servos have; ``None`` for all that they have.
+            pwm_limit: Largest share of the supply that drives the motors.
         """
         limit = robot.max_torque
         if torque_limit is not None:
             limit = np.minimum(limit, torque_limit)
-        return Command(joint_pos=joint_pos, gain_scale=np.ones(robot.n), torque_limit=limit)
+        return Command(
+            joint_pos=joint_pos,
+            gain_scale=np.ones(robot.n),
+            torque_limit=limit,
+            pwm_limit=np.full(robot.n, pwm_limit),
+        )
 
 
 def check_command(command: Command, n: int) -> None:
@@ -119,7 +131,7 @@ def check_command(command: Command, n: int) -> None:
     Raises:
         CommandError: naming all that is wrong.
     """
-    values = command.joint_pos, command.gain_scale, command.torque_limit
+    values = command.joint_pos, command.gain_scale, command.torque_limit, command.pwm_limit
     if all(np.shape(value) == (n,) for value in values):
         # One number that is none spoils the sum, and a sum is quickly made.
         is_sound = math.isfinite(sum(float(value.sum()) for value in values))
@@ -129,6 +141,7 @@ def check_command(command: Command, n: int) -> None:
         "targets": command.joint_pos,
         "gain shares": command.gain_scale,
         "torque limits": command.torque_limit,
+        "PWM limits": command.pwm_limit,
     }
     faults = [
         f"{name}: {values}, allowed {n} finite numbers"

@@ -20,6 +20,7 @@ from drivers.simulation import Drives, Simulation
 from drivers.state import Command, State, check_command
 from drivers.truth import GroundHeight, Truth, flat_ground
 from robots import Posture, Robot
+from robots.servo import round_pwm
 
 
 class Twin(ClosesItself):
@@ -136,20 +137,22 @@ class Twin(ClosesItself):
         self._check_connected()
         check_command(command, self.robot.n)
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
+        share = round_pwm(np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0))
+        if self._pwm_limited:
+            share = np.minimum(share, self.robot.pwm_limit(limit))
         sent = Command(
             joint_pos=self._units.round_goal(command.joint_pos),
             gain_scale=command.gain_scale,
-            torque_limit=limit,
+            torque_limit=np.where(share > 0.0, limit, 0.0),
+            pwm_limit=share,
         )
-        body, share = self.simulation, np.ones(self.robot.n)
-        if self._pwm_limited:
-            share = self.robot.pwm_limit(limit)
+        body = self.simulation
         body.drive(
             Drives(
                 target=sent.joint_pos,
                 gain_scale=sent.gain_scale,
                 torque_limit=sent.torque_limit,
-                pwm_limit=share,
+                pwm_limit=sent.pwm_limit,
             )
         )
         body.step(body.steps_per_period)

@@ -61,12 +61,12 @@ def list_terms(robot: Robot, action: ActionSpec) -> tuple[Term, ...]:
     )
 
 
-def compute_torque_share(robot: Robot, torque_limit: Array | float) -> Array:
+def compute_torque_share(robot: Robot, action: ActionSpec, torque_limit: Array | float) -> Array:
     """Compute what a policy is told of a cap on every servo [N·m], (...) to (..., 1).
 
-    Above what the strongest servo has, a cap is none: the share is 1.
+    Above what the strongest servo has, or the policy itself asks for, a cap is none.
     """
-    return np.minimum(torque_limit / robot.max_torque.max(), 1.0)[..., None]
+    return np.minimum(torque_limit / robot.max_torque.max(), action.pwm_limit)[..., None]
 
 
 def observe(

@@ -57,7 +57,7 @@ class OnnxPolicy:
         """Why it gave up."""
         self._network, self._torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
-        self._torque_share = compute_torque_share(robot, limit)
+        self._torque_share = compute_torque_share(robot, self.action, limit)
         self._sense_gravity = GravitySense(
             robot.spec().compile().site(robot.imu_site).quat  # how the IMU sits in the torso
         )
@@ -125,7 +125,7 @@ class OnnxPolicy:
         cycles = self.action.cycles
         target = between(self._target, self._following, self._cycle, cycles)
         self._cycle = (self._cycle + 1) % cycles
-        return Command.position(self.robot, target, self._torque_limit)
+        return Command.position(self.robot, target, self._torque_limit, self.action.pwm_limit)
 
     def sense(self, state: State) -> Sensed:
         """Turn a measurement into what a policy is told of it."""

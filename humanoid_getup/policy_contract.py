@@ -16,7 +16,7 @@ from robots.faults import is_number, shown
 from robots.fields import Fields
 from robots.rotation import Array
 
-FORMAT = 3
+FORMAT = 4
 METADATA_KEY = "policy_contract"  # under which the contract lies in an ONNX file's metadata
 IMU_FRAME = "gravity and gyro in the torso's frame: x forward, y left, z up"
 SERVO_SLACK = 0.01  # share of a servo's position gain and torque
@@ -49,13 +49,14 @@ class PolicyContract:
     names: tuple[str, ...]
     """What each number of an action moves."""
     directions: Array
-    """Shape (k, n); this and the next seven as in `ActionSpec`."""
+    """Shape (k, n); this and the next eight as in `ActionSpec`."""
     scale: Array
     """[rad], shape (n,)"""
     reach: Array
     """[rad], shape (n,)"""
     lead: float
     """[rad]"""
+    pwm_limit: float
     home: Array
     """[rad], shape (n,); joint angles in the observation are counted from here."""
     homing: Array
@@ -96,6 +97,7 @@ class PolicyContract:
             scale=action.scale,
             reach=action.reach,
             lead=action.lead,
+            pwm_limit=action.pwm_limit,
             home=action.home,
             homing=action.homing,
             calm=action.calm,
@@ -122,6 +124,7 @@ class PolicyContract:
             scale=self.scale,
             reach=self.reach,
             lead=self.lead,
+            pwm_limit=self.pwm_limit,
             home=self.home,
             homing=self.homing,
             calm=self.calm,
@@ -224,6 +227,7 @@ class PolicyContract:
                 "scale": self.scale.tolist(),
                 "reach": self.reach.tolist(),
                 "lead": self.lead,
+                "pwm_limit": self.pwm_limit,
                 "home": self.home.tolist(),
                 "homing": self.homing.tolist(),
                 "calm": asdict(self.calm),
@@ -267,6 +271,7 @@ class PolicyContract:
             scale=action.array("scale", 1),
             reach=action.array("reach", 1),
             lead=action.number("lead", 10.0, "rad"),
+            pwm_limit=action.number("pwm_limit", 1.0, ""),
             home=action.array("home", 1),
             homing=action.array("homing", 1),
             calm=action.calm("calm"),
@@ -304,6 +309,7 @@ def _list_layout(robot: Robot, action_size: int) -> tuple[Term, ...]:
         scale=none,
         reach=none,
         lead=0.0,
+        pwm_limit=1.0,
         home=none,
         homing=none,
         calm=Calm(tilt=1.0, away=1.0, least=1.0),

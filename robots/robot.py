@@ -12,13 +12,12 @@ import numpy as np
 from robots.bus import BusSettings
 from robots.posture import Posture
 from robots.rotation import Array
-from robots.servo import PWM_FULL_SCALE, Servo
+from robots.servo import Servo, round_pwm
 
 ROBOTS_FOLDER = Path(__file__).parent
 
 GAIN_RESISTANCE, GAIN_MOTOR_CONSTANT = 0, 1  # columns of a dcmotor's gainprm
 GAIN_KP, GAIN_KD, GAIN_VMAX = 4, 6, 7
-PWM_ROUNDING = 1e-9  # of a count: what was rounded once stays the same
 
 
 class RobotError(ValueError):
@@ -163,8 +162,7 @@ class Robot:
         Args:
             torque_limit: Largest torque [N·m], shape (..., n) or a number.
         """
-        share = np.minimum(torque_limit / self.max_torque, 1.0)
-        return np.floor(PWM_FULL_SCALE * share + PWM_ROUNDING) / PWM_FULL_SCALE
+        return round_pwm(np.minimum(torque_limit / self.max_torque, 1.0))
 
     def drive_gains(
         self,

@@ -6,10 +6,15 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
+import numpy as np
+
+from robots.rotation import Array
+
 TICKS_PER_TURN = 4096
 RAD_PER_TICK = 2.0 * math.pi / TICKS_PER_TURN
 
 PWM_FULL_SCALE = 885  # counts at 100 % of the supply (e-manual, PWM limit)
+PWM_ROUNDING = 1e-9  # of a count: what was rounded once stays the same
 GAIN_DIVISOR = 128  # register value of the P gain per PWM count and tick (e-manual)
 DEFAULT_P_GAIN = 800  # position P gain as shipped
 
@@ -92,3 +97,8 @@ def servo_models() -> dict[str, ServoModel]:
     """Load the servo types that the package knows, by name."""
     table = tomllib.loads(files("robots").joinpath("servos.toml").read_text("utf-8"))
     return {name: ServoModel(name=name, **figures) for name, figures in table.items()}
+
+
+def round_pwm(share: Array | float) -> Array:
+    """Round shares of the supply down to whole counts of the PWM, (...)."""
+    return np.floor(PWM_FULL_SCALE * share + PWM_ROUNDING) / PWM_FULL_SCALE

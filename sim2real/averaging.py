@@ -9,6 +9,8 @@ from rsl_rl.algorithms import PPO
 
 AVERAGE = "averaged_actor_state_dict"
 """Where a checkpoint holds the averaged policy."""
+UPDATES = "averaged_updates"
+"""Where it holds how many updates the average has seen."""
 SHARE = 0.02  # of the newest policy in the average, which looks back on some fifty updates
 
 Weights = dict[str, torch.Tensor]
@@ -23,26 +25,32 @@ class AveragingPPO(PPO):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.average = _copy(self._raw_actor)
+        self.average, self.updates = _copy(self._raw_actor), 0
 
     def update(self) -> dict[str, float]:
         """Learn from what was seen, and let the average follow."""
         losses = super().update()
         newest = _copy(self._raw_actor)
+        self.updates += 1
+        # At first all count alike; what was there before the first update does not.
+        share = max(SHARE, 1.0 / self.updates)
         self.average = {
-            name: value.lerp(newest[name], SHARE) if value.is_floating_point() else newest[name]
+            name: value.lerp(newest[name], share) if value.is_floating_point() else newest[name]
             for name, value in self.average.items()
         }
         return losses
 
     def save(self) -> dict[str, Any]:
         """Return all that a resumed training needs."""
-        return super().save() | {AVERAGE: self.average}
+        return super().save() | {AVERAGE: self.average, UPDATES: self.updates}
 
     def load(self, loaded_dict: dict[str, Any], load_cfg: dict | None, strict: bool) -> bool:
-        """Go on from what was saved; where no average is, from the policy itself."""
+        """Go on from what was saved; where only networks are taken over, average anew."""
         goes_on = super().load(loaded_dict, load_cfg, strict)
-        self.average = loaded_dict.get(AVERAGE) or _copy(self._raw_actor)
+        if load_cfg is None:
+            self.average, self.updates = loaded_dict[AVERAGE], loaded_dict[UPDATES]
+        else:
+            self.average, self.updates = _copy(self._raw_actor), 0
         return goes_on
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 
 from robots.faults import shown
-from sim2real.averaging import AVERAGE
+from sim2real.averaging import AVERAGE, UPDATES
 
 CHECKPOINT = "checkpoint.pt"
 """Name of the file in a training's folder."""
@@ -40,6 +40,7 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
     except Exception as error:  # torch tells a spoilt file in many ways
         told = " ".join(str(error).split())
         raise CheckpointError(f"{file} is no whole checkpoint: {told}") from error
-    if not isinstance(state, dict) or not {"actor_state_dict", AVERAGE, "iter"} <= state.keys():
+    needed = {"actor_state_dict", AVERAGE, UPDATES, "iter"}
+    if not isinstance(state, dict) or not needed <= state.keys():
         raise CheckpointError(f"{file} is no checkpoint of a training: {shown(state)}")
     return state

@@ -145,7 +145,13 @@ class GetUpEnv(VectorEnv):
         noise = randomisation.noise if randomisation else None
         n = self.num_envs = options.robots
         self.herd = Herd(
-            model, robot, n, cycles=action.cycles, threads=options.threads, noise=noise
+            model,
+            robot,
+            n,
+            cycles=action.cycles,
+            pwm_limit=action.pwm_limit,
+            threads=options.threads,
+            noise=noise,
         )
         self._motions = list_motion_starts(robot, model)
         self._stands = sample_stands(robot, model, STANDS, np.random.default_rng(0))
@@ -273,7 +279,7 @@ class GetUpEnv(VectorEnv):
         self._sensed = self.herd.sense(rng if o.randomisation else None)
 
     def _observe(self) -> Floats:
-        share = compute_torque_share(self.robot, self.herd.conditions.torque_limit)
+        share = compute_torque_share(self.robot, self.action, self.herd.conditions.torque_limit)
         return observe(self.robot, self._sensed, self._target, self._last_action, share)
 
     def mirror_of_critic(self) -> Mirror:

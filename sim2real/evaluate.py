@@ -94,7 +94,7 @@ def rise_all(
     herd.place(everyone, starts)
     sensed = herd.sense(rng)
     target, last_action = sensed.joint_pos, np.zeros((herd.n, action.size))
-    share = compute_torque_share(robot, herd.conditions.torque_limit)
+    share = compute_torque_share(robot, action, herd.conditions.torque_limit)
     steps = round(duration / (robot.control_period * action.cycles))
     seen: dict[str, list[Array]] = {}
     diverged = np.zeros(herd.n, dtype=bool)

@@ -19,7 +19,6 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
-from humanoid_getup.action import choose_actions
 from humanoid_getup.observation import list_terms
 from humanoid_getup.onnx_network import OnnxNetwork
 from humanoid_getup.policy import OnnxPolicy, PolicyError
@@ -112,7 +111,7 @@ def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
         ExportError: if the training is another robot's, the checkpoint is none of it or
             holds what is no number, or what was written does not act like the checkpoint.
     """
-    action = choose_actions(robot, training.recipe.wide, training.recipe.lead)
+    action = training.recipe.choose_actions(robot)
     if training.robot != robot.name or training.actions != action.names:
         raise ExportError(
             f"{training.folder}: trained for robot '{training.robot}' with actions "

@@ -15,6 +15,7 @@ from humanoid_getup.observation import Sensed
 from humanoid_getup.stage import count_substeps, find_foreign
 from robots import Robot, rotation
 from robots.rotation import Array
+from robots.servo import round_pwm
 from sim2real.conditions import Conditions, Noise
 from sim2real.memory import Ids, Memory
 from sim2real.truth import HerdTruth
@@ -36,6 +37,7 @@ class Herd:
         n: int,
         *,
         cycles: int,
+        pwm_limit: float = 1.0,
         threads: int = 0,
         noise: Noise | None = None,
     ) -> None:
@@ -46,11 +48,12 @@ class Herd:
             robot: Robot in it.
             n: How many.
             cycles: Control cycles a policy step.
+            pwm_limit: Largest share of the supply that the motors get.
             threads: Threads that step physics; 0 for all that the machine has.
             noise: Noise of the sensors.
         """
         self.robot, self.model, self.n, self.cycles = robot, model, n, cycles
-        self.noise = noise or Noise()
+        self.noise, self._pwm_limit = noise or Noise(), pwm_limit
         self.batch = Batch(model, n, threads)
         self._substeps = count_substeps(model, self.step_time)
         # Targets move once a control cycle, as on the robot; where a coarse physics step does
@@ -98,6 +101,7 @@ class Herd:
         """Whose physics went wrong in the last policy step: what they show means nothing, (N,)."""
         self._play = np.zeros((n, robot.n))  # where in its free play each gear is [rad]
         self._torque = np.zeros((n, robot.n))  # of the servos when last looked at [N·m]
+        self.set_conditions(np.arange(n), self.conditions)
 
     @property
     def step_time(self) -> float:
@@ -118,6 +122,7 @@ class Herd:
         fields["geom_friction"][ids] = friction
         limit = np.minimum(c.torque_limit[:, None], robot.max_torque) * c.strength
         pwm = np.where(c.pwm_limited[:, None], robot.pwm_limit(limit), 1.0)
+        pwm = np.minimum(pwm, round_pwm(self._pwm_limit))
         gains = robot.drive_gains(c.voltage, c.strength, pwm)
         gainprm = np.tile(model.actuator_gainprm, (c.n, 1, 1))
         force = np.tile(model.actuator_forcerange, (c.n, 1, 1))

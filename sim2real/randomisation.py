@@ -128,5 +128,24 @@ TORQUE = Randomisation(
     push_speed=0.0,
     noise=Noise(),
 )
-RANDOMISATIONS = {"none": None, "torque": TORQUE, "all": Randomisation()}
-"""What may differ, by name: nothing; torque limits, which a policy is told of; everything."""
+MILD = Randomisation(
+    mass=(0.93, 1.07),
+    com_shift=0.005,
+    friction=(0.5, 1.0),
+    voltage=(0.94, 1.05),
+    full_torque=0.7,
+    weak_share=0.05,
+    armature=(0.8, 1.25),
+    heavy_share=0.1,
+    friction_loss=(0.6, 1.3),
+    delay=(0.0, 0.04),
+    joint_offset=0.013,
+    backlash=(0.0, 0.009),
+    imu_tilt=0.025,
+    gyro_bias=0.015,
+    push_speed=0.2,
+)
+"""About half of each range: for robots that have no strength to spare."""
+RANDOMISATIONS = {"none": None, "torque": TORQUE, "mild": MILD, "all": Randomisation()}
+"""What may differ, by name: nothing; torque limits, which a policy is told of; everything, by
+little or by much."""

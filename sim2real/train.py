@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from humanoid_getup.action import choose_actions
 from robots import Robot
 from sim2real.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.env import EnvOptions, GetUpEnv, make_world
@@ -88,7 +87,7 @@ def train(
     options = build_options(recipe, threads)
     random.seed(seed)
     torch.manual_seed(seed)
-    action = choose_actions(robot, recipe.wide, recipe.lead)
+    action = recipe.choose_actions(robot)
     env = RslEnv(GetUpEnv(robot, action, pool, options), device, progress)
     log_file = folder / "rsl_rl.log" if rank.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log):
@@ -116,8 +115,9 @@ def write_recipe(
     record: dict[str, Any] = {
         "robot": robot.name,
         "seed": seed,
-        "actions": choose_actions(robot, recipe.wide, recipe.lead).names,
+        "actions": recipe.choose_actions(robot).names,
         "recipe": asdict(recipe),
+        "rewards": {r.term.__name__: r.weight for r in REWARDS[recipe.rewards]},
         "parent": None if parent is None else _describe_parent(robot, parent),
     }
     settle_recipe(file, record)

@@ -117,7 +117,15 @@ def run_trial(
     records = []
     for first in range(0, len(starts), CHUNK):
         some = starts[first : first + CHUNK]
-        herd = Herd(model, robot, len(some), cycles=action.cycles, threads=threads, noise=NOISE)
+        herd = Herd(
+            model,
+            robot,
+            len(some),
+            cycles=action.cycles,
+            pwm_limit=action.pwm_limit,
+            threads=threads,
+            noise=NOISE,
+        )
         herd.set_conditions(np.arange(herd.n), make_conditions(herd, trial, place_in.friction, rng))
         qpos = np.array([place(robot, model, posture) for posture in some])
         push = _Pushes(herd, trial.push, round(PUSH_EVERY / herd.step_time), rng)

@@ -10,7 +10,7 @@ from drivers import Backend, Command, SafetyGuard, Twin
 from drivers.clock import CycleClock
 from drivers.dynamixel import DynamixelBackend
 from drivers.errors import CommandError, NotConnectedError
-from drivers.servo_sensors import CURRENT_STEP
+from drivers.servo_sensors import CURRENT_STEP, VELOCITY_STEP
 from drivers.simulation import Simulation
 from drivers.virtual.robot import VirtualPorts, VirtualRobot
 from drivers.virtual.server import Pace
@@ -102,6 +102,7 @@ def test_a_sound_command_is_sent_as_it_is(backend: Backend):
         joint_pos=np.array([0.01, -0.01]),
         gain_scale=np.array([0.5, 1.0]),
         torque_limit=np.array([1.0, 2.0]),
+        pwm_limit=np.array([1.0, 0.8]),
     )
     with backend:
         sent = turn(backend, command)
@@ -110,6 +111,27 @@ def test_a_sound_command_is_sent_as_it_is(backend: Backend):
     assert sent.gain_scale == pytest.approx(command.gain_scale, abs=1.0 / 800)
     assert np.all(sent.torque_limit <= command.torque_limit)
     assert sent.torque_limit == pytest.approx(command.torque_limit, abs=4.1 / 885)
+    assert np.all(sent.pwm_limit <= command.pwm_limit)
+
+
+def test_a_pwm_limit_slows_a_servo_down(backend: Backend):
+    target = np.array([0.3, -0.3])
+    slow = Command.position(backend.robot, target, pwm_limit=0.2)
+    with backend:
+        sent = turn(backend, slow)
+        assert sent.pwm_limit == pytest.approx(0.2, abs=1.0 / 885)
+        speeds = []
+        for _ in range(12):
+            turn(backend, slow)
+            speeds.append(np.abs(backend.read().joint_vel).max())
+    # A fifth of the supply turns the unloaded motor at a fifth of its no-load speed at most.
+    assert 0.0 < max(speeds) <= 0.2 * backend.robot.max_velocity.max() + VELOCITY_STEP
+
+
+def test_no_supply_is_no_torque(backend: Backend):
+    with backend:
+        sent = turn(backend, Command.position(backend.robot, np.zeros(2), pwm_limit=0.0))
+    assert sent.is_limp
 
 
 def test_the_robot_goes_where_it_is_sent(backend: Backend):

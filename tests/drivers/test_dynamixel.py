@@ -178,11 +178,14 @@ def test_gain_and_limit_reach_the_servos_and_are_told_as_they_are(rig):
         joint_pos=np.array([0.1, -0.1]),
         gain_scale=np.array([0.5, 1.0]),
         torque_limit=np.array([1.0, 4.1]),
+        pwm_limit=np.array([0.5, 0.75]),
     )
     rig.turn(command)
     assert rig.peek("position_p_gain") == [400, 800]
-    assert rig.peek("goal_pwm") == [215, 885], "1.0 / 4.1 of 885 counts, rounded down"
-    assert rig.sent.torque_limit == pytest.approx([215 / 885 * 4.1, 4.1])
+    # 1.0 / 4.1 of 885 counts, and 0.75 of them, rounded down: whichever limit is lower.
+    assert rig.peek("goal_pwm") == [215, 663]
+    assert rig.sent.torque_limit == pytest.approx([215 / 885 * 4.1, 663 / 885 * 4.1])
+    assert rig.sent.pwm_limit == pytest.approx([215 / 885, 663 / 885])
     assert rig.sent.joint_pos == pytest.approx(command.joint_pos, abs=0.5 * ONE_TICK)
 
 
@@ -211,13 +214,15 @@ def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
     gain = np.array(data.draw(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2)))
     torque = np.array(data.draw(st.lists(st.floats(0.0, 10.0), min_size=2, max_size=2)))
     translator = Translator(tiny)
-    asked = Command(joint_pos=pos, gain_scale=gain, torque_limit=torque)
+    share = np.array(data.draw(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2)))
+    asked = Command(joint_pos=pos, gain_scale=gain, torque_limit=torque, pwm_limit=share)
     orders = translator.to_orders(asked)
     sent = translator.to_command(orders, asked)
     assert np.all((orders.goal >= 0) & (orders.goal <= 4095))
     assert np.all((orders.pwm >= 0) & (orders.pwm <= 885))
     assert np.all((orders.p_gain >= 0) & (orders.p_gain <= 800))
     assert np.all(sent.torque_limit <= torque)
+    assert np.all(sent.pwm_limit <= share)
     inside = (pos >= tiny.lower) & (pos <= tiny.upper)
     assert np.all(sent.joint_pos[inside] >= tiny.lower[inside])
     assert np.all(sent.joint_pos[inside] <= tiny.upper[inside])

@@ -36,9 +36,12 @@ def make_cycle(robot: Robot, number: int, rng: np.random.Generator) -> Cycle:
         voltage=float(rng.normal(12.0)),
     )
     command = Command(
-        joint_pos=rng.normal(size=n), gain_scale=rng.random(n), torque_limit=rng.random(n)
+        joint_pos=rng.normal(size=n),
+        gain_scale=rng.random(n),
+        torque_limit=rng.random(n),
+        pwm_limit=rng.random(n),
     )
-    clips = ClipCounts(*rng.integers(0, 9, (4, n)))
+    clips = ClipCounts(*rng.integers(0, 9, (5, n)))
     timing = Timing(late=0.0, read=float(rng.random()), step=1e-300, write=0.1 + 0.2)
     return Cycle(state, command, replace(command, joint_pos=-command.joint_pos), clips, timing)
 

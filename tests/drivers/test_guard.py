@@ -31,12 +31,14 @@ commands = st.builds(
     joint_pos=vectors(anything),
     gain_scale=vectors(anything),
     torque_limit=vectors(anything | st.just(0.0)),
+    pwm_limit=vectors(anything),
 )
 plausible = st.builds(
     Command,
     joint_pos=vectors(st.floats(-1e300, 1e300) | st.floats(-3.0, 3.0)),
     gain_scale=vectors(st.floats(-2.0, 2.0)),
     torque_limit=vectors(st.floats(0.0, 1e300) | st.sampled_from([0.0, 1.0])),
+    pwm_limit=vectors(st.floats(-2.0, 2.0)),
 )
 cycles = st.lists(st.tuples(vectors(anything), commands | plausible), min_size=1, max_size=8)
 
@@ -54,6 +56,7 @@ def check_laws(
     for i in range(N):
         assert 0.0 <= sent.torque_limit[i] <= limits.torque_limit[i]
         assert 0.0 <= sent.gain_scale[i] <= 1.0
+        assert 0.0 <= sent.pwm_limit[i] <= 1.0
         if sent.torque_limit[i] == 0.0:
             continue
         target, ref = sent.joint_pos[i], reference[i]
@@ -88,6 +91,7 @@ def test_no_command_from_any_state_passes_a_limit(cycles, cap):
                     np.any((sent.joint_pos != command.joint_pos) & held)
                     or np.any(sent.gain_scale != command.gain_scale)
                     or np.any(sent.torque_limit != command.torque_limit)
+                    or np.any(sent.pwm_limit != command.pwm_limit)
                 )
                 assert (guard.clips.total > cuts_before) == changed
             last = sent

@@ -1,6 +1,7 @@
 """The twin's physics and sensors, beyond what every backend promises."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -191,8 +192,8 @@ def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
 
 def test_released_joints_obey_nothing_while_others_hold(tiny):
     twin = Twin(tiny)
-    command = Command(
-        joint_pos=np.array([0.4, 0.4]), gain_scale=np.ones(2), torque_limit=np.array([0.0, 4.1])
+    command = replace(
+        Command.position(tiny, np.array([0.4, 0.4])), torque_limit=np.array([0.0, 4.1])
     )
     play(twin, command, 40)
     assert twin.truth.joint_torque[0] == 0.0

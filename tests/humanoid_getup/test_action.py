@@ -120,6 +120,7 @@ def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float
         scale=np.array([0.1]),
         reach=np.array([1.0]),
         lead=0.6,
+        pwm_limit=1.0,
         home=np.array([0.25]),
         homing=np.zeros(1),
         calm=Calm(tilt=0.5, away=0.5, least=0.2),

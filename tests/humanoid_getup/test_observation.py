@@ -1,5 +1,7 @@
 """What a policy sees, and its mirror image."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,8 +53,15 @@ def test_one_robot_and_many_see_the_same():
 
 
 def test_a_torque_limit_is_told_as_a_share_and_no_more_than_all():
-    assert compute_torque_share(OP3, np.array([2.05, 4.1, 9.0])).tolist() == [[0.5], [1.0], [1.0]]
-    assert compute_torque_share(OP3, np.inf).tolist() == [1.0]
+    limits = np.array([2.05, 4.1, 9.0])
+    assert compute_torque_share(OP3, ACTION, limits).tolist() == [[0.5], [1.0], [1.0]]
+    assert compute_torque_share(OP3, ACTION, np.inf).tolist() == [1.0]
+
+
+def test_a_policy_that_asks_for_less_is_told_no_more():
+    gentle = replace(ACTION, pwm_limit=0.55)
+    limits = np.array([2.05, 4.1])
+    assert compute_torque_share(OP3, gentle, limits).tolist() == [[0.5], [0.55]]
 
 
 def test_every_term_is_where_the_list_says():

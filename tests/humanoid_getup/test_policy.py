@@ -92,7 +92,7 @@ def test_a_file_without_a_contract_is_refused(tiny: Robot, tmp_path: Path):
 
 
 def test_a_contract_that_is_none_is_refused(tiny: Robot, tmp_path: Path):
-    file = save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 3}')
+    file = save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 4}')
     with pytest.raises(PolicyError, match=r"robot is missing.*action\.mode is missing"):
         OnnxPolicy.load(file, tiny, PERIOD)
 
@@ -206,6 +206,19 @@ def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_pat
             time = (step * action.cycles + cycle) * PERIOD
             command = policy.step(state_of(op3, time, joint_pos=measured[0]))
             np.testing.assert_allclose(command.joint_pos, told[0, cycle], atol=1e-6)
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.55])
+def test_a_gentle_policy_asks_its_servos_for_less_of_the_supply(
+    tiny: Robot, tmp_path: Path, limit: float
+):
+    contract = contract_of(tiny, pwm_limit=limit).to_json()
+    file = save_policy(tmp_path / "p.onnx", tiny, contract=contract)
+    policy = begin(file, tiny, torque_limit=4.1)
+    command = policy.step(state_of(tiny))
+    assert command.pwm_limit.tolist() == [limit, limit]
+    assert command.torque_limit.tolist() == [4.1, 4.1]
+    assert policy.observe(policy.sense(state_of(tiny)))[-1] == pytest.approx(limit)
 
 
 def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(

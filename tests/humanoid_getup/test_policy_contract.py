@@ -31,7 +31,8 @@ def test_a_contract_survives_the_trip_through_json_to_the_last_bit():
     for name in ("directions", "scale", "reach", "home", "homing", "lower", "upper"):
         np.testing.assert_array_equal(getattr(spec, name), getattr(ACTION, name))
     assert (spec.mode, spec.names) == (ActionMode.RATE, ACTION.names)
-    assert (spec.lead, spec.cycles, spec.calm) == (ACTION.lead, ACTION.cycles, ACTION.calm)
+    assert (spec.lead, spec.pwm_limit) == (ACTION.lead, ACTION.pwm_limit)
+    assert (spec.cycles, spec.calm) == (ACTION.cycles, ACTION.calm)
 
 
 def swapped(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -114,8 +115,8 @@ def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
         ("", "no JSON"),
         ("{", "no JSON"),
         ("[1]", "allowed a JSON object"),
-        ("{}", "format None, allowed 3"),
-        ('{"format": 1}', "format 1, allowed 3"),
+        ("{}", "format None, allowed 4"),
+        ('{"format": 1}', "format 1, allowed 4"),
     ],
 )
 def test_what_is_no_contract_is_refused(text: str, told: str):

@@ -17,13 +17,12 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
-from humanoid_getup.action import choose_actions
 from humanoid_getup.cli import main
 from humanoid_getup.observation import list_terms
 from humanoid_getup.onnx_network import OnnxNetwork
 from humanoid_getup.policy import OnnxPolicy
 from robots import Robot
-from sim2real.averaging import AVERAGE
+from sim2real.averaging import AVERAGE, UPDATES
 from sim2real.checkpoint import CHECKPOINT, CheckpointError
 from sim2real.export import MOST_BYTES, ExportError, Training, export_policy
 from sim2real.recipe_file import RECIPE
@@ -37,7 +36,7 @@ MINE = replace(RECIPES["robust"], hidden=(32, 16))
 
 def make_actor(training: Training, robot: Robot):
     """An actor as it comes out of a training: weights and normaliser far from their first."""
-    action = choose_actions(robot, training.recipe.wide)
+    action = training.recipe.choose_actions(robot)
     size = sum(term.size for term in list_terms(robot, action))
     torch.manual_seed(SEED)
     blank = make_blank(training, size, action.size)
@@ -64,7 +63,7 @@ def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> Training
     training = Training.load(folder)
     actor = make_actor(training, robot)
     newest = {name: torch.zeros_like(value) for name, value in actor.state_dict().items()}
-    state = {"actor_state_dict": newest, AVERAGE: actor.state_dict(), "iter": 41}
+    state = {"actor_state_dict": newest, AVERAGE: actor.state_dict(), UPDATES: 42, "iter": 41}
     torch.save(state, folder / CHECKPOINT)
     return training
 
@@ -73,7 +72,7 @@ def test_a_training_is_read_as_it_was_written_down(op3: Robot, tmp_path: Path):
     write_recipe(op3, MINE, SEED, tmp_path / RECIPE)
     training = Training.load(tmp_path)
     assert (training.recipe, training.seed, training.robot) == (MINE, SEED, "op3")
-    assert training.actions == choose_actions(op3, MINE.wide).names
+    assert training.actions == MINE.choose_actions(op3).names
 
 
 @pytest.mark.parametrize("name", ["quick", "gentle"])
@@ -87,7 +86,7 @@ def test_what_is_exported_acts_like_the_checkpoint_and_tells_how_it_was_made(
     assert export.size == file.stat().st_size < MOST_BYTES
     assert [path.name for path in file.parent.iterdir()] == ["policy.onnx"]
     policy = OnnxPolicy.load(file, op3, op3.control_period)
-    assert policy.action.lead == RECIPES[name].lead
+    assert policy.action.pwm_limit == RECIPES[name].pwm_limit
     provenance = policy.contract.provenance
     assert (provenance["recipe"], provenance["seed"], provenance["iterations"]) == (name, SEED, 42)
     actor = make_actor(training, op3).eval()

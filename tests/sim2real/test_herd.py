@@ -124,6 +124,18 @@ def test_the_past_of_a_robot_just_placed_is_its_present(op3, delayed_world, fall
     assert np.abs(moved).max() < 0.02  # what it was placed with still holds
 
 
+def test_what_a_policy_asks_of_the_supply_and_a_users_cap_both_hold(op3, world):
+    herd = Herd(world, op3, 3, cycles=CYCLES, pwm_limit=0.55, threads=1)
+    nominal = Conditions.nominal(op3, world.nbody, 2)
+    pwm = np.array([True, True])
+    caps = replace(nominal, torque_limit=np.array([1.0, 4.0]), pwm_limited=pwm)
+    herd.set_conditions(np.array([1, 2]), caps)
+    # Whole counts of 885 for 12 V: 0.55 of them, or 1.0 N·m of the 4.1 that the servos have.
+    for i, counts in enumerate((486, 215, 486)):
+        volts = herd.batch.get_model(i).actuator_gainprm[:, GAIN_VMAX]
+        assert volts == pytest.approx(np.full(op3.n, 12.0 * counts / 885))
+
+
 def test_masses_gains_and_friction_are_in_the_physics(op3, world):
     mass = np.ones((2, world.nbody))
     mass[1] *= np.linspace(0.8, 1.2, world.nbody)

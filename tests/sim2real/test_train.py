@@ -19,10 +19,9 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
-from humanoid_getup.action import choose_actions
 from humanoid_getup.observation import list_terms
 from robots import Robot
-from sim2real.averaging import AVERAGE, SHARE
+from sim2real.averaging import AVERAGE, SHARE, UPDATES
 from sim2real.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.env import EnvOptions, GetUpEnv
 from sim2real.export import Training
@@ -93,13 +92,41 @@ def test_one_seed_is_one_policy_on_any_number_of_threads(op3, unbroken, tmp_path
     assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
 
 
-def test_the_average_follows_the_policy_by_a_share_of_each_update(op3, unbroken, tmp_path):
-    train(op3, replace(TINY, iterations=3), 1, tmp_path, threads=1)
-    before, after = read_policy(tmp_path), read_policy(unbroken)
+def average_and_newest(folder: Path) -> tuple[torch.Tensor, torch.Tensor]:
+    policy = read_policy(folder)
     name = "mlp.0.weight"
-    newest, average = after[f"actor_state_dict.{name}"], after[f"{AVERAGE}.{name}"]
-    assert torch.equal(average, before[f"{AVERAGE}.{name}"].lerp(newest, SHARE))
+    return policy[f"{AVERAGE}.{name}"], policy[f"actor_state_dict.{name}"]
+
+
+def test_the_average_of_a_short_training_is_that_of_all_its_policies(op3, unbroken, tmp_path):
+    train(op3, replace(TINY, iterations=1), 1, tmp_path, threads=1)
+    first, newest = average_and_newest(tmp_path)
+    assert torch.equal(first, newest), "the random policy that came before counts nothing"
+    train(op3, replace(TINY, iterations=3), 1, tmp_path, threads=1)
+    before, _ = average_and_newest(tmp_path)
+    average, newest = average_and_newest(unbroken)
+    assert torch.equal(average, before.lerp(newest, 1.0 / 4.0))
     assert not torch.equal(average, newest)
+
+
+def test_the_average_of_a_long_training_forgets_its_begin(op3, tmp_path):
+    train(op3, replace(TINY, iterations=1), 1, tmp_path, threads=1)
+    before, _ = average_and_newest(tmp_path)
+    state = torch.load(tmp_path / CHECKPOINT, weights_only=False)
+    torch.save(state | {UPDATES: 1000}, tmp_path / CHECKPOINT)
+    train(op3, replace(TINY, iterations=2), 1, tmp_path, threads=1)
+    average, newest = average_and_newest(tmp_path)
+    assert torch.equal(average, before.lerp(newest, SHARE))
+
+
+def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
+    folder = tmp_path / "training"
+    shutil.copytree(unbroken, folder)
+    record = json.loads((folder / RECIPE).read_text("utf-8"))
+    record["rewards"]["stands"] = 7.0
+    (folder / RECIPE).write_text(json.dumps(record), "utf-8")
+    with pytest.raises(OtherTrainingError, match=r"rewards\.stands is 7\.0 there"):
+        train(op3, TINY, 1, folder, threads=1)
 
 
 def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
@@ -154,7 +181,7 @@ def parent(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def load_actor(robot: Robot, folder: Path, recipe: Recipe) -> MLPModel:
-    action = choose_actions(robot, recipe.wide)
+    action = recipe.choose_actions(robot)
     size = sum(term.size for term in list_terms(robot, action))
     config = build_config(recipe, 0)["actor"]
     del config["class_name"]

@@ -7,6 +7,8 @@ from typing import Any
 import torch
 from rsl_rl.algorithms import PPO
 
+from sim2real.mirrored_batches import MirroredBatches
+
 AVERAGE = "averaged_actor_state_dict"
 """Where a checkpoint holds the averaged policy."""
 UPDATES = "averaged_updates"
@@ -25,11 +27,13 @@ class AveragingPPO(PPO):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self.symmetry = MirroredBatches(**kwargs["symmetry_cfg"])
         self.average, self.updates = _copy(self._raw_actor), 0
 
     def update(self) -> dict[str, float]:
         """Learn from what was seen, and let the average follow."""
         losses = super().update()
+        del losses["symmetry"]
         newest = _copy(self._raw_actor)
         self.updates += 1
         # At first all count alike; what was there before the first update does not.

@@ -70,6 +70,6 @@ RECIPES = {
     # A servo that may use 0.55 of its supply has 2.25 N·m left of the XM430's 4.1 at
     # standstill, and turns at 0.55 of its speed: what is slow lands softly.
     "gentle": replace(
-        ONWARD, rewards="gentle", randomisation="mild", iterations=300, pwm_limit=0.55
+        ONWARD, rewards="gentle", randomisation="mild", iterations=400, pwm_limit=0.55
     ),
 }

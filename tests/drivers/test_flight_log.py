@@ -96,6 +96,14 @@ def test_a_row_comes_back_as_the_type_that_it_was(logged, flight):
     assert np.array_equal(command.joint_pos, flight[7].sent.joint_pos)
 
 
+def test_a_log_of_before_there_were_pwm_limits_tells_of_none(logged, flight):
+    record = FlightRecord.load(logged)
+    columns = {name: v for name, v in record.sent.columns.items() if name != "pwm_limit"}
+    record = replace(record, tracks={"sent": replace(record.sent, columns=columns)})
+    assert np.array_equal(record.command(7).pwm_limit, np.ones(len(record.joint_names)))
+    assert np.array_equal(record.command(7).torque_limit, flight[7].sent.torque_limit)
+
+
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=2))
 def test_any_float_survives(tmp_path_factory, robot, values: list[float]):
     path = tmp_path_factory.mktemp("floats") / "flight.mcap"

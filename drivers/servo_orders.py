@@ -15,7 +15,7 @@ from drivers.servo_units import ServoUnits
 from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
 from robots.rotation import Array
-from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, PWM_ROUNDING, TICKS_PER_TURN
+from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, TICKS_PER_TURN, count_pwm
 
 FAR = 100.0  # rad, beyond any servo; only keeps absurd targets within whole numbers
 # Every so many cycles gains and limits are sent again, should a servo have missed them.
@@ -57,8 +57,7 @@ class Translator:
         target = np.minimum(np.maximum(command.joint_pos, -FAR), FAR)
         goal = self._units.to_ticks(self._units.round_goal(target))
         allowed = np.minimum(command.torque_limit / self._stall, command.pwm_limit)
-        counts = np.maximum(np.floor(PWM_FULL_SCALE * allowed + PWM_ROUNDING), 0.0)
-        pwm = np.minimum(counts, self.pwm_limit).astype(int)
+        pwm = np.minimum(count_pwm(allowed), self.pwm_limit).astype(int)
         gain = np.rint(DEFAULT_P_GAIN * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
         return Orders(
             goal=np.minimum(np.maximum(goal, 0), TICKS_PER_TURN - 1),

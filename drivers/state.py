@@ -95,8 +95,12 @@ class Command:
     @staticmethod
     def limp(n: int) -> Command:
         """Release every joint."""
-        none, all_of_it = np.zeros(n), np.ones(n)
-        return Command(joint_pos=none, gain_scale=all_of_it, torque_limit=none, pwm_limit=all_of_it)
+        return Command(
+            joint_pos=np.zeros(n),
+            gain_scale=np.ones(n),
+            torque_limit=np.zeros(n),
+            pwm_limit=np.ones(n),
+        )
 
     @staticmethod
     def position(

@@ -137,7 +137,7 @@ class Twin(ClosesItself):
         self._check_connected()
         check_command(command, self.robot.n)
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
-        share = round_pwm(np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0))
+        share = round_pwm(command.pwm_limit)
         if self._pwm_limited:
             share = np.minimum(share, self.robot.pwm_limit(limit))
         sent = Command(

@@ -162,7 +162,7 @@ class Robot:
         Args:
             torque_limit: Largest torque [N·m], shape (..., n) or a number.
         """
-        return round_pwm(np.minimum(torque_limit / self.max_torque, 1.0))
+        return round_pwm(torque_limit / self.max_torque)
 
     def drive_gains(
         self,

@@ -99,6 +99,12 @@ def servo_models() -> dict[str, ServoModel]:
     return {name: ServoModel(name=name, **figures) for name, figures in table.items()}
 
 
+def count_pwm(share: Array | float) -> Array:
+    """Convert shares of the supply to whole counts of the PWM, from none to all of them, (...)."""
+    counts = np.floor(PWM_FULL_SCALE * share + PWM_ROUNDING)
+    return np.minimum(np.maximum(counts, 0.0), PWM_FULL_SCALE)
+
+
 def round_pwm(share: Array | float) -> Array:
-    """Round shares of the supply down to whole counts of the PWM, (...)."""
-    return np.floor(PWM_FULL_SCALE * share + PWM_ROUNDING) / PWM_FULL_SCALE
+    """Round shares of the supply down to what whole counts of the PWM give, (...)."""
+    return count_pwm(share) / PWM_FULL_SCALE

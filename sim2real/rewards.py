@@ -190,8 +190,8 @@ GENTLE = (
     Reward(joint_speed, -0.50),
     Reward(restless, -3.00),
     Reward(demanding, -1.00),
-    # What makes it gentle is the limit on its servos. Costs that would do as much (torque -20,
-    # all others -3 to -10) make it give up falls that it could win.
+    # What makes it gentle is the limit on its servos. Under it, costs of torque -6 or more and
+    # of all else -1 to -3 made it give up falls that it could win.
     Reward(torque, -2.00),
     Reward(dropping, -0.50),
     Reward(head_strike, -10.00),  # half a metre a second costs five steps of standing

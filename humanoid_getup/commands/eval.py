@@ -98,7 +98,7 @@ class EvalPolicy(StageOptions):
         policy = load_policy(stage.robot, self.policy, self.torque_limit)
         from sim2real.trial import run_trial, summarise_trial
 
-        trial = self._make_trial()
+        trial = self._make_trial(policy.action.pwm_limit)
         chosen = self._find_falls(stage)
         falls = chosen.falls
         with counting("rises", len(falls)) as count:
@@ -115,7 +115,7 @@ class EvalPolicy(StageOptions):
         about = {"falls_seed": chosen.seed, "falls_scene": chosen.scene, "trial": trial.label}
         return self._hand_over(about | summarise_trial(falls, rises, CLASSES), policy)
 
-    def _make_trial(self) -> Trial:
+    def _make_trial(self, pwm_limit: float) -> Trial:
         from sim2real.physics import MENAGERIE_SERVOS, PHYSICS
         from sim2real.trial import Trial
 
@@ -124,11 +124,11 @@ class EvalPolicy(StageOptions):
                 f"unknown physics '{self.physics}': allowed {', '.join(sorted(PHYSICS))}"
             )
         if self.physics == MENAGERIE_SERVOS and (
-            self.torque_limit or self.voltage or self.weak_servo < 1.0
+            self.torque_limit or self.voltage or self.weak_servo < 1.0 or pwm_limit < 1.0
         ):
             raise BadInputError(
-                f"physics is '{self.physics}', allowed without torque limit, voltage and weak "
-                "servo: its servos are not motors"
+                f"physics is '{self.physics}', allowed without torque limit, voltage, weak servo, "
+                "and a policy's own limit of the supply: its servos are not motors"
             )
         return Trial(
             torque_limit=self.torque_limit,

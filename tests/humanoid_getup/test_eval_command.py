@@ -60,3 +60,6 @@ def test_unknown_physics_and_too_few_falls_are_told(
     menagerie = ("--physics", "menagerie servos", "--torque-limit", "2.5")
     assert main(("eval", policy, "--n", "4", "--falls", falls, *menagerie)) == 2
     assert "allowed without torque limit" in capsys.readouterr().err
+    gentle = ("--physics", "menagerie servos")  # it asks for a part of the supply
+    assert main(("eval", "gentle", "--n", "4", "--falls", falls, *gentle)) == 2
+    assert "a policy's own limit of the supply" in capsys.readouterr().err

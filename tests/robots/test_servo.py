@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots import Servo
-from robots.servo import RAD_PER_TICK, servo_models
+from robots.servo import RAD_PER_TICK, count_pwm, round_pwm, servo_models
 
 XM430 = servo_models()["XM430-W350"]
 servos = st.builds(
@@ -90,3 +90,12 @@ def test_gains_of_many_supplies_come_at_once(op3):
     many = op3.drive_gains(np.array([11.0, 12.0]), np.full((2, op3.n), 0.5))
     assert many.shape == (2, op3.n, 10)
     assert np.array_equal(many[1], op3.drive_gains(12.0, np.full(op3.n, 0.5)))
+
+
+@given(share=st.floats(-10.0, 10.0))
+def test_a_share_of_the_supply_becomes_whole_counts_within_what_there_is(share: float):
+    rounded = float(round_pwm(share))
+    assert 0.0 <= rounded <= 1.0
+    assert float(count_pwm(rounded)) == float(count_pwm(share)), "rounded once, it stays"
+    if 0.0 <= share <= 1.0:
+        assert share - 1.0 / 885 < rounded <= share + 1e-11

@@ -29,12 +29,12 @@ from typing import Any
 import numpy as np
 
 from drivers import Command, SafetyGuard
-from drivers.dynamixel import DynamixelBackend
-from drivers.port import SerialPort
-from drivers.protocol2 import Span, read, sync_read, sync_write
-from drivers.simulation import Simulation
-from drivers.virtual.robot import VirtualRobot
-from drivers.virtual.server import VirtualBus
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.port import SerialPort
+from drivers.dynamixel.protocol2 import Span, read, sync_read, sync_write
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import VirtualBus
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot, load_robot
 
 BITS_PER_BYTE = 10

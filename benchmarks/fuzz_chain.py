@@ -8,8 +8,8 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from drivers.control_table import HardwareError, Item, OperatingMode
-from drivers.protocol2 import (
+from drivers.dynamixel.control_table import HardwareError, Item, OperatingMode
+from drivers.dynamixel.protocol2 import (
     BROADCAST,
     Damaged,
     FrameParser,
@@ -18,11 +18,11 @@ from drivers.protocol2 import (
     Reset,
     decode_fast_status,
 )
-from drivers.virtual.board import VirtualBoard
-from drivers.virtual.chain import Answer, Chain
-from drivers.virtual.device import VirtualDevice
-from drivers.virtual.quirks import BadCrc, Feeding, Gap, Quirks, Undefined
-from drivers.virtual.servo import VirtualServo
+from drivers.virtual_bus.devices.board import VirtualBoard
+from drivers.virtual_bus.devices.chain import Answer, Chain
+from drivers.virtual_bus.devices.device import VirtualDevice
+from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks, Undefined
+from drivers.virtual_bus.devices.servo import VirtualServo
 
 HANG = 60.0  # s that one chain's share may take before it counts as a hang
 PACKETS_PER_CHAIN = 2000

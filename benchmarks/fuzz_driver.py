@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers import Command, SafetyGuard
-from drivers.clock import CycleClock
-from drivers.dynamixel import DynamixelBackend
-from drivers.protocol2 import Packet
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.protocol2 import Packet
 from drivers.servo_units import ServoUnits
-from drivers.simulation import Simulation
-from drivers.virtual.memory_port import MemoryPort
-from drivers.virtual.robot import VirtualRobot
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.memory_port import MemoryPort
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import load_robot
 from robots.servo import RAD_PER_TICK
 

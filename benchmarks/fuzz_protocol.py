@@ -24,7 +24,7 @@ from dataclasses import asdict, dataclass
 from fuzz_chain import ChainTally, fuzz_chain
 from fuzz_driver import DriverTally, fuzz_driver
 
-from drivers.protocol2 import (
+from drivers.dynamixel.protocol2 import (
     BROADCAST,
     HEADER,
     MAX_ID,

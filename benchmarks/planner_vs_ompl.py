@@ -24,17 +24,17 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from humanoid_getup.collision import CollisionChecker
-from humanoid_getup.database import load_database
-from humanoid_getup.lying import sample_falls
-from humanoid_getup.metric import PostureMetric, align, orientation_distance
-from humanoid_getup.planner import PlanOptions, find_path
-from humanoid_getup.posture_space import PostureProblem
-from humanoid_getup.scene import load_scene
-from humanoid_getup.shortcut import length
-from humanoid_getup.stage import Stage
-from robots import Posture, load_robot, rotation
-from robots.rotation import Array
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.posture_metric import PostureMetric, align, orientation_distance
+from humanoid_getup.planning.collision import CollisionChecker
+from humanoid_getup.planning.path_planner import PlanOptions, find_path
+from humanoid_getup.planning.posture_space import PostureProblem
+from humanoid_getup.planning.shortcut import length
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, load_robot, quaternion
+from robots.quaternion import Array
 
 COUNTS = {"supine": 20, "prone": 20, "lateral": 20}
 
@@ -85,7 +85,7 @@ def search_ompl(problem: PostureProblem, limit: float) -> list[Array]:
 
     def to_node(state: Any) -> Array:
         values = np.array([state[k] for k in range(len(scale))]) / scale
-        q = rotation.slerp(problem.start[:4], problem.goal[:4], float(values[0]))
+        q = quaternion.slerp(problem.start[:4], problem.goal[:4], float(values[0]))
         return np.concatenate([q, values[1:]])
 
     space = ob.RealVectorStateSpace(len(scale))

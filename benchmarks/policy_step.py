@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers import SafetyGuard, Twin
-from humanoid_getup.policy import OnnxPolicy
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import load_robot
 
 WARM_UP = 5  # policy steps that are not counted

@@ -22,19 +22,19 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from humanoid_getup.bench.statistics import wilson_interval
-from humanoid_getup.commands.policies import find_policy
-from humanoid_getup.fall_set import FallSet
-from humanoid_getup.lying import CLASSES, Fall, read_posture
-from humanoid_getup.policy import OnnxPolicy
-from humanoid_getup.report import to_json
-from humanoid_getup.scene import load_scene
+from humanoid_getup.cli.options import find_policy
+from humanoid_getup.cli.output import to_json
+from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
+from humanoid_getup.simulation.scene import load_scene
 from robots import Posture, Robot, load_robot
-from robots.rotation import Array
-from sim2real.evaluate import Rises
-from sim2real.physics import PHYSICS
-from sim2real.trial import Trial, run_trial, summarise_trial
-from sim2real.world import build_world
+from robots.kinematics import read_posture
+from robots.quaternion import Array
+from sim2real.environment.model_variants import PHYSICS
+from sim2real.environment.training_world import build_world
+from sim2real.perturbations import Trial, run_trial, summarise_trial
+from sim2real.policy_evaluation import Rises
 
 GROUPS: dict[str, dict[str, Trial]] = {
     "torque": {

@@ -26,14 +26,14 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from humanoid_getup.observation import Floats
+from humanoid_getup.policy.observation import Floats
 from robots import Robot, load_robot
-from robots.rotation import Array
-from sim2real.env import GetUpEnv
-from sim2real.progress import TrainReport
-from sim2real.recipes import RECIPES, STEPS, Recipe
-from sim2real.starts import StartPool
-from sim2real.train import build_options, load_pool, train
+from robots.quaternion import Array
+from sim2real.environment.get_up_env import GetUpEnv
+from sim2real.environment.initial_states import StartPool
+from sim2real.training.config import RECIPES, STEPS, Recipe
+from sim2real.training.progress import TrainReport
+from sim2real.training.train import build_options, load_pool, train
 
 ROUNDS = 5  # of bare physics and of the environment, in turn
 PROCESSES = 2

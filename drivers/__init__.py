@@ -1,12 +1,12 @@
 """Hardware abstraction: backends, twin, safety guard and control loop."""
 
 from drivers.backend import Backend
-from drivers.control import Controller, Cycle, Ending, RunReport, run
+from drivers.control_loop import Controller, Cycle, Ending, RunReport, run
 from drivers.errors import DriverError
-from drivers.guard import Fault, FaultKind, SafetyGuard
-from drivers.guard_limits import ClipCounts, GuardLimits
+from drivers.safety_guard import Fault, FaultKind, SafetyGuard
+from drivers.safety_limits import ClipCounts, GuardLimits
 from drivers.state import Command, State
-from drivers.twin import Twin
+from drivers.twin.backend import Twin
 
 __all__ = [
     "Backend",

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.state import Integers
 from robots import Robot
-from robots.rotation import Array
+from robots.quaternion import Array
 from robots.servo import RAD_PER_TICK
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.errors import CommandError
 from robots import Robot
-from robots.rotation import Array
+from robots.quaternion import Array
 
 Integers = NDArray[np.int_]
 

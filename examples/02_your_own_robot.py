@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.database import load_database
-from humanoid_getup.lying import sample_falls
-from humanoid_getup.rise import rise
-from humanoid_getup.rise_plan import RiseOptions
-from humanoid_getup.rising import RisePlanner
-from humanoid_getup.scene import load_scene
-from humanoid_getup.stage import Stage
+from humanoid_getup.execution.get_up import rise
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
 from robots import load_robot
 
 

@@ -9,19 +9,19 @@ import sys
 import numpy as np
 
 from drivers import SafetyGuard
-from drivers.clock import CycleClock
-from drivers.dynamixel import DynamixelBackend
-from drivers.simulation import Simulation
-from drivers.virtual.robot import VirtualPorts, VirtualRobot
-from drivers.virtual.server import Pace
-from humanoid_getup.attempt import AttemptOptions
-from humanoid_getup.database import load_database
-from humanoid_getup.lying import sample_falls
-from humanoid_getup.rise import Rise, get_up
-from humanoid_getup.rise_plan import RiseOptions
-from humanoid_getup.rising import RisePlanner
-from humanoid_getup.scene import load_scene
-from humanoid_getup.stage import Stage
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.execution.attempt_manager import AttemptOptions
+from humanoid_getup.execution.get_up import Rise, get_up
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
 from robots import load_robot
 
 

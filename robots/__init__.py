@@ -1,9 +1,16 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
-from robots.bus import BoardSettings, BusSettings, PortSettings
 from robots.loading import load_robot
 from robots.posture import Posture, load_posture
-from robots.robot import Joint, Robot, RobotError, list_robots
+from robots.robot import (
+    BoardSettings,
+    BusSettings,
+    Joint,
+    PortSettings,
+    Robot,
+    RobotError,
+    list_robots,
+)
 from robots.servo import Servo, ServoModel
 
 __all__ = [

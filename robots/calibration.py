@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robots.faults import shown
-from robots.fields import Fields
+from robots.schema import Fields
+from robots.validation import shown
 
 if TYPE_CHECKING:
     from robots.robot import Robot

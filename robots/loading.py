@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 
 from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
-from robots.description import Description, JointRow, read_description
-from robots.faults import shown
-from robots.model_faults import find_model_faults
+from robots.model_checks import find_model_faults
 from robots.posture import Posture
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
+from robots.schema import Description, JointRow, read_description
 from robots.servo import Servo, servo_models
+from robots.validation import shown
 
 
 def load_robot(name_or_folder: str | Path) -> Robot:

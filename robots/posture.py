@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots import rotation
-from robots.faults import is_number, outside, shown
-from robots.rotation import Array
+from robots import quaternion
+from robots.quaternion import Array
+from robots.validation import is_number, outside, shown
 
 if TYPE_CHECKING:
     from robots.robot import Robot
@@ -46,13 +46,13 @@ class Posture:
     @property
     def gravity_b(self) -> Array:
         """Return the direction of gravity in the root frame, shape (3,)."""
-        return rotation.gravity_in_body(self.orientation)
+        return quaternion.gravity_in_body(self.orientation)
 
     def mirrored(self, robot: Robot) -> Posture:
         """Reflect left and right."""
         return Posture(
             position=self.position * np.array([1.0, -1.0, 1.0]),
-            orientation=rotation.mirror(self.orientation),
+            orientation=quaternion.mirror(self.orientation),
             joint_pos=robot.mirror_joints(self.joint_pos),
         )
 
@@ -80,7 +80,7 @@ def load_posture(path: Path, robot: Robot) -> Posture:
         raise ValueError(f"posture file {path}: " + "; ".join(faults))
     return Posture(
         position=np.array(record["position"], dtype=float),
-        orientation=rotation.normalise(np.array(record["orientation"], dtype=float)),
+        orientation=quaternion.normalise(np.array(record["orientation"], dtype=float)),
         joint_pos=np.array([record["joint_pos"][name] for name in robot.joint_names], dtype=float),
     )
 

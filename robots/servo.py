@@ -8,7 +8,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from robots.rotation import Array
+from robots.quaternion import Array
 
 TICKS_PER_TURN = 4096
 RAD_PER_TICK = 2.0 * math.pi / TICKS_PER_TURN

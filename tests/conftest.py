@@ -1,11 +1,41 @@
 import os
+import shutil
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
-from humanoid_getup.cli import choose_gl
+from humanoid_getup.cli.main import choose_gl
 
 choose_gl(os.environ)  # before anything imports MuJoCo
+
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import Stage
+from robots import Robot, load_robot
+
+TINY = Path(__file__).parent / "robots" / "tiny"
 
 # One seed, and no deadline: two cores are shared with other tests.
 settings.register_profile("tests", deadline=None, derandomize=True)
 settings.load_profile("tests")
+
+
+@pytest.fixture(scope="session")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+@pytest.fixture(scope="session")
+def tiny() -> Robot:
+    return load_robot(TINY)
+
+
+@pytest.fixture(scope="session")
+def stage(op3: Robot) -> Stage:
+    return Stage.build(op3, load_scene("flat"))
+
+
+@pytest.fixture
+def own_robot(tmp_path: Path) -> Path:
+    """A user's own robot folder, to be spoilt by the test."""
+    return Path(shutil.copytree(TINY, tmp_path / "mine"))

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from drivers import Backend, Command, SafetyGuard, Twin
-from drivers.clock import CycleClock
-from drivers.dynamixel import DynamixelBackend
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
 from drivers.errors import CommandError, NotConnectedError
-from drivers.servo_sensors import CURRENT_STEP, VELOCITY_STEP
-from drivers.simulation import Simulation
-from drivers.virtual.robot import VirtualPorts, VirtualRobot
-from drivers.virtual.server import Pace
+from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from robots import Robot
 from robots.servo import RAD_PER_TICK
 

@@ -1,9 +1,9 @@
 import runpy
-from pathlib import Path
 
 import pytest
+from paths import REPOSITORY
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
+EXAMPLES = sorted((REPOSITORY / "examples").glob("[0-9]*.py"))
 
 
 def test_there_are_examples():

@@ -1,17 +1,17 @@
 """The OP3's own description: its facts, its symmetry, its stance."""
 
 import json
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paths import SHARED
 
-from robots import Posture, load_robot, rotation
+from robots import Posture, load_robot, quaternion
 
-FACTS_FILE = Path(__file__).parents[2].parent / "shared" / "robots" / "op3.json"
+FACTS_FILE = SHARED / "robots" / "op3.json"
 OP3 = load_robot("op3")
 MODEL = OP3.spec().compile()
 SIDES = {"l": "r", "r": "l"}
@@ -40,10 +40,10 @@ def postures(draw):
     share = np.array(draw(st.lists(st.floats(0.0, 1.0), min_size=OP3.n, max_size=OP3.n)))
     q = np.array(draw(st.lists(numbers, min_size=4, max_size=4)))
     q[0] += 0.01
-    q = q if np.linalg.norm(q) > 0.1 else rotation.IDENTITY
+    q = q if np.linalg.norm(q) > 0.1 else quaternion.IDENTITY
     return Posture(
         position=np.array(draw(st.lists(numbers, min_size=3, max_size=3))),
-        orientation=rotation.normalise(q),
+        orientation=quaternion.normalise(q),
         joint_pos=OP3.lower + share * (OP3.upper - OP3.lower),
     )
 
@@ -158,6 +158,6 @@ def test_standing_holds_the_centre_of_mass_over_the_feet():
 def test_no_link_overlaps_another_at_zero_and_in_the_stance():
     for joint_pos in (np.zeros(OP3.n), OP3.standing.joint_pos):
         posture = Posture(
-            position=np.array([0.0, 0.0, 1.0]), orientation=rotation.IDENTITY, joint_pos=joint_pos
+            position=np.array([0.0, 0.0, 1.0]), orientation=quaternion.IDENTITY, joint_pos=joint_pos
         )
         assert configured(posture).ncon == 0

@@ -3,8 +3,8 @@
 import pytest
 from spoiling import complaint, spoil
 
-from humanoid_getup.metric import SEGMENT_WEIGHT
-from robots.description import SEGMENTS
+from humanoid_getup.motions.posture_metric import SEGMENT_WEIGHT
+from robots.schema import SEGMENTS
 
 L_HIP = 'name = "l_hip", id = 1, servo = "XM430-W350", sign = 1'
 LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'

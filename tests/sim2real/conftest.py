@@ -2,19 +2,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.action import ActionSpec, choose_actions
-from humanoid_getup.scene import load_scene
-from robots import Robot, load_robot
-from sim2real.herd import Herd
-from sim2real.starts import StartPool, drop_falls, mirror_starts
-from sim2real.world import LONGEST_DELAY, build_world
+from humanoid_getup.policy.action import ActionSpec, choose_actions
+from humanoid_getup.simulation.scene import load_scene
+from robots import Robot
+from sim2real.environment.initial_states import StartPool, drop_falls, mirror_starts
+from sim2real.environment.training_world import LONGEST_DELAY, build_world
+from sim2real.environment.vectorized_simulation import Herd
 
 PHYSICS_STEP = 0.004  # s
-
-
-@pytest.fixture(scope="session")
-def op3() -> Robot:
-    return load_robot("op3")
 
 
 @pytest.fixture(scope="session")

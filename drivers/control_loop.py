@@ -1,0 +1,261 @@
+"""The one control loop: measure, decide, guard, move."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from drivers.errors import DriverError
+from drivers.safety_guard import SafetyGuard
+from drivers.safety_limits import ClipCounts
+from drivers.state import Command, State
+from robots.quaternion import Array
+
+
+class Controller(Protocol):
+    """Decides what the robot does next; never touches a backend."""
+
+    @property
+    def done(self) -> bool:
+        """Tell whether there is nothing more to do."""
+        ...
+
+    def reset(self, state: State) -> None:
+        """Begin anew from a measurement."""
+        ...
+
+    def step(self, state: State) -> Command:
+        """Answer a measurement with a command."""
+        ...
+
+
+class Ending(Enum):
+    """How a run ended."""
+
+    DONE = "the controller had done its work"
+    TIMEOUT = "the time was up"
+    FAULT = "the guard or the hardware stopped it"
+    INTERRUPTED = "somebody interrupted it"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Where a cycle's time went, on the wall clock [s]."""
+
+    late: float
+    """After its deadline; 0 for a loop without deadlines."""
+    read: float
+    step: float
+    write: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How well the cycles of a run kept their deadlines."""
+
+    late_median: float
+    """How long after its deadline a cycle began [s]."""
+    late_p99: float
+    """[s]"""
+    late_max: float
+    """[s]"""
+    busy_median: float
+    """Time that a cycle took to measure, decide and move [s]."""
+    busy_p99: float
+    """[s]"""
+
+    @classmethod
+    def of(cls, timings: Array) -> Pace:
+        """Summarise cycles.
+
+        Args:
+            timings: Late, read, step and write times [s], shape (cycles, 4).
+        """
+        if not len(timings):
+            return cls(late_median=0.0, late_p99=0.0, late_max=0.0, busy_median=0.0, busy_p99=0.0)
+        late, busy = timings[:, 0], timings[:, 1:].sum(axis=1)
+        return cls(
+            late_median=float(np.median(late)),
+            late_p99=float(np.percentile(late, 99)),
+            late_max=float(late.max()),
+            busy_median=float(np.median(busy)),
+            busy_p99=float(np.percentile(busy, 99)),
+        )
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One turn of the loop."""
+
+    state: State
+    asked: Command
+    """What the controller wanted."""
+    sent: Command
+    """What reached the servos."""
+    clips: ClipCounts
+    """What the guard has cut so far."""
+    timing: Timing
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """How a run went."""
+
+    ending: Ending
+    reason: str
+    """One line: why it ended."""
+    cycles: int
+    overruns: int
+    """Cycles that took longer than the period; only counted in real time."""
+    period: float
+    """Control period [s]."""
+    duration: float
+    """From first to last measurement, on the backend's clock [s]."""
+    clips: ClipCounts
+    """What the guard cut."""
+    holds: int
+    """Cycles in which the targets stood still because a measurement was too old."""
+    pace: Pace
+
+
+def run(
+    controller: Controller,
+    guard: SafetyGuard,
+    *,
+    max_time: float,
+    realtime: bool = False,
+    on_cycle: Callable[[Cycle], None] | None = None,
+) -> RunReport:
+    """Connect, let a controller move a robot until it ends, and leave the robot limp.
+
+    The loop takes a guard, not a bare backend, so no command reaches a servo unguarded.
+
+    Args:
+        controller: Decides.
+        guard: Protects and moves.
+        max_time: Time after which to stop [s], on the backend's clock.
+        realtime: Start each cycle on its own deadline of the wall clock. A backend that
+            paces itself, or a twin that may run faster than life, does not need it.
+        on_cycle: Sees each cycle, to judge or record it.
+    """
+    if not isinstance(guard, SafetyGuard):
+        raise TypeError(
+            f"run() moves a robot through a SafetyGuard only, not a {type(guard).__name__}"
+        )
+    loop = _Loop(guard, realtime)
+    ending, reason = Ending.INTERRUPTED, Ending.INTERRUPTED.value
+    with guard, _uncollected() if realtime else nullcontext():
+        try:
+            ending, reason = loop.turn(controller, max_time, on_cycle)
+        except KeyboardInterrupt:
+            pass  # the report says so
+        except DriverError as error:
+            ending, reason = Ending.FAULT, str(error)
+    return RunReport(
+        ending=ending,
+        reason=reason,
+        cycles=loop.cycles,
+        overruns=loop.pacer.overruns if loop.pacer else 0,
+        period=guard.period,
+        duration=loop.duration,
+        clips=guard.clips,
+        holds=guard.holds,
+        pace=Pace.of(np.array(loop.timings, dtype=float).reshape(-1, 4)),
+    )
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep what exists out of garbage collection: a full one takes longer than a cycle."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+class Pacer:
+    """Starts cycles on absolute deadlines, so that small delays do not add up."""
+
+    def __init__(
+        self,
+        period: float,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.period = period
+        self.overruns = 0
+        self.late = 0.0
+        """How long after its deadline the last cycle began [s]."""
+        self._clock, self._sleep = clock, sleep
+        self._deadline = clock() + period
+
+    def wait(self) -> None:
+        """Sleep until the next deadline; when it has passed, count it and start anew."""
+        early = self._deadline - self._clock()
+        if early >= 0.0:
+            self._sleep(early)
+        else:
+            self.overruns += 1
+        now = self._clock()
+        self.late = max(now - self._deadline, 0.0)
+        if early < 0.0:
+            self._deadline = now
+        self._deadline += self.period
+
+
+class _Loop:
+    """The state of a run, kept when an exception ends it."""
+
+    def __init__(self, guard: SafetyGuard, realtime: bool) -> None:
+        self.guard, self._realtime = guard, realtime
+        self.pacer: Pacer | None = None
+        self.cycles = 0
+        self.duration = 0.0
+        self.timings: list[tuple[float, float, float, float]] = []
+
+    def turn(
+        self,
+        controller: Controller,
+        max_time: float,
+        on_cycle: Callable[[Cycle], None] | None,
+    ) -> tuple[Ending, str]:
+        clock = time.perf_counter
+        # Deadlines count from here: connecting took its own time.
+        self.pacer = Pacer(self.guard.period) if self._realtime else None
+        began = clock()
+        state = self.guard.read()
+        start = state.time
+        controller.reset(state)
+        while not controller.done:
+            # A backend's clock adds up periods: half of one decides, not the last bit.
+            if self.duration > max_time - 0.5 * self.guard.period:
+                return Ending.TIMEOUT, f"{max_time:g} s were up"
+            measured = clock()
+            asked = controller.step(state)
+            decided = clock()
+            sent = self.guard.write(asked)
+            moved = clock()
+            late = self.pacer.late if self.pacer else 0.0
+            timing = (late, measured - began, decided - measured, moved - decided)
+            self.timings.append(timing)
+            self.cycles += 1
+            if on_cycle:
+                told = Timing(late=late, read=timing[1], step=timing[2], write=timing[3])
+                on_cycle(Cycle(state, asked, sent, self.guard.clips, told))
+            if self.guard.fault:
+                return Ending.FAULT, str(self.guard.fault)
+            if self.pacer:
+                self.pacer.wait()
+            began = clock()
+            state = self.guard.read()
+            self.duration = state.time - start
+        return Ending.DONE, Ending.DONE.value

@@ -1,0 +1,145 @@
+"""What a servo's registers have to be before it may move, and how they come to be so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from drivers.dynamixel.control_table import ControlTable, OperatingMode
+from drivers.dynamixel.diagnostics import REVERSED, ServoFacts
+from robots.servo import DEFAULT_P_GAIN, TICKS_PER_TURN
+
+if TYPE_CHECKING:
+    from drivers.dynamixel.bus import DynamixelBus
+
+ALL_ANSWERED = 2  # Status Return Level: every instruction is confirmed
+TRIES = 3
+KEPT = ("return_delay_time", "drive_mode", "operating_mode")
+"""Kept registers that are looked at again when a servo may have restarted."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A register and what it has to hold."""
+
+    name: str
+    value: int
+
+
+def list_eeprom_settings(servo: ServoFacts) -> list[Setting]:
+    """List the kept registers that differ from what the driver needs.
+
+    The servo takes every tick of its turn: the range of the joint is the guard's business,
+    and a joint that starts outside it has to be held where it is.
+    """
+    wanted = {
+        "return_delay_time": 0,
+        # A profile by time or torque by a mere goal are not for us; the sense of rotation is
+        # the calibration's business.
+        "drive_mode": servo.registers["drive_mode"] & REVERSED,
+        "operating_mode": int(OperatingMode.POSITION),
+        "max_position_limit": TICKS_PER_TURN - 1,
+        "min_position_limit": 0,
+    }
+    return [Setting(n, v) for n, v in wanted.items() if servo.registers[n] != v]
+
+
+def list_ram_settings(table: ControlTable) -> list[Setting]:
+    """List the registers that power-up resets and that have to be set each time.
+
+    The watchdog comes off here, tripped or not; it goes on with the torque.
+    """
+    return [
+        Setting("status_return_level", ALL_ANSWERED),
+        Setting("bus_watchdog", 0),
+        Setting("position_d_gain", table["position_d_gain"].default or 0),
+        Setting("position_i_gain", 0),
+        Setting("position_p_gain", DEFAULT_P_GAIN),
+        Setting("feedforward_2nd_gain", 0),
+        Setting("feedforward_1st_gain", 0),
+        Setting("profile_acceleration", 0),
+        Setting("profile_velocity", 0),
+    ]
+
+
+class ServoSetup:
+    """Brings one servo to where torque may come on; one instruction a step.
+
+    Torque goes off first, for that is when the kept registers are open.
+    """
+
+    def __init__(self, servo: ServoFacts, *, recheck: bool = False) -> None:
+        """Prepare to set up a servo.
+
+        Args:
+            servo: What is known of it.
+            recheck: Whether to ask first if it still is who it was, for it may have been
+                changed since.
+        """
+        self._servo = servo
+        self._must_check = recheck
+        self.eeprom_writes = 0
+        """How often a register was written that only bears so many writes."""
+        self.failed = ""
+        """What the servo did not confirm; empty while all is well."""
+        self._begin()
+
+    @property
+    def done(self) -> bool:
+        """Tell whether the servo is ready."""
+        return not self._left and not self._must_check
+
+    def step(self, bus: DynamixelBus, tries: int = 1) -> bool:
+        """Send the next instruction; tell whether the servo confirmed it."""
+        if self._must_check:
+            return self._check(bus, tries)
+        setting = self._left[0]
+        item = self._servo.table[setting.name]
+        status = bus.write(self._servo.id, item.address, item.encode(setting.value), tries)
+        if status is None or status.number:
+            what = "silent" if status is None else f"error {status.number}"
+            self.failed = f"{setting.name} = {setting.value} is not confirmed ({what})"
+            return False
+        self.eeprom_writes += item.eeprom
+        self.failed = ""
+        self._left.pop(0)
+        return True
+
+    def run(self, bus: DynamixelBus) -> bool:
+        """Take all steps; tell whether the servo confirmed them all."""
+        while not self.done:
+            if not self.step(bus, TRIES):
+                return False
+        return True
+
+    def _begin(self) -> None:
+        self._left = [
+            Setting("torque_enable", 0),
+            *list_eeprom_settings(self._servo),
+            *list_ram_settings(self._servo.table),
+        ]
+
+    def _check(self, bus: DynamixelBus, tries: int) -> bool:
+        """Read who the servo is and how it is kept; refuse another model or firmware."""
+        table = self._servo.table
+        span = table.span("model_number", "operating_mode")
+        status = bus.read(self._servo.id, span, tries)
+        if status is None or status.number:
+            self.failed = "it does not tell its model"
+            return False
+        names = ("model_number", "firmware_version", *KEPT)
+        told = {n: table[n].decode(status.data[table[n].address : table[n].end]) for n in names}
+        if (told["model_number"], told["firmware_version"]) != (
+            table.number,
+            self._servo.firmware,
+        ):
+            self.failed = (
+                f"it is a model {told['model_number']} with firmware "
+                f"{told['firmware_version']} now, not the {table.model} of the start"
+            )
+            return False
+        registers = {**self._servo.registers, **{name: told[name] for name in KEPT}}
+        self._servo = replace(self._servo, registers=registers)
+        self._must_check = False
+        self._begin()
+        return True

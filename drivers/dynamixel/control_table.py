@@ -1,0 +1,308 @@
+"""The registers of Dynamixel devices: where each item lies and what its counts mean."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from functools import cache, cached_property
+from importlib.resources import files
+from typing import Any
+
+from drivers.dynamixel.protocol2 import Span
+from drivers.errors import DriverError
+
+BAUD_RATES = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""Rate [bit/s] of each value of the item ``baud_rate``."""
+
+FIRST_MAPPED = 64
+"""Least register that an indirect address may name: the first of the RAM."""
+
+
+class OperatingMode(IntEnum):
+    """What a servo controls."""
+
+    CURRENT = 0
+    VELOCITY = 1
+    POSITION = 3
+    EXTENDED_POSITION = 4
+    CURRENT_BASED_POSITION = 5
+    PWM = 16
+
+
+class HardwareError(IntFlag):
+    """Bits of the items ``hardware_error_status`` and ``shutdown``."""
+
+    VOLTAGE = 1
+    OVERHEATING = 4
+    ENCODER = 8
+    SHOCK = 16
+    OVERLOAD = 32
+
+
+class UnknownModelError(DriverError):
+    """No control table is known for a model."""
+
+    def __init__(self, model: str | int) -> None:
+        known = ", ".join(f"{name} ({number})" for name, number in known_models().items())
+        super().__init__(f"no control table of model {model}: known are {known}")
+        self.model = model
+
+
+@dataclass(frozen=True, kw_only=True)
+class Item:
+    """One entry of a control table."""
+
+    name: str
+    address: int
+    size: int
+    """[bytes]"""
+    writable: bool
+    eeprom: bool
+    """True when it keeps its value without power and is locked under torque."""
+    default: int | None
+    """Value after a factory reset or a power-up; None where it is measured."""
+    lower: int | None
+    """Least value that may be written; None where nothing may."""
+    upper: int | None
+    unit: str
+    """SI unit, "share" of one, or "" for a plain count."""
+    scale: float
+    """Units per count."""
+    signed: bool
+
+    @property
+    def span(self) -> Span:
+        """Return its registers."""
+        return Span(self.address, self.size)
+
+    @property
+    def end(self) -> int:
+        """Return the address one past it."""
+        return self.address + self.size
+
+    def encode(self, value: int) -> bytes:
+        """Turn a value into register bytes.
+
+        Raises:
+            OverflowError: if the value does not fit into the item's bytes.
+        """
+        return value.to_bytes(self.size, "little", signed=self.signed)
+
+    def decode(self, data: bytes) -> int:
+        """Turn register bytes into a value.
+
+        Raises:
+            ValueError: if there are more or fewer bytes than the item has.
+        """
+        if len(data) != self.size:
+            raise ValueError(f"{self.name} has {self.size} bytes, not {len(data)}")
+        return int.from_bytes(data, "little", signed=self.signed)
+
+    def allows(self, value: int) -> bool:
+        """Tell whether a value lies in the range of what may be written."""
+        return (
+            self.lower is not None and self.upper is not None and self.lower <= value <= self.upper
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Indirect:
+    """A block of indirect items: each data byte stands for the register its address names."""
+
+    address: int
+    """First address item, of two bytes each."""
+    data: int
+    """First data item, of one byte each."""
+    count: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlTable:
+    """All items of a device."""
+
+    model: str
+    number: int
+    """What the device calls itself in a ping."""
+    items: Mapping[str, Item]
+    """By name, in order of address."""
+    indirect: tuple[Indirect, ...]
+    modes: tuple[int, ...]
+    """Operating modes it has; none if it is no servo."""
+    default_mode: int | None
+    fast_read_firmware: int | None
+    """First firmware that answers fast reads; None when none does."""
+    backup_firmware: int | None
+    """First firmware that stores and restores its table; None when none does."""
+
+    @cached_property
+    def size(self) -> int:
+        """Return the address one past the last register."""
+        return max(item.end for item in self)
+
+    @cached_property
+    def _covering(self) -> tuple[Item | None, ...]:
+        covering: list[Item | None] = [None] * self.size
+        for item in self:
+            covering[item.address : item.end] = [item] * item.size
+        return tuple(covering)
+
+    def __getitem__(self, name: str) -> Item:
+        return self.items[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.items
+
+    def __iter__(self) -> Iterator[Item]:
+        return iter(self.items.values())
+
+    def at(self, address: int) -> Item | None:
+        """Return the item that covers an address, None in a gap or past the end."""
+        return self._covering[address] if 0 <= address < self.size else None
+
+    def span(self, first: str, last: str) -> Span:
+        """Return the registers from one item to another, both included."""
+        start = self[first].address
+        return Span(start, self[last].end - start)
+
+    def initial_bytes(self) -> bytearray:
+        """Return the registers as they leave the factory; gaps and measured items are 0."""
+        registers = bytearray(self.size)
+        for item in self:
+            if item.default is not None:
+                registers[item.address : item.end] = item.encode(item.default)
+        return registers
+
+    def supports_fast_read(self, firmware: int) -> bool:
+        """Tell whether a device of that firmware answers fast reads."""
+        return self.fast_read_firmware is not None and firmware >= self.fast_read_firmware
+
+    def supports_backup(self, firmware: int) -> bool:
+        """Tell whether a device of that firmware stores and restores its table."""
+        return self.backup_firmware is not None and firmware >= self.backup_firmware
+
+
+# Finding a table ----------------------------------------------------------------------------
+
+
+def known_models() -> dict[str, int]:
+    """Return the number of each model that has a table, by name."""
+    return {name: model["number"] for name, model in _read_file()["models"].items()}
+
+
+def table_for(number: int, firmware: int | None = None) -> ControlTable:
+    """Find the table of a model number, as a device tells it in a ping.
+
+    Args:
+        number: Model number.
+        firmware: Firmware version of the device; None for the newest known.
+
+    Raises:
+        UnknownModelError: if there is no such model.
+    """
+    for name, known in known_models().items():
+        if known == number:
+            return table_named(name, firmware)
+    raise UnknownModelError(number)
+
+
+@cache
+def table_named(model: str, firmware: int | None = None) -> ControlTable:
+    """Find the table of a model's name.
+
+    Args:
+        model: Name, such as "XM430-W350".
+        firmware: Firmware version of the device; None for the newest known.
+
+    Raises:
+        UnknownModelError: if there is no such model.
+    """
+    if model not in known_models():
+        raise UnknownModelError(model)
+    source = _settings_of(model)
+    indirect = _indirect_blocks(source, firmware)
+    rows = [
+        _build_item(name, row, source["units"], eeprom=memory == "eeprom")
+        for memory in ("eeprom", "ram")
+        for name, row in source[memory].items()
+        if firmware is None or firmware >= row.get("since", 0)
+    ]
+    items = sorted([*rows, *_indirect_items(indirect)], key=lambda item: item.address)
+    return ControlTable(
+        model=model,
+        number=source["number"],
+        items={item.name: item for item in items},
+        indirect=indirect,
+        modes=tuple(source["modes"]),
+        default_mode=source.get("default_mode"),
+        fast_read_firmware=source.get("fast_read_firmware"),
+        backup_firmware=source["ram"].get("backup_ready", {}).get("since"),
+    )
+
+
+# Reading the file ---------------------------------------------------------------------------
+
+
+@cache
+def _read_file() -> dict[str, Any]:
+    return tomllib.loads(files(__package__).joinpath("control_tables.toml").read_text("utf-8"))
+
+
+def _settings_of(model: str) -> dict[str, Any]:
+    """Return all that the file says of a model, what it shares with others included."""
+    own, shared = _read_file()["models"][model], _read_file()["servo"]
+    if not own.get("is_servo", True):
+        shared = {"eeprom": {}, "ram": {}}
+    without = own.get("without", [])
+    memories = {
+        memory: {
+            name: shared[memory].get(name, {}) | own.get(memory, {}).get(name, {})
+            for name in [*shared[memory], *own.get(memory, {})]
+            if name not in without
+        }
+        for memory in ("eeprom", "ram")
+    }
+    memories["eeprom"]["model_number"]["default"] = own["number"]
+    units = _read_file()["units"] | own.get("units", {})
+    settings = shared | own | memories | {"units": units}
+    return {key: value for key, value in settings.items() if key not in without}
+
+
+def _build_item(name: str, row: dict[str, Any], units: dict[str, Any], *, eeprom: bool) -> Item:
+    lower, upper = row.get("range", (None, None))
+    unit = units[row.get("unit", "count")]
+    return Item(
+        name=name,
+        address=row["at"],
+        size=row.get("size", 1),
+        writable=not row.get("read_only", False),
+        eeprom=eeprom,
+        default=row.get("default"),
+        lower=lower,
+        upper=upper,
+        unit=unit["unit"],
+        scale=unit["scale"],
+        signed=row.get("signed", False),
+    )
+
+
+def _indirect_blocks(source: dict[str, Any], firmware: int | None) -> tuple[Indirect, ...]:
+    blocks, old = source["indirect"], source.get("old_indirect")
+    if old is not None and firmware is not None and firmware < old["before"]:
+        blocks = old["blocks"]
+    return tuple(Indirect(address=a, data=d, count=count) for a, d, count in blocks)
+
+
+def _indirect_items(blocks: tuple[Indirect, ...]) -> Iterator[Item]:
+    last = max((block.data + block.count - 1 for block in blocks), default=0)
+    number = 0
+    for block in blocks:
+        for i in range(block.count):
+            number += 1
+            address, data = block.address + 2 * i, block.data + i
+            where = {"at": address, "size": 2, "default": data, "range": (FIRST_MAPPED, last)}
+            what = {"at": data, "default": 0, "range": (0, 255)}
+            units = _read_file()["units"]
+            yield _build_item(f"indirect_address_{number}", where, units, eeprom=False)
+            yield _build_item(f"indirect_data_{number}", what, units, eeprom=False)

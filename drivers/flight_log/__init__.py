@@ -1,0 +1,1 @@
+"""Flight logs: a run recorded as MCAP, and read back."""

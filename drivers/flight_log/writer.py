@@ -1,0 +1,239 @@
+"""The flight log: what a robot measured, was asked and was sent, cycle by cycle, on disk."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import numpy as np
+import orjson
+from mcap.writer import Writer
+
+from drivers.control_loop import Cycle
+from robots import Posture, Robot
+
+FORMAT = "1"
+METADATA = "flight"
+"""Name of the metadata record."""
+TOPICS = {"asked": "/command_asked", "sent": "/command_sent"}
+"""Topics of the parts of a cycle that are not called like their field."""
+EVENT = "/event"
+REST = "/cycle"
+"""Topic of what a cycle holds besides its parts."""
+
+# A chunk of 64 KiB takes 0.4 to 0.8 ms to compress and write; one of 256 KiB would make the
+# log a tenth smaller, but keep its cycle waiting for more than a millisecond.
+CHUNK_TIME = 0.25  # s of the wall clock
+CHUNK_BYTES = 1 << 16
+UNBOUNDED = 1 << 40  # bytes; chunks end between cycles only, so that a cut log holds whole ones
+
+
+class FlightLog:
+    """Write a flight log: an MCAP file that Foxglove opens and `FlightRecord.load` reads.
+
+    Each part of a cycle has its topic (``/state``, ``/command_asked``, ``/command_sent``,
+    and one for each further field of `Cycle` that is a dataclass) and each field of a part
+    its key, so new fields are recorded without a line here. Messages are JSON: a float is
+    read back bit for bit, only infinity and NaN both become NaN. A message's sequence number
+    is the number of its cycle.
+
+    The log must outlive its program. So it is written under its own name from the start,
+    whole chunks at a time: what is on disk is readable after a kill, but for the last
+    quarter of a second (a power cut may take more). Nothing recorded is written over: a file
+    that has the name already is moved to ``NAME.1``, or the next number that is free.
+
+    A disk that is full must not make a robot fall: recording stops, ``fault`` tells why.
+    One thread may use it.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        robot: Robot,
+        *,
+        about: Mapping[str, str | float | int] | None = None,
+        start: Posture | None = None,
+    ) -> None:
+        """Describe a log; entering it creates the file.
+
+        Args:
+            path: File to write.
+            robot: Robot whose cycles are logged.
+            about: What else to know of the flight: scene, seed, motion...
+            start: Where the robot is at the first cycle, at rest, if anybody knows.
+        """
+        self.path, self._robot = path, robot
+        self._about, self._start = dict(about or {}), start
+        self._file: BinaryIO | None = None
+        self._writer: Writer | None = None
+        self._channels: dict[str, int] = {}
+        self._parts: list[str] = []
+        self._rest: list[str] = []
+        self._cycles = self._time_ns = self._pending = 0
+        self._time = self._flushed_at = 0.0
+        self._fault: str | None = None
+
+    @property
+    def cycles(self) -> int:
+        """Return how many cycles were logged."""
+        return self._cycles
+
+    @property
+    def fault(self) -> str | None:
+        """Return why recording stopped before its time, ``None`` while all is well."""
+        return self._fault
+
+    def __enter__(self) -> Self:
+        """Create the file.
+
+        Raises:
+            OSError: if it cannot be created.
+        """
+        _make_room(self.path)
+        self._file = self.path.open("wb")
+        self._writer = Writer(self._file, chunk_size=UNBOUNDED, enable_data_crcs=True)
+        self._writer.start(library="humanoid-getup")
+        self._writer.add_metadata(METADATA, self._describe())
+        self._flush()
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        """Close; an exception that passes is the last event."""
+        if error is not None:
+            self.event(self._time, "exception", f"{type(error).__name__}: {error}".rstrip(": "))
+        self.close()
+
+    def log(self, cycle: Cycle) -> None:
+        """Record a cycle; made to be the ``on_cycle`` of `drivers.run`."""
+        self._set_time(cycle.state.time)
+        if not self._cycles:
+            values = {field.name: getattr(cycle, field.name) for field in fields(cycle)}
+            self._parts = [name for name, value in values.items() if is_dataclass(value)]
+            self._rest = [name for name in values if name not in self._parts]
+        for name in self._parts:
+            self._write(TOPICS.get(name, f"/{name}"), getattr(cycle, name))
+        if self._rest:
+            self._write(REST, {name: getattr(cycle, name) for name in self._rest})
+        self._cycles += 1
+        is_due = time.monotonic() - self._flushed_at >= CHUNK_TIME
+        if is_due or self._pending >= CHUNK_BYTES:
+            self._flush()
+
+    def event(self, time: float, kind: str, text: str) -> None:
+        """Record something that happens seldom, and have it on disk at once.
+
+        Args:
+            time: When, on the backend's clock [s].
+            kind: One word: "fault", "alert", "phase"...
+            text: One line.
+        """
+        self._set_time(time)
+        self._write(EVENT, {"time": float(time), "kind": _clean(kind), "text": _clean(text)})
+        self._flush()
+
+    def close(self) -> None:
+        """Finish the file; harmless when it is closed."""
+        with self._giving_up_on_faults():
+            if self._writer and self._file:
+                self._writer.finish()
+                self._file.close()
+        self._writer = self._file = None
+
+    def _describe(self) -> dict[str, str]:
+        robot, start = self._robot, self._start
+        return {
+            "format": FORMAT,
+            "robot": robot.name,
+            "joint_names": _to_json(robot.joint_names).decode(),
+            "period": repr(robot.control_period),
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "about": _to_json(self._about).decode(),
+            "start": start.to_json(robot) if start else "",
+        }
+
+    def _set_time(self, time: float) -> None:
+        # MCAP counts from 0 in whole nanoseconds; a clock that fails stays where it was.
+        if math.isfinite(time) and time >= 0.0:
+            self._time, self._time_ns = time, round(time * 1e9)
+
+    def _write(self, topic: str, value: Any) -> None:
+        if self._writer is None:
+            return
+        data = _to_json(value)
+        with self._giving_up_on_faults():
+            channel = self._channels.get(topic) or self._open_channel(topic, value, data)
+            self._writer.add_message(channel, self._time_ns, data, self._time_ns, self._cycles)
+        self._pending += len(data)
+
+    def _open_channel(self, topic: str, value: Any, data: bytes) -> int:
+        assert self._writer
+        title = type(value).__name__ if is_dataclass(value) else topic.strip("/")
+        schema = {"title": title} | _describe_json(orjson.loads(data))
+        identity = self._writer.register_schema(title, "jsonschema", orjson.dumps(schema))
+        self._channels[topic] = self._writer.register_channel(topic, "json", identity)
+        return self._channels[topic]
+
+    def _flush(self) -> None:
+        with self._giving_up_on_faults():
+            if self._writer:
+                self._writer.flush()
+        self._pending, self._flushed_at = 0, time.monotonic()
+
+    @contextmanager
+    def _giving_up_on_faults(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._fault = f"flight log {self.path}: {error.strerror or error}, recording stopped"
+            if self._file:
+                with suppress(OSError):  # it tries to write what it holds
+                    self._file.close()
+            self._writer = self._file = None
+
+
+def _make_room(path: Path) -> None:
+    """Move a file that has the name away to the next free number."""
+    if path.is_file():
+        numbered = (path.with_name(f"{path.name}.{number}") for number in itertools.count(1))
+        path.rename(next(free for free in numbered if not free.exists()))
+
+
+def _to_json(value: Any) -> bytes:
+    return orjson.dumps(value, default=_plain, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+def _plain(value: Any) -> Any:
+    """Make JSON of what it does not know: arrays with gaps in memory, and odd values."""
+    return value.tolist() if isinstance(value, np.ndarray) else repr(value)
+
+
+def _clean(text: str) -> str:
+    """Replace what no UTF-8 file can hold, such as a file name of odd bytes."""
+    return text.encode("utf-8", "replace").decode()
+
+
+def _describe_json(value: Any) -> dict[str, Any]:
+    """Describe a JSON value in JSON Schema; null stands for a number that is none."""
+    if isinstance(value, dict):
+        return {
+            "type": "object",
+            "properties": {key: _describe_json(item) for key, item in value.items()},
+        }
+    if isinstance(value, list):
+        return {"type": "array", "items": _describe_json(value[0] if value else None)}
+    if isinstance(value, str):
+        return {"type": "string"}
+    return {"type": "boolean"} if isinstance(value, bool) else {"type": "number"}

@@ -1,0 +1,242 @@
+"""The safety guard: nothing beyond a limit reaches a servo, nothing is cut in silence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from drivers.backend import Backend, ClosesItself
+from drivers.safety_limits import ClipCounts, GuardLimits
+from drivers.state import Command, State
+from robots import Robot
+from robots.quaternion import Array
+
+
+class FaultKind(Enum):
+    """Why the guard took the torque away."""
+
+    BAD_COMMAND = "the command holds values that no servo can follow"
+    BAD_MEASUREMENT = "the measurement holds values that are no numbers"
+    STALE_DATA = "the measurement does not change its time any more"
+    LOST_JOINTS = "servos have been silent for too long"
+    LOST_IMU = "the orientation has been unknown for too long"
+    SERVO_ERROR = "a servo has switched itself off"
+    LOW_VOLTAGE = "the supply is too low"
+    TOO_HOT = "a servo is too hot"
+    STOPPED = "somebody stopped the robot"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Why and when the guard took the torque away."""
+
+    kind: FaultKind
+    detail: str
+    time: float
+    """Time of the newest measurement [s]."""
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}: {self.detail}"
+
+
+class SafetyGuard(ClosesItself):
+    """A backend around a backend that keeps every command within its limits.
+
+    The laws, for each joint of each command that it lets through. The *reference* is the
+    last target let through, or the measured angle where the joint was limp:
+
+    - The target never lies beyond the joint's range, or beyond a reference that already
+      does: a joint outside may stay or come back, never go further out.
+    - The target never moves further from the reference than top speed times the period,
+      before the servos round it to whole ticks.
+    - The torque limit lies between 0 and the guard's own, less where a servo is hot; the
+      gain share and the PWM limit lie between 0 and 1.
+    - While the measurement of a joint is some periods old, the targets stand still.
+
+    A position servo makes force by having its target beyond its angle, so the distance
+    from target to angle is free. What is cut is counted in ``clips``. Commands that cannot
+    be understood, measurements that are no numbers, that stand still or are too old, servos
+    in error, heat and a weak supply are faults: the robot goes limp and stays limp until
+    ``clear`` or the next ``connect``. ``stop`` is a fault that outlives a connection: only
+    ``clear`` ends it.
+    A joint that a command releases is told its measured angle; torque comes back from
+    there, so it never returns with a jerk.
+    """
+
+    def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
+        self._backend = backend
+        self.limits = GuardLimits.of(backend.robot) if limits is None else limits
+        self._reach = self.limits.max_velocity * backend.period
+        self._counts = np.zeros((5, backend.robot.n), dtype=int)
+        self._is_open = False
+        self._stop_reason: str | None = None
+        self.holds = 0
+        self._forget()
+
+    def _forget(self) -> None:
+        self._fault: Fault | None = None
+        self._state: State | None = None
+        self._judged_time = -np.inf
+        self._stale_writes = 0
+        self._sent = self._allowed = Command.limp(self._backend.robot.n)
+
+    @property
+    def robot(self) -> Robot:
+        """Return the robot behind the guard."""
+        return self._backend.robot
+
+    @property
+    def period(self) -> float:
+        """Return the control period [s]."""
+        return self._backend.period
+
+    @property
+    def fault(self) -> Fault | None:
+        """Return why the robot was made limp, ``None`` while all is well."""
+        return self._fault
+
+    @property
+    def clips(self) -> ClipCounts:
+        """Return how often each joint's command was cut since ``connect``."""
+        return ClipCounts(*self._counts.copy())
+
+    def stop(self, reason: str) -> None:
+        """Make the robot limp from the next command on, until `clear`; any thread may call."""
+        self._stop_reason = reason
+
+    def connect(self) -> None:
+        """Open the backend, with no fault and no clips; an open one goes limp first."""
+        if self._is_open:
+            self._backend.write(Command.limp(self.robot.n))
+        self._forget()
+        self._counts[:] = 0
+        self.holds = 0
+        self._backend.connect()
+        self._is_open = True
+
+    def close(self) -> None:
+        """Release every joint and the devices."""
+        self._is_open = False
+        self._backend.close()
+
+    def clear(self) -> None:
+        """Forget a fault; the next command starts from the measured angles.
+
+        Without a fault there is nothing to forget, least of all the last target.
+        """
+        self._stop_reason = None
+        if self._fault is not None:
+            self._forget()
+
+    def read(self) -> State:
+        """Measure the robot."""
+        self._state = self._backend.read()
+        return self._state
+
+    def write(self, command: Command) -> Command:
+        """Send what the limits leave of a command, or go limp; return what was sent."""
+        state = self.read() if self._state is None else self._state
+        if self._stop_reason is not None:  # whatever else is wrong, that is for a person to end
+            self._fault = Fault(FaultKind.STOPPED, self._stop_reason, state.time)
+        if self._fault is None:
+            self._fault = self._find_fault(command, state)
+        if self._fault:
+            allowed = Command.limp(self.robot.n)
+        elif self._must_hold(state) and not command.is_limp:
+            self.holds += 1
+            allowed = self._allowed
+        else:
+            allowed = self._limit(command, state)
+        self._allowed, self._sent = allowed, self._backend.write(allowed)
+        return self._sent
+
+    def _find_fault(self, command: Command, state: State) -> Fault | None:
+        self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
+        self._judged_time = state.time
+        names, limits = self.robot.joint_names, self.limits
+        if not state.is_finite:
+            return Fault(FaultKind.BAD_MEASUREMENT, _name_bad_joints(state, names), state.time)
+        if self._stale_writes >= limits.stale_writes:
+            detail = f"{self._stale_writes} commands since {state.time:.3f} s"
+            return Fault(FaultKind.STALE_DATA, detail, state.time)
+        if fault := self._find_body_fault(state):
+            return fault
+        if faults := limits.find_command_faults(command, names):
+            return Fault(FaultKind.BAD_COMMAND, "; ".join(faults), state.time)
+        return None
+
+    def _find_body_fault(self, state: State) -> Fault | None:
+        """Find what of the robot itself is not well."""
+        names, limits = self.robot.joint_names, self.limits
+        if state.alert.any():
+            detail = ", ".join(
+                f"joint '{names[i]}' tells {describe_alert(int(state.alert[i]))}"
+                for i in np.flatnonzero(state.alert)
+            )
+            return Fault(FaultKind.SERVO_ERROR, detail, state.time)
+        if state.joint_age.max() > (limits.limp_cycles - 0.5) * self.period:
+            detail = ", ".join(
+                f"joint '{names[i]}' since {state.joint_age[i]:.2f} s"
+                for i in np.flatnonzero(state.joint_age > (limits.limp_cycles - 0.5) * self.period)
+            )
+            return Fault(FaultKind.LOST_JOINTS, detail, state.time)
+        if state.imu_age > limits.max_imu_age:
+            return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
+        if state.voltage < limits.min_voltage:
+            detail = f"{state.voltage:.1f} V, allowed {limits.min_voltage:.1f} V or more"
+            return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
+        if state.temperature.max() > limits.max_temperature:
+            hottest = int(state.temperature.argmax())
+            detail = (
+                f"joint '{names[hottest]}' has {state.temperature[hottest]:.0f} °C, "
+                f"allowed {limits.max_temperature:.0f} °C"
+            )
+            return Fault(FaultKind.TOO_HOT, detail, state.time)
+        return None
+
+    def _must_hold(self, state: State) -> bool:
+        return bool(state.joint_age.max() > (self.limits.hold_cycles - 0.5) * self.period)
+
+    def _limit(self, command: Command, state: State) -> Command:
+        limits = self.limits
+        driven = self._sent.torque_limit > 0.0
+        reference = np.where(driven, self._allowed.joint_pos, state.joint_pos)
+        released = command.torque_limit == 0.0
+        wanted = np.where(released, state.joint_pos, command.joint_pos)
+        in_range = _clip(wanted, limits.lower, limits.upper, reference)
+        target = np.minimum(np.maximum(in_range, reference - self._reach), reference + self._reach)
+        target = np.where(released, state.joint_pos, target)
+        torque = np.minimum(command.torque_limit, limits.derate(state.temperature))
+        gain = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)
+        pwm = np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0)
+        held = ~released
+        self._counts += (
+            held & (in_range != wanted),
+            held & (target != in_range),
+            torque != command.torque_limit,
+            gain != command.gain_scale,
+            pwm != command.pwm_limit,
+        )
+        return Command(joint_pos=target, gain_scale=gain, torque_limit=torque, pwm_limit=pwm)
+
+
+def _clip(wanted: Array, lower: Array, upper: Array, reference: Array) -> Array:
+    """Cut targets to the range, widened to a reference that lies outside it."""
+    return np.minimum(
+        np.maximum(wanted, np.minimum(lower, reference)), np.maximum(upper, reference)
+    )
+
+
+def describe_alert(bits: int) -> str:
+    """Name the hardware errors of a servo (e-manual, Hardware Error Status)."""
+    names = {1: "voltage", 4: "overheating", 8: "encoder", 16: "electrical shock", 32: "overload"}
+    told = [name for bit, name in names.items() if bits & bit]
+    return " and ".join(told) or "an error that it has not named"
+
+
+def _name_bad_joints(state: State, names: tuple[str, ...]) -> str:
+    rows = np.stack([state.joint_pos, state.joint_vel, state.joint_current, state.temperature])
+    bad = np.flatnonzero(~np.isfinite(rows.sum(axis=0)))
+    return ", ".join(f"joint '{names[i]}'" for i in bad) or "IMU, supply voltage or time"

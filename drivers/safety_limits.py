@@ -1,0 +1,153 @@
+"""What the safety guard allows, and how often it had to say no."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.state import Command
+from robots import Robot
+from robots.quaternion import Array
+
+# The XM430 switches itself off at 80 °C (e-manual, Temperature Limit). The guard acts
+# earlier, while the robot can still be lowered by hand without burning anybody.
+MAX_TEMPERATURE = 75.0
+STALE_WRITES = 5  # 40 ms at the OP3's cycle: longer than a retried bus read, too short to fall
+# From here on, heat takes torque away, so that a servo cools before it switches itself off.
+DERATE_TEMPERATURE = 65.0
+DERATED_SHARE = 0.4  # of the torque limit that is left at MAX_TEMPERATURE
+# One measurement that is lost or damaged is bridged, and a second. From the third on the
+# targets stand still; a tenth of a second blind is where a rise can no longer be saved.
+HOLD_CYCLES = 3
+LIMP_CYCLES = 12
+MAX_IMU_AGE = 0.3  # s without a new orientation: a fall would not be noticed
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardLimits:
+    """The limits of a guard."""
+
+    lower: Array
+    """Lowest target angles [rad], shape (n,)."""
+    upper: Array
+    """Highest target angles [rad], shape (n,)."""
+    max_velocity: Array
+    """Fastest change of targets [rad/s], shape (n,)."""
+    torque_limit: Array
+    """Highest torque limit of each servo [N·m], shape (n,)."""
+    max_temperature: float = MAX_TEMPERATURE
+    """Servo temperature that is still allowed [°C]; infinity allows any."""
+    derate_temperature: float = DERATE_TEMPERATURE
+    """Temperature from which a servo's torque limit goes down [°C]."""
+    min_voltage: float = 0.0
+    """Supply that is still allowed [V]."""
+    stale_writes: int = STALE_WRITES
+    """Commands in a row upon one and the same measurement that are a fault."""
+    hold_cycles: int = HOLD_CYCLES
+    """Age of a joint's values, in periods, from which the targets stand still."""
+    limp_cycles: int = LIMP_CYCLES
+    """Age of a joint's values, in periods, that is a fault."""
+    max_imu_age: float = MAX_IMU_AGE
+    """Age of gyro and orientation that is still allowed [s]."""
+
+    def __post_init__(self) -> None:
+        if not np.all(self.lower <= self.upper):
+            raise ValueError("guard limits: lower must not exceed upper")
+        for name in ("max_velocity", "torque_limit"):
+            values = getattr(self, name)
+            if not np.all(np.isfinite(values) & (values >= 0.0)):
+                raise ValueError(f"guard limits: {name} is {values}, allowed 0 or more")
+
+    @staticmethod
+    def of(robot: Robot, torque_limit: float | None = None) -> GuardLimits:
+        """Take the limits of a robot's joints and servos.
+
+        Args:
+            robot: Robot to protect.
+            torque_limit: Cap for every servo [N·m]; a servo's own limit stays where it is lower.
+        """
+        if torque_limit is not None and not 0.0 <= torque_limit < np.inf:
+            raise ValueError(f"torque limit is {torque_limit} N·m, allowed a finite number >= 0")
+        cap = np.inf if torque_limit is None else torque_limit
+        return GuardLimits(
+            lower=robot.lower,
+            upper=robot.upper,
+            max_velocity=robot.max_velocity,
+            torque_limit=np.minimum(robot.max_torque, cap),
+            min_voltage=max(joint.servo.model.min_voltage for joint in robot.joints),
+        )
+
+    def derate(self, temperature: Array) -> Array:
+        """Compute the torque limits [N·m] that servos of these temperatures [°C] have left, (n,).
+
+        Linear from the whole at ``derate_temperature`` to a share at ``max_temperature``.
+        """
+        span = self.max_temperature - self.derate_temperature
+        if not 0.0 < span < np.inf:
+            return self.torque_limit
+        heat = np.minimum(np.maximum((temperature - self.derate_temperature) / span, 0.0), 1.0)
+        return self.torque_limit * (1.0 - (1.0 - DERATED_SHARE) * heat)
+
+    def find_command_faults(self, command: Command, joint_names: tuple[str, ...]) -> list[str]:
+        """List what in a command no servo could follow; the list of a sound one is empty."""
+        n = len(joint_names)
+        fields = (
+            ("target", "rad", command.joint_pos),
+            ("gain share", "", command.gain_scale),
+            ("torque limit", "N·m", command.torque_limit),
+            ("PWM limit", "", command.pwm_limit),
+        )
+        faults = [
+            f"{name} has shape {np.shape(values)}, allowed ({n},)"
+            for name, _, values in fields
+            if np.shape(values) != (n,)
+        ]
+        if faults:
+            return faults
+        if np.isfinite(np.stack([values for *_, values in fields])).all() and np.all(
+            command.torque_limit >= 0.0
+        ):
+            return []
+        faults = [
+            f"joint '{joint}': {name} is {value} {unit}".rstrip()
+            for name, unit, values in fields
+            for joint, value in zip(joint_names, values, strict=True)
+            if not np.isfinite(value)
+        ]
+        faults += [
+            f"joint '{joint}': torque limit is {value} N·m, allowed 0 or more"
+            for joint, value in zip(joint_names, command.torque_limit, strict=True)
+            if value < 0.0
+        ]
+        return faults
+
+
+@dataclass(frozen=True, eq=False)
+class ClipCounts:
+    """How often each joint's command was cut, by kind."""
+
+    position: np.ndarray
+    """Targets beyond the joint's range, shape (n,)."""
+    velocity: np.ndarray
+    """Targets too far from the last one, shape (n,)."""
+    torque: np.ndarray
+    """Torque limits above the guard's, shape (n,)."""
+    gain: np.ndarray
+    """Gain shares outside 0 to 1, shape (n,)."""
+    pwm: np.ndarray
+    """PWM limits outside 0 to 1, shape (n,)."""
+
+    @property
+    def total(self) -> int:
+        """Return the number of cuts of all kinds and joints."""
+        return int(sum(np.sum(kind) for kind in vars(self).values()))
+
+    def describe(self, robot: Robot) -> list[str]:
+        """Tell each joint and kind that was cut, one line each."""
+        return [
+            f"joint '{joint}': {kind} cut {count} times"
+            for kind, counts in vars(self).items()
+            for joint, count in zip(robot.joint_names, counts, strict=True)
+            if count
+        ]

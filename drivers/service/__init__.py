@@ -1,0 +1,1 @@
+"""Service of a robot on its bus: scan, health check, calibration."""

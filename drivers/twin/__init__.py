@@ -1,0 +1,1 @@
+"""The digital twin: one MuJoCo simulation behind the backend protocol."""

@@ -1,0 +1,168 @@
+"""The digital twin: a backend whose robot is a MuJoCo simulation."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from drivers.backend import ClosesItself
+from drivers.errors import NotConnectedError
+from drivers.orientation_filter import OrientationFilter
+from drivers.servo_units import ServoUnits
+from drivers.state import Command, State, check_command
+from drivers.twin.ground_truth import GroundHeight, Truth, flat_ground
+from drivers.twin.servo_model import (
+    CURRENT_STEP,
+    VELOCITY_STEP,
+    VOLTAGE_STEP,
+    SensorNoise,
+    quantise,
+)
+from drivers.twin.simulation import Drives, Simulation
+from robots import Posture, Robot
+from robots.servo import round_pwm
+
+
+class Twin(ClosesItself):
+    """Simulate a robot that measures and obeys like the real one.
+
+    Time passes in ``write``: each call holds the command for one period of physics, so the
+    twin runs in lock-step with its controller, as fast as the machine can. ``read`` only
+    looks. ``truth`` is for judges.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        model: mujoco.MjModel | None = None,
+        *,
+        voltage: float | None = None,
+        supply_resistance: float = 0.0,
+        pwm_limited: bool = False,
+        period: float | None = None,
+        noise: SensorNoise | None = None,
+        rng: np.random.Generator | None = None,
+        ground: GroundHeight = flat_ground,
+    ) -> None:
+        """Build a twin with the robot in its standing posture, limp.
+
+        Args:
+            robot: Robot to simulate.
+            model: Compiled world that holds ``robot.spec()``; the twin works on its own
+                copy. ``None`` for the robot on a plane.
+            voltage: Supply without load [V]; ``None`` for the robot's nominal one.
+            supply_resistance: Resistance of battery and wires [ohm]; the supply sags by it.
+            pwm_limited: Limit torques by PWM, as servos in position mode do, and not at the
+                torque itself.
+            period: Control period [s]; ``None`` for the robot's own.
+            noise: Sensor noise; ``None`` for resolution alone.
+            rng: Source of the noise.
+            ground: Height of the ground, for ``truth.neck_height``.
+        """
+        self.simulation = Simulation(
+            robot,
+            model,
+            voltage=voltage,
+            supply_resistance=supply_resistance,
+            period=period,
+            noise=noise,
+            rng=rng,
+            ground=ground,
+        )
+        self._units, self._pwm_limited = ServoUnits(robot), pwm_limited
+        self._filter = OrientationFilter(self.period)
+        self._connected = False
+
+    @property
+    def robot(self) -> Robot:
+        """Return the simulated robot."""
+        return self.simulation.robot
+
+    @property
+    def period(self) -> float:
+        """Return the control period [s]."""
+        return self.simulation.period
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """Return the simulated world."""
+        return self.simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """Return the simulation's state."""
+        return self.simulation.data
+
+    @property
+    def truth(self) -> Truth:
+        """Return what only a simulation knows."""
+        return self.simulation.truth
+
+    def place(self, posture: Posture) -> None:
+        """Put the robot somewhere, at rest, cool and limp, and start its clock at 0."""
+        self.simulation.place(posture)
+        self._start_filter()
+
+    def connect(self) -> None:
+        """Be ready to read and write; the robot stays where it is."""
+        if not self._connected:
+            self._start_filter()
+        self._connected = True
+
+    def close(self) -> None:
+        """Release every joint."""
+        self.simulation.release()
+        self._connected = False
+
+    def read(self) -> State:
+        """Measure the robot through its sensors."""
+        self._check_connected()
+        body = self.simulation
+        return State(
+            time=body.time,
+            joint_pos=self._units.quantise(body.joint_pos),
+            joint_vel=quantise(body.joint_vel, VELOCITY_STEP),
+            joint_current=quantise(body.joint_current, CURRENT_STEP),
+            gyro=body.imu.gyro,
+            orientation=self._filter.orientation,
+            temperature=np.rint(body.temperature),
+            voltage=round(body.voltage / VOLTAGE_STEP) * VOLTAGE_STEP,
+        )
+
+    def write(self, command: Command) -> Command:
+        """Hold a command for one period of physics; return it with the servos' limits on it.
+
+        Goals are whole ticks, as on a servo.
+        """
+        self._check_connected()
+        check_command(command, self.robot.n)
+        limit = np.minimum(command.torque_limit, self.robot.max_torque)
+        share = round_pwm(command.pwm_limit)
+        if self._pwm_limited:
+            share = np.minimum(share, self.robot.pwm_limit(limit))
+        sent = Command(
+            joint_pos=self._units.round_goal(command.joint_pos),
+            gain_scale=command.gain_scale,
+            torque_limit=np.where(share > 0.0, limit, 0.0),
+            pwm_limit=share,
+        )
+        body = self.simulation
+        body.drive(
+            Drives(
+                target=sent.joint_pos,
+                gain_scale=sent.gain_scale,
+                torque_limit=sent.torque_limit,
+                pwm_limit=sent.pwm_limit,
+            )
+        )
+        body.step(body.steps_per_period)
+        body.feel(self.period)
+        self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
+        return sent
+
+    def _start_filter(self) -> None:
+        self._filter.start(self.simulation.imu.accelerometer)
+
+    def _check_connected(self) -> None:
+        if not self._connected:
+            raise NotConnectedError(f"twin of {self.robot.name}")

@@ -1,0 +1,69 @@
+"""What the twin's servos tell of themselves, through their own resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots import Robot
+from robots.quaternion import Array
+
+VELOCITY_STEP = 0.229 * 2.0 * np.pi / 60.0  # rad/s a count, X series (e-manual)
+CURRENT_STEP = 2.69e-3  # A a count, X430 and X540 (e-manual)
+VOLTAGE_STEP = 0.1  # V a count (e-manual)
+
+AMBIENT_TEMPERATURE = 25.0  # °C
+# Estimates, not published figures: 82 g of mostly aluminium, gears and copper at about
+# 0.5 J/(g·K), cooled by still air at 10 W/(m²·K) over the case's 78 cm².
+HEAT_CAPACITY = 41.0  # J/K
+HEAT_RESISTANCE = 13.0  # K/W
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorNoise:
+    """Standard deviations of white noise, added before each sensor's resolution."""
+
+    joint_pos: float = 0.0
+    """[rad]"""
+    joint_vel: float = 0.0
+    """[rad/s]"""
+    joint_current: float = 0.0
+    """[A]"""
+    gyro: float = 0.0
+    """[rad/s]"""
+    accelerometer: float = 0.0
+    """[m/s²]"""
+
+
+class Windings:
+    """Current and heat of the servos' motors."""
+
+    def __init__(self, robot: Robot) -> None:
+        models = [joint.servo.model for joint in robot.joints]
+        self._torque_per_ampere = np.array([m.stall_torque / m.stall_current for m in models])
+        self._resistance = np.array([m.nominal_voltage / m.stall_current for m in models])
+        self.cool()
+
+    def cool(self) -> None:
+        """Bring every servo to the ambient temperature."""
+        self.temperature = np.full(len(self._resistance), AMBIENT_TEMPERATURE)
+
+    def compute_current(self, torque: Array) -> Array:
+        """Compute the motor currents [A] that make torques [N·m], shape (n,)."""
+        return torque / self._torque_per_ampere
+
+    def compute_power(self, current: Array, torque: Array, velocity: Array) -> float:
+        """Compute the electrical power [W] that all servos draw; braking gives none back."""
+        return float(np.maximum(current**2 * self._resistance + torque * velocity, 0.0).sum())
+
+    def heat(self, current: Array, duration: float) -> None:
+        """Warm the servos by their copper losses and cool them by the air."""
+        loss = current**2 * self._resistance
+        cooling = (self.temperature - AMBIENT_TEMPERATURE) / HEAT_RESISTANCE
+        self.temperature += (loss - cooling) * (duration / HEAT_CAPACITY)
+
+
+def quantise(value: Array, step: float) -> Array:
+    """Round to whole steps of a sensor's resolution."""
+    return np.rint(value / step) * step

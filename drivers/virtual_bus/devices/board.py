@@ -1,0 +1,70 @@
+"""The virtual OpenCR board: the IMU, the battery's voltage, and the servos' power switch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from drivers.dynamixel.control_table import table_named
+from drivers.virtual_bus.devices.device import VirtualDevice
+from drivers.virtual_bus.devices.quirks import Quirks
+
+AXES = ("x", "y", "z")
+
+
+def _ignore(on: bool) -> None:
+    del on
+
+
+class VirtualBoard(VirtualDevice):
+    """Answer like an OpenCR; its switch calls ``on_power``."""
+
+    def __init__(
+        self,
+        board_id: int = 200,
+        *,
+        firmware: int = 1,
+        baud: int = 2_000_000,
+        on_power: Callable[[bool], None] = _ignore,
+        quirks: Quirks | None = None,
+    ) -> None:
+        """Build a board with the servos' power off.
+
+        Args:
+            board_id: Its id on the bus.
+            firmware: Its firmware version.
+            baud: Its speed on the bus [bit/s].
+            on_power: Called whenever the servos' power is switched on or off.
+            quirks: What it does where the manual is silent; None for the defaults.
+        """
+        table = table_named("OpenCR")
+        super().__init__(table, board_id, firmware, baud, quirks or Quirks())
+        self.frozen = False
+        """True when the IMU repeats its last values for ever."""
+        self.on_power = on_power
+        self._effects["dynamixel_power"] = lambda value: self.on_power(bool(value))
+
+    def sense_imu(self, gyro_counts: Sequence[int], acc_counts: Sequence[int]) -> None:
+        """Take what the IMU measures, in counts of the board's own axes, (3,) each."""
+        if self.frozen:
+            return
+        for name, counts in (("gyro", gyro_counts), ("acc", acc_counts)):
+            for axis, count in zip(AXES, counts, strict=True):
+                self.registers[f"{name}_{axis}"] = max(-32768, min(32767, int(count)))
+
+    def sense_voltage(self, voltage: float) -> None:
+        """Take the battery's voltage [V]."""
+        self.registers["present_input_voltage"] = max(0, min(255, round(voltage * 10.0)))
+
+    def _boot(self) -> None:
+        super()._boot()
+        self._reset_ram()
+
+    def _lose_power(self) -> None:
+        super()._lose_power()
+        self._reset_ram()
+
+    def _reset_ram(self) -> None:
+        for item in self.table:
+            if not item.eeprom and item.default is not None:
+                self.registers[item.name] = item.default
+        self.on_power(False)

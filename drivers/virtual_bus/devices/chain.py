@@ -1,0 +1,293 @@
+"""A chain: devices on one half-duplex wire, and who answers when."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from drivers.dynamixel.protocol2 import (
+    BROADCAST,
+    HEADER,
+    MAX_LENGTH,
+    OVERHEAD,
+    Damaged,
+    ErrorNumber,
+    Instruction,
+    Packet,
+    Status,
+    crc16,
+)
+from drivers.virtual_bus.devices.device import Call, VirtualDevice
+from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks
+
+BITS_PER_BYTE = 10  # on the wire, with start and stop bit
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Bytes that a device puts on the wire."""
+
+    device: int
+    """Its id."""
+    delay: float
+    """Silence before them [s]: from the end of the instruction, or of the answer before."""
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a group read asks of one device."""
+
+    id: int
+    address: int
+    length: int
+
+
+class Chain:
+    """Pass instructions to devices and collect what comes back, in the order of the wire.
+
+    Devices of the same id talk at the same time, and what comes back is garbled.
+    """
+
+    def __init__(self, devices: Sequence[VirtualDevice], quirks: Quirks | None = None) -> None:
+        self.devices = list(devices)
+        self.quirks = quirks or Quirks()
+        self._groups: dict[int, Callable[[bytes], list[Answer]]] = {
+            Instruction.SYNC_READ: lambda params: self._answer_reads(_sync_requests(params)),
+            Instruction.BULK_READ: lambda params: self._answer_reads(_bulk_requests(params)),
+            Instruction.FAST_SYNC_READ: lambda params: self._answer_fast(_sync_requests(params)),
+            Instruction.FAST_BULK_READ: lambda params: self._answer_fast(_bulk_requests(params)),
+            Instruction.SYNC_WRITE: lambda params: self._write(_sync_rows(params)),
+            Instruction.BULK_WRITE: lambda params: self._write(_bulk_rows(params)),
+        }
+        self._members: dict[int, list[VirtualDevice]] = {}
+        self._seconds: dict[int, list[VirtualDevice]] = {}
+
+    def device(self, device_id: int) -> VirtualDevice:
+        """Return the first device of an id.
+
+        Raises:
+            LookupError: if there is none.
+        """
+        for device in self.devices:
+            if device.id == device_id:
+                return device
+        there = ", ".join(str(device.id) for device in self.devices)
+        raise LookupError(f"no device of id {device_id} on the wire: there are {there}")
+
+    def advance(self, now: float) -> None:
+        """Let time pass until a bus time [s]."""
+        for device in self.devices:
+            device.advance(now)
+
+    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[Answer]:
+        """Let an instruction pass over the wire; return the answers in their order.
+
+        Args:
+            item: The instruction, whole or damaged.
+            baud: Its speed [bit/s]; devices set to another do not hear it. None: all hear.
+        """
+        self._call_roll(baud)
+        if isinstance(item, Damaged):
+            return self._answer_damaged(item)
+        if item.instruction == Instruction.STATUS:
+            return []  # another device's answer, not an instruction
+        if self.quirks.feeding is Feeding.ANY_INSTRUCTION:
+            self._feed_watchdogs()
+        group = self._groups.get(item.instruction)
+        if group is not None and item.id == BROADCAST:
+            return group(item.params)
+        if item.id == BROADCAST:
+            return self._broadcast(item)
+        return self._address(item)
+
+    def _call_roll(self, baud: int | None) -> None:
+        """Find who hears, by id and by secondary id."""
+        members: dict[int, list[VirtualDevice]] = {}
+        seconds: dict[int, list[VirtualDevice]] = {}
+        for device in self.devices:
+            if device.listens and (baud is None or device.baud == baud):
+                members.setdefault(device.id, []).append(device)
+                second = device.secondary_id
+                if second is not None and second != device.id:
+                    seconds.setdefault(second, []).append(device)
+        self._members, self._seconds = members, seconds
+
+    def _feed_watchdogs(self) -> None:
+        for devices in self._members.values():
+            for device in devices:
+                device.hear()
+
+    # One instruction, one id or all ----------------------------------------------------------
+
+    def _answer_damaged(self, item: Damaged) -> list[Answer]:
+        if self.quirks.bad_crc is BadCrc.SILENT:
+            return []
+        devices = self._members.get(item.id, [])
+        return _talk(devices, lambda device: Status(item.id, ErrorNumber.CRC | device.alert))
+
+    def _address(self, packet: Packet) -> list[Answer]:
+        devices = self._members.get(packet.id, [])
+        answers = _talk(devices, lambda device: device.handle(packet.instruction, packet.params))
+        for device in self._seconds.get(packet.id, []):
+            device.handle(packet.instruction, packet.params, call=Call.SECONDARY)
+        return answers
+
+    def _broadcast(self, packet: Packet) -> list[Answer]:
+        if packet.instruction == Instruction.PING:
+            return self._answer_roll_call()
+        for devices in self._members.values():
+            for device in devices:
+                device.handle(packet.instruction, packet.params, call=Call.BROADCAST)
+        return []
+
+    def _answer_roll_call(self) -> list[Answer]:
+        """Answer a ping to all: each id has its slot of time."""
+        answers: list[Answer] = []
+        now = 0.0  # s since the instruction
+        for device_id, devices in sorted(self._members.items()):
+            (answer,) = _talk(devices, lambda device: device.handle(Instruction.PING))
+            slot = device_id * self.quirks.ping_slot
+            delay = max(answer.delay, slot - now)
+            answers.append(Answer(device_id, delay, answer.data))
+            now += delay + _duration(len(answer.data), devices[0].baud)
+        return answers
+
+    # Group writes ----------------------------------------------------------------------------
+
+    def _write(self, rows: Iterable[tuple[int, int, bytes]]) -> list[Answer]:
+        done: set[int] = set()
+        for device_id, address, data in rows:
+            if device_id in done:
+                continue
+            done.add(device_id)
+            for device in self._members.get(device_id, ()):
+                device.write(address, data)
+            for device in self._seconds.get(device_id, ()):
+                device.write(address, data, call=Call.SECONDARY)
+        return []
+
+    # Group reads -----------------------------------------------------------------------------
+
+    def _answer_reads(self, requests: Iterable[Request]) -> list[Answer]:
+        answers: list[Answer] = []
+        waited = 0.0
+        for request in requests:
+            devices = [d for d in self._members.get(request.id, ()) if d.answers_reads]
+            if not devices:
+                if self.quirks.sync_gap is Gap.CHAIN_BREAKS:
+                    break
+                waited += self._slot(request.length + OVERHEAD + 1)
+                continue
+            (answer,) = _talk(devices, partial(_read, request))
+            answers.append(Answer(answer.device, waited + answer.delay, answer.data))
+            waited = 0.0
+        return answers
+
+    def _answer_fast(self, requests: Iterable[Request]) -> list[Answer]:
+        """Answer a fast read: one frame, written in turn, each piece with the CRC so far."""
+        requests = list(requests)
+        length = 1 + sum(request.length + 4 for request in requests)
+        if length > MAX_LENGTH:
+            return []
+        answers: list[Answer] = []
+        waited, crc = 0.0, 0
+        start = HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
+        for request in requests:
+            members = self._members.get(request.id, ())
+            devices = [d for d in members if d.answers_reads and d.has_fast_read]
+            if not devices:
+                if self.quirks.fast_gap is Gap.CHAIN_BREAKS:
+                    break
+                waited += self._slot(len(start) + request.length + 4)
+                start = b""
+                continue
+            pieces = []
+            for device in devices:
+                status = _read(request, device)
+                # The frame's length is told before, so a failed read sends zeros.
+                piece = start + bytes((status.error, status.id))
+                piece += status.data or bytes(request.length)
+                pieces.append(piece + struct.pack("<H", crc16(piece, crc)))
+            data = _garble(pieces)
+            crc = crc16(data, crc)
+            waits = not answers or self.quirks.fast_pieces_wait
+            delay = waited + (devices[0].return_delay if waits else 0.0)
+            answers.append(Answer(request.id, delay, data))
+            waited, start = 0.0, b""
+        return answers
+
+    def _slot(self, length: int) -> float:
+        """Return how long a silent device's bytes would have taken [s]."""
+        devices = next(iter(self._members.values()), None)
+        return _duration(length, devices[0].baud) if devices else 0.0
+
+
+def _duration(length: int, baud: int) -> float:
+    return length * BITS_PER_BYTE / baud
+
+
+def _read(request: Request, device: VirtualDevice) -> Status:
+    error, data = device.read(request.address, request.length)
+    return Status(request.id, error | device.alert, data)
+
+
+def _talk(
+    devices: Sequence[VirtualDevice], ask: Callable[[VirtualDevice], Status | None]
+) -> list[Answer]:
+    """Let devices of one id answer at once."""
+    if not devices:
+        return []
+    device_id, delay = devices[0].id, devices[0].return_delay  # what they are told may change them
+    statuses = [ask(device) for device in devices]
+    frames = [status.encode() for status in statuses if status is not None]
+    return [Answer(device_id, delay, _garble(frames))] if frames else []
+
+
+def _garble(frames: Sequence[bytes]) -> bytes:
+    """Overlay frames sent at once, each a byte later than the last: the lower level wins."""
+    if len(frames) == 1:
+        return frames[0]
+    mixed = bytearray(b"\xff" * (max(map(len, frames)) + len(frames) - 1))
+    for late, frame in enumerate(frames):
+        for i, byte in enumerate(frame, start=late):
+            mixed[i] &= byte
+    return bytes(mixed)
+
+
+# Parameters of group instructions ---------------------------------------------------------------
+
+
+def _sync_requests(params: bytes) -> list[Request]:
+    if len(params) < 5:
+        return []
+    address, length = struct.unpack_from("<HH", params)
+    return [Request(device_id, address, length) for device_id in dict.fromkeys(params[4:])]
+
+
+def _bulk_requests(params: bytes) -> list[Request]:
+    requests: dict[int, Request] = {}
+    for start in range(0, len(params) - 4, 5):
+        request = Request(*struct.unpack_from("<BHH", params, start))
+        requests.setdefault(request.id, request)  # an id counts once
+    return list(requests.values())
+
+
+def _sync_rows(params: bytes) -> Iterator[tuple[int, int, bytes]]:
+    if len(params) < 4:
+        return
+    address, length = struct.unpack_from("<HH", params)
+    for start in range(4, len(params) - length, length + 1):
+        yield params[start], address, params[start + 1 : start + 1 + length]
+
+
+def _bulk_rows(params: bytes) -> Iterator[tuple[int, int, bytes]]:
+    start = 0
+    while start + 5 <= len(params):
+        device_id, address, length = struct.unpack_from("<BHH", params, start)
+        start += 5 + length
+        if start > len(params):
+            return  # cut short
+        yield device_id, address, params[start - length : start]

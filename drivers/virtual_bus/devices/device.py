@@ -1,0 +1,247 @@
+"""Devices: what everything on a Dynamixel bus does with an instruction."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from enum import Enum
+
+from drivers.dynamixel.control_table import BAUD_RATES, ControlTable
+from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Status
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.registers import Registers, WritePlan
+
+READ_LEVEL = 1  # status return level from which reads are answered; from 2 on, all is
+Handler = Callable[[bytes, "Call"], int]
+
+
+class Call(Enum):
+    """By which id an instruction reached a device."""
+
+    OWN = "its own: it answers"
+    SECONDARY = "its secondary id: it obeys silently and leaves EEPROM alone"
+    BROADCAST = "the broadcast id: it obeys silently"
+
+
+class VirtualDevice:
+    """Obey ping, read, write, reg write and action over a control table.
+
+    Kinds of devices add instructions to ``_handlers``, rules for a value to ``_checks`` and
+    what follows a write to ``_effects``.
+    """
+
+    def __init__(
+        self, table: ControlTable, device_id: int, firmware: int, baud: int, quirks: Quirks
+    ) -> None:
+        """Build a device with its registers as from the factory.
+
+        Args:
+            table: Its registers.
+            device_id: Its id on the bus.
+            firmware: Its firmware version.
+            baud: Its speed on the bus [bit/s].
+            quirks: What it does where the manual is silent.
+        """
+        self.table, self.quirks, self.firmware = table, quirks, firmware
+        self.registers = Registers(table, quirks.undefined)
+        self.alive = True
+        """False behind a broken cable: it neither hears nor answers."""
+        self._powered = True
+        self._booted_at = -1.0  # s; it is deaf until then
+        self.now = 0.0
+        self._heard = 0.0
+        self._stored: tuple[int, bytes] | None = None
+        self._at_id = table["id"].address
+        self._at_baud = table["baud_rate"].address
+        self._at_level = table["status_return_level"].address
+        self._at_delay = table["return_delay_time"].address
+        self._handlers: dict[int, Handler] = {
+            Instruction.WRITE: self._handle_write,
+            Instruction.REG_WRITE: self._handle_reg_write,
+            Instruction.ACTION: self._handle_action,
+        }
+        self._checks: dict[str, Callable[[int], int]] = {}
+        self._effects: dict[str, Callable[[int], None]] = {}
+        self.has_fast_read = table.supports_fast_read(firmware)
+        registers = self.registers
+        registers["id"], registers["firmware_version"] = device_id, firmware
+        registers["baud_rate"] = BAUD_RATES.index(baud)
+
+    @property
+    def id(self) -> int:
+        """Return its id on the bus."""
+        return self.registers.memory[self._at_id]
+
+    @property
+    def secondary_id(self) -> int | None:
+        """Return the second id that it obeys."""
+        return None
+
+    @property
+    def baud(self) -> int:
+        """Return its speed on the bus [bit/s]."""
+        return BAUD_RATES[self.registers.memory[self._at_baud]]
+
+    @property
+    def return_delay(self) -> float:
+        """Return the time between an instruction and its answer [s]."""
+        return self.registers.memory[self._at_delay] * 2e-6
+
+    @property
+    def listens(self) -> bool:
+        """Tell whether instructions reach it."""
+        return self.alive and self._powered and self.now >= self._booted_at
+
+    @property
+    def answers_reads(self) -> bool:
+        """Tell whether its status return level lets it answer reads."""
+        return self.registers.memory[self._at_level] >= READ_LEVEL
+
+    @property
+    def alert(self) -> int:
+        """Return the alert bit of its answers."""
+        return 0
+
+    @property
+    def powered(self) -> bool:
+        """Tell whether it has its supply; switching that on boots it."""
+        return self._powered
+
+    @powered.setter
+    def powered(self, on: bool) -> None:
+        if on and not self._powered:
+            self._powered = True
+            self._boot()
+        elif not on and self._powered:
+            self._powered = False
+            self._lose_power()
+
+    def peek(self, name: str) -> int:
+        """Return a register's value."""
+        return self.registers[name]
+
+    def poke(self, name: str, value: int) -> None:
+        """Set a register as the factory would, whatever its rights and range."""
+        self.registers[name] = value
+
+    def hear(self) -> None:
+        """Take note of traffic, for the bus watchdog."""
+        self._heard = self.now
+
+    def advance(self, now: float) -> None:
+        """Let time pass until a bus time [s]."""
+        self.now = now
+
+    def handle(
+        self, instruction: int, params: bytes = b"", *, call: Call = Call.OWN
+    ) -> Status | None:
+        """Obey an instruction; return the answer unless it stays silent."""
+        self.hear()
+        # What it answers with may be changed by what it is told: the old values count.
+        device_id, alert, level = self.id, self.alert, self.registers.memory[self._at_level]
+        if instruction == Instruction.PING:
+            data = self._identity()
+            return Status(device_id, alert, data) if call is Call.OWN else None
+        if instruction == Instruction.READ:
+            if call is not Call.OWN or level < READ_LEVEL:
+                return None
+            error, data = self._handle_read(params)
+            return Status(device_id, error | alert, data)
+        handler = self._handlers.get(instruction)
+        error = handler(params, call) if handler else ErrorNumber.INSTRUCTION
+        if call is not Call.OWN or level <= READ_LEVEL:
+            return None
+        return Status(device_id, error | alert)
+
+    def read(self, address: int, length: int) -> tuple[int, bytes]:
+        """Return an `ErrorNumber` and the bytes of a span."""
+        self.hear()
+        return self.registers.read(address, length)
+
+    def write(self, address: int, data: bytes, *, call: Call = Call.OWN) -> int:
+        """Set registers, all of them or none; return an `ErrorNumber`."""
+        self.hear()
+        error, plan, values = self._judge(address, data, call)
+        if error:
+            return error
+        memory = self.registers.memory
+        for field, value in zip(plan.fields, values, strict=True):
+            field.codec.pack_into(memory, field.address, value)
+            effect = self._effects.get(field.name)
+            if effect is not None:
+                effect(value)
+        if plan.remaps:
+            self.registers.forget_plans()
+        return ErrorNumber.NONE
+
+    def _judge(self, address: int, data: bytes, call: Call) -> tuple[int, WritePlan, list[int]]:
+        """Tell what a write would do: an `ErrorNumber`, or the items and their values."""
+        plan = self.registers.plan_write(address, len(data))
+        values: list[int] = []
+        if plan.error:
+            return plan.error, plan, values
+        if plan.eeprom and (self._is_locked() or call is Call.SECONDARY):
+            return ErrorNumber.ACCESS, plan, values
+        for field in plan.fields:
+            value = field.codec.unpack_from(data, field.offset)[0]
+            if not field.lower <= value <= field.upper:
+                return ErrorNumber.DATA_RANGE, plan, values
+            check = self._checks.get(field.name)
+            if check is not None and (error := check(value)):
+                return error, plan, values
+            values.append(value)
+        return ErrorNumber.NONE, plan, values
+
+    # Instructions --------------------------------------------------------------------------
+
+    def _identity(self) -> bytes:
+        """Return model number and firmware version."""
+        firmware = self.registers["firmware_version"]
+        return struct.pack("<HB", self.registers["model_number"], firmware)
+
+    def _handle_read(self, params: bytes) -> tuple[int, bytes]:
+        if len(params) != 4:
+            return ErrorNumber.DATA_LENGTH, b""
+        return self.read(params[0] | params[1] << 8, params[2] | params[3] << 8)
+
+    def _handle_write(self, params: bytes, call: Call) -> int:
+        if len(params) < 3:
+            return ErrorNumber.DATA_LENGTH
+        return self.write(params[0] | params[1] << 8, params[2:], call=call)
+
+    def _handle_reg_write(self, params: bytes, call: Call) -> int:
+        if len(params) < 3:
+            return ErrorNumber.DATA_LENGTH
+        address, data = params[0] | params[1] << 8, params[2:]
+        error, _, _ = self._judge(address, data, call)
+        if error:
+            return error
+        self._store_write((address, data))
+        return ErrorNumber.NONE
+
+    def _handle_action(self, params: bytes, call: Call) -> int:
+        del params
+        if self._stored is None:
+            return ErrorNumber.INSTRUCTION
+        address, data = self._stored
+        self._store_write(None)
+        return self.write(address, data, call=call)
+
+    def _store_write(self, stored: tuple[int, bytes] | None) -> None:
+        self._stored = stored
+        if "registered_instruction" in self.registers:
+            self.registers["registered_instruction"] = int(stored is not None)
+
+    # What a kind of device adds ------------------------------------------------------------
+
+    def _is_locked(self) -> bool:
+        return False
+
+    def _boot(self) -> None:
+        """Start from power-up values, after a while."""
+        self._stored = None
+        self._booted_at = self.now + self.quirks.reboot_time
+
+    def _lose_power(self) -> None:
+        """Forget what only power keeps."""
+        self._stored = None

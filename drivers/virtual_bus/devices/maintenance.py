@@ -1,0 +1,152 @@
+"""What registers keep over a reboot, a factory reset, a backup."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from drivers.dynamixel.control_table import Item
+from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset
+from drivers.virtual_bus.devices.device import Call, Handler
+from drivers.virtual_bus.devices.registers import Registers
+
+GAINS = (
+    "velocity_i_gain",
+    "velocity_p_gain",
+    "position_d_gain",
+    "position_i_gain",
+    "position_p_gain",
+    "feedforward_2nd_gain",
+    "feedforward_1st_gain",
+)
+PROFILE = ("profile_acceleration", "profile_velocity")
+KEPT = {
+    Reset.ALL: (),
+    Reset.ALL_BUT_ID: ("id",),
+    Reset.ALL_BUT_ID_AND_BAUD: ("id", "baud_rate"),
+}
+
+
+class Backup:
+    """The stored copy of a servo's table: EEPROM, gains, profile, indirect addresses (e-manual)."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, int] = {}
+
+    @property
+    def is_ready(self) -> bool:
+        """Tell whether something is stored."""
+        return bool(self._values)
+
+    def store(self, registers: Registers) -> None:
+        """Copy registers."""
+        items = (item for item in registers.table if _is_backed_up(item))
+        self._values = {item.name: registers[item.name] for item in items}
+
+    def restore_eeprom(self, registers: Registers) -> None:
+        """Bring the stored EEPROM back."""
+        self._restore(registers, eeprom=True)
+
+    def restore_ram(self, registers: Registers) -> None:
+        """Bring the stored gains, profile and indirect addresses back."""
+        self._restore(registers, eeprom=False)
+
+    def _restore(self, registers: Registers, *, eeprom: bool) -> None:
+        for name, value in self._values.items():
+            if registers.table[name].eeprom == eeprom:
+                registers[name] = value
+
+
+def reset_eeprom(registers: Registers, kept: Reset) -> None:
+    """Bring EEPROM back to what the factory wrote, but for what is kept."""
+    items = (item for item in registers.table if item.eeprom and item.writable)
+    reset(registers, (item for item in items if item.name not in KEPT[kept]))
+
+
+def reset_ram(registers: Registers) -> None:
+    """Bring RAM back to its values at power-up; measured items stay."""
+    reset(registers, (item for item in registers.table if not item.eeprom))
+
+
+def reset(registers: Registers, items: Iterable[Item]) -> None:
+    """Bring items back to their defaults."""
+    for item in items:
+        if item.default is not None:
+            registers[item.name] = item.default
+
+
+def _is_backed_up(item: Item) -> bool:
+    if item.eeprom:
+        return item.writable
+    return item.name in GAINS + PROFILE or item.name.startswith("indirect_address_")
+
+
+if TYPE_CHECKING:
+    from drivers.virtual_bus.devices.servo import VirtualServo
+
+CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
+STORE_BACKUP, RESTORE_BACKUP = b"\x01CTRL", b"\x02CTRL"
+CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
+
+
+class Maintenance:
+    """Reboot, clear, factory reset and backup of one servo."""
+
+    def __init__(self, servo: VirtualServo, backup: Backup) -> None:
+        self._servo, self._backup = servo, backup
+        self.handlers: dict[int, Handler] = {
+            Instruction.REBOOT: self._reboot,
+            Instruction.CLEAR: self._clear,
+            Instruction.FACTORY_RESET: self._reset,
+            Instruction.BACKUP: self._store_or_restore,
+        }
+
+    def _reboot(self, params: bytes, call: Call) -> int:
+        del params, call
+        self._servo.reboot()
+        return ErrorNumber.NONE
+
+    def _clear(self, params: bytes, call: Call) -> int:
+        del call
+        if self._servo.firmware < CLEAR_FIRMWARE:
+            return ErrorNumber.INSTRUCTION
+        if params != CLEAR_TURNS:
+            return ErrorNumber.DATA_RANGE
+        if self._servo.peek("moving"):
+            return ErrorNumber.RESULT_FAIL
+        self._servo.clear_turns()
+        return ErrorNumber.NONE
+
+    def _reset(self, params: bytes, call: Call) -> int:
+        if len(params) != 1:
+            return ErrorNumber.DATA_LENGTH
+        if params[0] not in set(Reset):
+            return ErrorNumber.DATA_RANGE
+        kept = Reset(params[0])
+        if call is Call.SECONDARY:
+            return ErrorNumber.ACCESS
+        if call is Call.BROADCAST and kept is Reset.ALL and self._servo.firmware >= CLEAR_FIRMWARE:
+            return ErrorNumber.RESULT_FAIL  # every id would become 1
+        reset_eeprom(self._servo.registers, kept)
+        self._servo.reboot()
+        return ErrorNumber.NONE
+
+    def _store_or_restore(self, params: bytes, call: Call) -> int:
+        servo = self._servo
+        if not servo.table.supports_backup(servo.firmware):
+            return ErrorNumber.INSTRUCTION
+        if params not in (STORE_BACKUP, RESTORE_BACKUP):
+            return ErrorNumber.DATA_RANGE
+        if servo.torque_on:
+            return ErrorNumber.RESULT_FAIL
+        if params == STORE_BACKUP:
+            self._backup.store(servo.registers)
+            servo.poke("backup_ready", 1)
+            return ErrorNumber.NONE
+        if call is Call.SECONDARY:
+            return ErrorNumber.ACCESS
+        if not self._backup.is_ready:
+            return ErrorNumber.RESULT_FAIL
+        self._backup.restore_eeprom(servo.registers)
+        servo.reboot(restore=True)
+        return ErrorNumber.NONE

@@ -1,0 +1,227 @@
+"""Motion: the trajectory on which a servo's position or velocity follows its goal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+from drivers.virtual_bus.devices.registers import Registers
+from robots.servo import RAD_PER_TICK
+
+
+class Shape(IntEnum):
+    """Bits 4 and 5 of Moving Status."""
+
+    STEP = 0
+    RECTANGLE = 1
+    TRIANGLE = 2
+    TRAPEZOID = 3
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Positions over time [ticks], from ``start`` on."""
+
+    start: float
+    """[s]"""
+    position: float
+    velocity: float
+    """At the start [ticks/s]."""
+    goal: float
+    cruise: float = 0.0
+    """Velocity between the two ramps [ticks/s]."""
+    speed_up: float = 0.0
+    """Duration of the first ramp [s]."""
+    hold: float = 0.0
+    """Duration of the cruise [s]."""
+    slow_down: float = 0.0
+    """Duration of the last ramp [s]."""
+    shape: Shape = Shape.STEP
+
+    @property
+    def end(self) -> float:
+        """Return when the goal is reached [s]."""
+        return self.start + self.speed_up + self.hold + self.slow_down
+
+    def at(self, now: float) -> tuple[float, float]:
+        """Compute position [ticks] and velocity [ticks/s]."""
+        t = max(now - self.start, 0.0)
+        if now >= self.end:
+            return self.goal, 0.0
+        if t < self.speed_up:
+            velocity = self.velocity + (self.cruise - self.velocity) * t / self.speed_up
+            return self.position + 0.5 * (self.velocity + velocity) * t, velocity
+        position = self.position + 0.5 * (self.velocity + self.cruise) * self.speed_up
+        t -= self.speed_up
+        if t < self.hold:
+            return position + self.cruise * t, self.cruise
+        position += self.cruise * self.hold
+        t -= self.hold
+        if t >= self.slow_down:
+            return self.goal, 0.0  # the last moment, lost in rounding
+        velocity = self.cruise * (1.0 - t / self.slow_down)
+        return position + 0.5 * (self.cruise + velocity) * t, velocity
+
+
+def plan_step(start: float, goal: float) -> Trajectory:
+    """Be at the goal at once."""
+    return Trajectory(start, goal, 0.0, goal)
+
+
+def plan_by_velocity(
+    start: float, position: float, velocity: float, goal: float, top: float, acceleration: float
+) -> Trajectory:
+    """Go as fast as a top speed [ticks/s] and an acceleration [ticks/s²] allow.
+
+    Args:
+        start: Now [s].
+        position: Where the trajectory is now [ticks].
+        velocity: How fast it is now [ticks/s].
+        goal: Where it ends, at rest [ticks].
+        top: Cruising speed; 0 for no profile.
+        acceleration: 0 for a jump to the cruising speed.
+    """
+    if top <= 0.0:
+        return plan_step(start, goal)
+    way = goal - position
+    if acceleration <= 0.0:
+        cruise = math.copysign(top, way)
+        hold = abs(way) / top
+        return Trajectory(start, position, cruise, goal, cruise, hold=hold, shape=Shape.RECTANGLE)
+    # Braking now would end beyond the goal: then the way leads back.
+    stop = velocity * abs(velocity) / (2.0 * acceleration)
+    side = math.copysign(1.0, way - stop)
+    v, d = side * velocity, side * way
+    peak = math.sqrt(max(0.5 * v * v + acceleration * d, 0.0))
+    cruise = min(peak, top)
+    speed_up = abs(cruise - v) / acceleration
+    slow_down = cruise / acceleration
+    ramps = 0.5 * (v + cruise) * speed_up + 0.5 * cruise * slow_down
+    hold = max(d - ramps, 0.0) / cruise if peak > top else 0.0
+    shape = Shape.TRAPEZOID if peak > top else Shape.TRIANGLE
+    return Trajectory(
+        start, position, velocity, goal, side * cruise, speed_up, hold, slow_down, shape
+    )
+
+
+def plan_by_time(
+    start: float, position: float, velocity: float, goal: float, total: float, ramp: float
+) -> Trajectory:
+    """Arrive after a given time.
+
+    Args:
+        start: Now [s].
+        position: Where the trajectory is now [ticks].
+        velocity: How fast it is now [ticks/s].
+        goal: Where it ends, at rest [ticks].
+        total: Duration of the motion [s]; 0 for no profile.
+        ramp: Duration of each ramp [s]; no more than half of the whole counts.
+    """
+    if total <= 0.0:
+        return plan_step(start, goal)
+    ramp = min(ramp, 0.5 * total)
+    way = goal - position
+    if ramp <= 0.0:
+        cruise = way / total
+        return Trajectory(start, position, cruise, goal, cruise, hold=total, shape=Shape.RECTANGLE)
+    cruise = (way - 0.5 * velocity * ramp) / (total - ramp)
+    hold = total - 2.0 * ramp
+    shape = Shape.TRAPEZOID if hold > 0.0 else Shape.TRIANGLE
+    return Trajectory(start, position, velocity, goal, cruise, ramp, hold, ramp, shape)
+
+
+def approach(value: float, goal: float, step: float) -> float:
+    """Move a value towards a goal by one step at most."""
+    return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)
+
+
+TIME_BASED = 4  # bit of drive_mode
+MOST = 0x7FFFFFFF  # counts that a register of four bytes holds
+
+
+class Motion:
+    """Follow goals by the profile registers, and show the trajectory in its registers."""
+
+    def __init__(self, registers: Registers) -> None:
+        self._registers = registers
+        table = registers.table
+        self._speed_scale = table["profile_velocity"].scale  # rad/s
+        self._acceleration_scale = table["profile_acceleration"].scale  # rad/s²
+        self.position = 0.0
+        """Where the trajectory is [ticks, as registers show them]."""
+        self.speed = 0.0
+        """Where the ramp of velocity mode is [rad/s]."""
+        self.running = False
+        """True while the goal is not reached yet."""
+        self.shape = Shape.STEP
+        self._velocity = 0.0  # ticks/s
+        self._trajectory: Trajectory | None = None
+        self._goal_speed, self._acceleration = 0.0, 0.0
+
+    def halt(self, position: float) -> None:
+        """Stay at a position [ticks], with no velocity."""
+        self.position, self._velocity = position, 0.0
+        self.speed = self._goal_speed = 0.0
+        self._trajectory, self.running, self.shape = None, False, Shape.STEP
+        self._show()
+
+    def aim(self, now: float, goal: float) -> None:
+        """Set out for a position [ticks] by the profile registers."""
+        velocity, acceleration = self._profile()
+        if not velocity:  # the usual case: no profile
+            self.halt(goal)
+            return
+        if self._is_time_based():
+            self._trajectory = plan_by_time(
+                now, self.position, self._velocity, goal, velocity * 1e-3, acceleration * 1e-3
+            )
+        else:
+            self._trajectory = plan_by_velocity(
+                now,
+                self.position,
+                self._velocity,
+                goal,
+                velocity * self._speed_scale / RAD_PER_TICK,
+                acceleration * self._acceleration_scale / RAD_PER_TICK,
+            )
+        self.shape = self._trajectory.shape
+        self.running = self._trajectory.end > now
+        if not self.running:
+            self.halt(goal)
+        self._show()
+
+    def aim_speed(self, goal: float) -> None:
+        """Set out for a velocity [rad/s]; only the profile's acceleration counts."""
+        _, acceleration = self._profile()
+        self._goal_speed = goal
+        if not acceleration:
+            self.speed = goal
+        elif self._is_time_based():
+            self._acceleration = abs(goal - self.speed) / (acceleration * 1e-3)
+        else:
+            self._acceleration = acceleration * self._acceleration_scale
+        self.running = self.speed != goal
+        self._show()
+
+    def advance(self, now: float, duration: float) -> None:
+        """Go on along the trajectory; of use while ``running``."""
+        if self._trajectory is not None:
+            self.position, self._velocity = self._trajectory.at(now)
+            self.running = now < self._trajectory.end
+        else:
+            self.speed = approach(self.speed, self._goal_speed, self._acceleration * duration)
+            self.running = self.speed != self._goal_speed
+        self._show()
+
+    def _profile(self) -> tuple[int, int]:
+        return self._registers["profile_velocity"], self._registers["profile_acceleration"]
+
+    def _is_time_based(self) -> bool:
+        return bool(self._registers["drive_mode"] & TIME_BASED)
+
+    def _show(self) -> None:
+        speed = self._velocity * RAD_PER_TICK or self.speed
+        speed_counts, position = round(speed / self._speed_scale), round(self.position)
+        self._registers["velocity_trajectory"] = max(-MOST, min(MOST, speed_counts))
+        self._registers["position_trajectory"] = max(-MOST, min(MOST, position))

@@ -1,0 +1,76 @@
+"""Protection: what a servo trips over."""
+
+from __future__ import annotations
+
+import math
+
+from drivers.dynamixel.control_table import HardwareError
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.registers import Registers
+
+# A at the nominal supply (e-manual, specifications of each model)
+STALL_CURRENTS = {
+    "XM430-W350": 2.3,
+    "XM540-W270": 4.4,
+    "XL430-W250": 1.3,
+    "XC330-M288": 1.8,
+    "XC330-T288": 0.8,
+    "2XC430-W250": 1.4,
+    "MX-64(2.0)": 4.1,
+    "MX-106(2.0)": 5.2,
+}
+
+
+class Protection:
+    """Judge supply, temperature and load by the limits in the registers."""
+
+    def __init__(self, registers: Registers, quirks: Quirks) -> None:
+        self._registers = registers
+        self._overload = Overload(STALL_CURRENTS[registers.table.model], quirks)
+        self.reload()
+
+    def reload(self) -> None:
+        """Take over the limits."""
+        registers = self._registers
+        self._hottest = registers["temperature_limit"]
+        self._lowest = registers["min_voltage_limit"]
+        self._highest = registers["max_voltage_limit"]
+
+    def restart(self) -> None:
+        """Forget the load so far."""
+        self._overload.heat = 0.0
+
+    def judge(self, voltage: float, temperature: float) -> int:
+        """Return the `HardwareError` bits for a supply [V] and a temperature [°C]."""
+        bits = 0
+        if not self._lowest <= round(voltage * 10.0) <= self._highest:
+            bits = HardwareError.VOLTAGE.value
+        if temperature > self._hottest:
+            bits |= HardwareError.OVERHEATING.value
+        return bits
+
+    def advance(self, current: float, duration: float) -> bool:
+        """Let a current [A] flow for a duration [s]; tell whether that is too much load."""
+        return self._overload.advance(current, duration)
+
+
+class Overload:
+    """Heat of a winding, as a share of what full stall would bring it to in the long run.
+
+    A first-order model of current squared: it follows ``(current / stall)²`` with the time
+    constant of `Quirks.overload_time` and trips above the square of `Quirks.overload_share`.
+    """
+
+    def __init__(self, stall_current: float, quirks: Quirks) -> None:
+        self._stall_current = stall_current
+        self._limit = quirks.overload_share**2
+        self._time = quirks.overload_time
+        self.heat = 0.0
+
+    def advance(self, current: float, duration: float) -> bool:
+        """Warm by a current [A] for a duration [s]; tell whether it is too much."""
+        if not self.heat and not current:
+            return False
+        share = current / self._stall_current
+        self.heat += (share * share - self.heat) * -math.expm1(-duration / self._time)
+        return self.heat > self._limit

@@ -1,0 +1,172 @@
+"""Registers: a control table in memory, and what a range of addresses means in it."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from drivers.dynamixel.control_table import ControlTable, Item
+from drivers.dynamixel.protocol2 import ErrorNumber
+from drivers.virtual_bus.devices.quirks import Undefined
+
+MOST_PLANS = 256  # spans remembered; clients use a handful, a fuzzer many
+_Plan = TypeVar("_Plan")
+_POINTER, _TARGET = "indirect_address_", "indirect_data_"
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One item of a write."""
+
+    name: str
+    offset: int
+    """Its first byte in the data."""
+    address: int
+    codec: struct.Struct
+    lower: int
+    upper: int
+
+
+@dataclass(frozen=True, slots=True)
+class WritePlan:
+    """What a write to a span means, whatever its data."""
+
+    error: int = 0
+    """Why it can never work, an `ErrorNumber`."""
+    fields: tuple[Field, ...] = ()
+    eeprom: bool = False
+    """True when it touches EEPROM."""
+    remaps: bool = False
+    """True when it changes indirect addresses."""
+
+
+class Registers:
+    """The bytes of a control table."""
+
+    def __init__(self, table: ControlTable, undefined: Undefined = Undefined.ZEROS) -> None:
+        self.table = table
+        self.memory = table.initial_bytes()
+        self._undefined = undefined
+        self._codecs = {item.name: codec_of(item) for item in table.items.values()}
+        self._addresses = {item.name: item.address for item in table.items.values()}
+        self._defined = bytearray(table.size)
+        self._redirected = bytearray(table.size)
+        self._pointers: dict[int, int] = {}  # address of indirect data -> of its pointer
+        for item in table.items.values():
+            self._defined[item.address : item.address + item.size] = b"\x01" * item.size
+            if item.name.startswith(_TARGET):
+                number = item.name.removeprefix(_TARGET)
+                self._pointers[item.address] = table[_POINTER + number].address
+                self._redirected[item.address] = 1
+        self._reads: dict[tuple[int, int], list[int]] = {}
+        self._writes: dict[tuple[int, int], WritePlan] = {}
+
+    def __getitem__(self, name: str) -> int:
+        """Return an item's value."""
+        return self._codecs[name].unpack_from(self.memory, self._addresses[name])[0]
+
+    def __setitem__(self, name: str, value: int) -> None:
+        """Set an item's value, whatever its rights and range."""
+        self._codecs[name].pack_into(self.memory, self._addresses[name], value)
+        if name.startswith(_POINTER):
+            self.forget_plans()
+
+    def __contains__(self, name: str) -> bool:
+        """Tell whether the table has an item."""
+        return name in self._addresses
+
+    def value_or_zero(self, name: str) -> int:
+        """Return an item's value, 0 where the table has no such item."""
+        return self.__getitem__(name) if name in self._addresses else 0
+
+    def read(self, address: int, length: int) -> tuple[int, bytes]:
+        """Return an `ErrorNumber` and the bytes of a span."""
+        end = address + length
+        if not length:
+            return ErrorNumber.DATA_LENGTH, b""
+        if end > len(self.memory) or not self._defined[address]:
+            return ErrorNumber.ACCESS, b""
+        if self._undefined is not Undefined.ZEROS and self._defined.find(0, address, end) >= 0:
+            return ErrorNumber.ACCESS, b""
+        if self._redirected.find(1, address, end) < 0:
+            return 0, bytes(self.memory[address:end])
+        addresses = self._reads.get((address, length))
+        if addresses is None:
+            addresses = self._resolve(address, length)
+            _remember(self._reads, (address, length), addresses)
+        memory = self.memory
+        return 0, bytes([memory[a] for a in addresses])
+
+    def plan_write(self, address: int, length: int) -> WritePlan:
+        """Tell what a write to a span would do."""
+        plan = self._writes.get((address, length))
+        if plan is None:
+            plan = self._plan_write(address, length)
+            _remember(self._writes, (address, length), plan)
+        return plan
+
+    def forget_plans(self) -> None:
+        """Look indirect addresses up anew."""
+        self._reads.clear()
+        self._writes.clear()
+
+    def _resolve(self, address: int, length: int) -> list[int]:
+        # Indirect data that points to indirect data is plain memory there, not a chain.
+        pointers, memory = self._pointers, self.memory
+        return [
+            memory[pointers[a]] | memory[pointers[a] + 1] << 8 if a in pointers else a
+            for a in range(address, address + length)
+        ]
+
+    def _plan_write(self, address: int, length: int) -> WritePlan:
+        if not length:
+            return WritePlan(ErrorNumber.DATA_LENGTH)
+        if address + length > len(self.memory) or not self._defined[address]:
+            return WritePlan(ErrorNumber.ACCESS)
+        addresses = self._resolve(address, length)
+        fields: list[Field] = []
+        eeprom = remaps = False
+        offset = 0
+        while offset < length:
+            item = self.table.at(addresses[offset])
+            if item is None:
+                if offset == 0 or self._undefined is not Undefined.ZEROS:
+                    return WritePlan(ErrorNumber.ACCESS)
+                offset += 1
+                continue
+            if not item.writable:
+                return WritePlan(ErrorNumber.ACCESS)
+            if not _covers(addresses, offset, item):
+                return WritePlan(ErrorNumber.DATA_LENGTH)
+            fields.append(_field_of(item, offset, self._codecs[item.name]))
+            eeprom |= item.eeprom
+            remaps |= item.name.startswith(_POINTER)
+            offset += item.size
+        return WritePlan(0, tuple(fields), eeprom, remaps)
+
+
+def codec_of(item: Item) -> struct.Struct:
+    """Return what packs and unpacks an item, little endian."""
+    letter = {1: "b", 2: "h", 4: "i"}[item.size]
+    return struct.Struct("<" + (letter if item.signed else letter.upper()))
+
+
+def _covers(addresses: Sequence[int], offset: int, item: Item) -> bool:
+    whole = range(item.address, item.address + item.size)
+    return list(addresses[offset : offset + item.size]) == list(whole)
+
+
+def _field_of(item: Item, offset: int, codec: struct.Struct) -> Field:
+    bits = 8 * item.size
+    least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if item.signed else (0, (1 << bits) - 1)
+    lower = least if item.lower is None else item.lower
+    upper = most if item.upper is None else item.upper
+    return Field(item.name, offset, item.address, codec, lower, upper)
+
+
+def _remember(plans: dict[tuple[int, int], _Plan], span: tuple[int, int], plan: _Plan) -> None:
+    if len(plans) >= MOST_PLANS:
+        plans.clear()
+    plans[span] = plan

@@ -1,0 +1,135 @@
+"""Sensors: what physics tells, as a servo's registers show it.
+
+The horn turns in its own direction and without end; a position register counts from the homing
+offset, in the drive mode's direction, from the turn in which it was last folded.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from drivers.dynamixel.control_table import OperatingMode
+from drivers.virtual_bus.devices.motor_command import POSITION_MODES
+from drivers.virtual_bus.devices.profile import Motion
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.registers import Registers
+from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
+
+REVERSE = 1  # bit of drive_mode
+MAX_HOMING_IN_ONE_TURN = 1024  # ticks; larger offsets are ignored in mode 3 (e-manual)
+NOMINAL_VOLTAGE = 12.0  # V, or the middle of what the model bears
+AMBIENT_TEMPERATURE = 25.0  # °C
+_SIDE_BY_SIDE = struct.Struct("<hhii")  # PWM, load, velocity, position: so in every servo's table
+
+
+class Sensors:
+    """The present values and the moving flags of a servo."""
+
+    def __init__(self, registers: Registers, motion: Motion, quirks: Quirks) -> None:
+        self._registers, self._motion, self._quirks = registers, motion, quirks
+        table = registers.table
+        self._has_current = "present_current" in table
+        self._load_scale = table["present_current" if self._has_current else "present_load"].scale
+        self._speed_scale = table["present_velocity"].scale
+        self._at_flags = table["moving"].address
+        self._at_pwm = table["present_pwm"].address
+        self._at_supply = table["present_input_voltage"].address
+        middle = 0.05 * (registers["min_voltage_limit"] + registers["max_voltage_limit"])
+        self.voltage = min(NOMINAL_VOLTAGE, middle)
+        """[V]"""
+        self.temperature = AMBIENT_TEMPERATURE
+        """[°C]"""
+        self.current = 0.0
+        """In the horn's direction [A]."""
+        self.sign = 1.0
+        """-1 when the drive mode reverses the servo."""
+        self.offset = 0.0
+        """Register minus signed horn [ticks]."""
+        self._ticks, self._speed, self._pwm_share = 0.5 * TICKS_PER_TURN, 0.0, 0.0
+        self._turns = 0.0  # ticks that bring the position into one turn
+        self._speed_counts = self._position_counts = 0
+        self.fold()
+
+    @property
+    def position(self) -> int:
+        """Return the position as the register shows it [ticks]."""
+        return round(self.sign * self._ticks + self.offset)
+
+    def to_horn(self, position: float) -> float:
+        """Convert a position [ticks] to the horn's own."""
+        return self.sign * (position - self.offset)
+
+    def take(
+        self,
+        ticks: float,
+        velocity: float,
+        current: float,
+        pwm_share: float,
+        voltage: float,
+        temperature: float,
+    ) -> None:
+        """Measure; see `VirtualServo.sense`."""
+        self._ticks, self._speed, self._pwm_share = ticks, velocity, pwm_share
+        self.current, self.voltage, self.temperature = current, voltage, temperature
+        self._show()
+
+    def fold(self) -> None:
+        """Bring the position back into one turn."""
+        self.reload()
+        turn = math.floor(self.sign * self._ticks / TICKS_PER_TURN)
+        self._turns = -float(turn * TICKS_PER_TURN)
+        self.reload()
+
+    def reload(self) -> None:
+        """Take over what the registers configure."""
+        registers = self._registers
+        self._mode = registers["operating_mode"]
+        # Reversed, ticks count down; the homing offset keeps its sign (e-manual).
+        self.sign = -1.0 if registers["drive_mode"] & REVERSE else 1.0
+        homing = registers["homing_offset"]
+        if self._mode == OperatingMode.POSITION and abs(homing) > MAX_HOMING_IN_ONE_TURN:
+            homing = 0
+        self.offset = self._turns + homing
+        self._threshold = registers["moving_threshold"]
+        self._show()
+
+    def _show(self) -> None:
+        sign, memory = self.sign, self._registers.memory
+        share = sign * self._pwm_share
+        load = sign * self.current if self._has_current else share
+        speed = self._speed_counts = clamp(
+            round(sign * self._speed / self._speed_scale), 0x7FFFFFFF
+        )
+        position = self._position_counts = clamp(self.position, 0x7FFFFFFF)
+        _SIDE_BY_SIDE.pack_into(
+            memory,
+            self._at_pwm,
+            clamp(round(share * PWM_FULL_SCALE), PWM_FULL_SCALE),
+            clamp(round(load / self._load_scale), 0x7FFF),
+            speed,
+            position,
+        )
+        at, volts = self._at_supply, min(max(round(self.voltage * 10.0), 0), 0xFFFF)
+        memory[at], memory[at + 1] = volts & 0xFF, volts >> 8
+        memory[at + 2] = min(max(round(self.temperature), 0), 0xFF)
+        self.show_flags()
+
+    def show_flags(self) -> None:
+        """Set Moving and Moving Status (e-manual) by motion and position."""
+        motion, position = self._motion, self._position_counts
+        running = motion.running
+        status = running << 1 | motion.shape << 4
+        if self._mode in POSITION_MODES:
+            quirks = self._quirks
+            arrived = abs(self._registers["goal_position"] - position) <= quirks.in_position_ticks
+            astray = abs(motion.position - position) > quirks.following_error_ticks
+            status |= arrived | (astray and self._registers["torque_enable"]) << 3
+        memory, at = self._registers.memory, self._at_flags
+        memory[at] = running or abs(self._speed_counts) > self._threshold
+        memory[at + 1] = status
+
+
+def clamp(value: int, limit: int) -> int:
+    """Return the nearest value not farther from 0 than a limit."""
+    return max(-limit, min(limit, value))

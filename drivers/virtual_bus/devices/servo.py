@@ -1,0 +1,393 @@
+"""A virtual Dynamixel servo: everything but its motor, which is physics'."""
+
+from __future__ import annotations
+
+import math
+
+from drivers.dynamixel.control_table import HardwareError, OperatingMode, table_named
+from drivers.dynamixel.protocol2 import ALERT, MAX_ID
+from drivers.virtual_bus.devices.device import VirtualDevice
+from drivers.virtual_bus.devices.maintenance import (
+    GAINS,
+    PROFILE,
+    Backup,
+    Maintenance,
+    reset,
+    reset_ram,
+)
+from drivers.virtual_bus.devices.motor_command import POSITION_MODES, Drive
+from drivers.virtual_bus.devices.profile import Motion
+from drivers.virtual_bus.devices.protection import Protection
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.sensors import Sensors, clamp
+from drivers.virtual_bus.devices.write_rules import TRIPPED, Rules
+from robots.servo import PWM_FULL_SCALE
+
+TORQUE_BY_GOAL = 8  # bit of drive_mode
+TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
+FARTHEST_GOAL = 1_048_575  # ticks
+WATCHDOG_UNIT = 0.02  # s
+
+
+class VirtualServo(VirtualDevice):
+    """Answer like an X-series servo; physics asks it for `drive` and tells it by `sense`."""
+
+    def __init__(
+        self,
+        servo_id: int,
+        model: str = "XM430-W350",
+        *,
+        firmware: int = 46,
+        baud: int = 57_600,
+        quirks: Quirks | None = None,
+    ) -> None:
+        """Build a servo as shipped, its horn in the middle of the turn.
+
+        Args:
+            servo_id: Its id on the bus.
+            model: Name of its control table.
+            firmware: Its firmware version.
+            baud: Its speed on the bus [bit/s].
+            quirks: What it does where the manual is silent; None for the defaults.
+        """
+        quirks, table = quirks or Quirks(), table_named(model, firmware)
+        super().__init__(table, servo_id, firmware, baud, quirks)
+        self._motion, self._backup = Motion(self.registers), Backup()
+        self._sensors = Sensors(self.registers, self._motion, quirks)
+        self._protection = Protection(self.registers, quirks)
+        self._at_tick = table["realtime_tick"].address
+        self._at_secondary = table["secondary_id"].address
+        self._drive: Drive | None = None
+        self._connect_rules()
+        self._restart()
+
+    def _connect_rules(self) -> None:
+        self._handlers |= Maintenance(self, self._backup).handlers
+        self._checks |= Rules(self.registers, self.quirks).checks
+        self._checks["torque_enable"] = self._check_torque
+        configuration = ("homing_offset", "moving_threshold", *GAINS)
+        limits = ("temperature_limit", "min_voltage_limit", "max_voltage_limit")
+        goal_limits = ("pwm_limit", "current_limit", "velocity_limit")
+        self._effects |= dict.fromkeys((*configuration, *limits), self._reload)
+        self._effects |= dict.fromkeys(goal_limits, self._clamp_goals)
+        self._effects |= {
+            "operating_mode": self._change_mode,
+            "drive_mode": self._change_direction,
+            "torque_enable": self._switch_torque,
+            "bus_watchdog": self._set_watchdog,
+            "goal_position": self._aim,
+            "goal_velocity": self._aim_speed,
+            "goal_current": self._take_current,
+            "goal_pwm": self._take_pwm,
+        }
+
+    # What others see ------------------------------------------------------------------------
+
+    @property
+    def secondary_id(self) -> int | None:
+        """Return the second id that it obeys, None for none."""
+        second = self.registers.memory[self._at_secondary]
+        return second if second <= MAX_ID else None
+
+    @property
+    def alert(self) -> int:
+        """Return the alert bit of its answers: set while there is a hardware error."""
+        return ALERT if self._hardware_error else 0
+
+    @property
+    def torque_on(self) -> bool:
+        """Tell whether it drives its motor."""
+        return self._torque_on
+
+    @property
+    def has_profile(self) -> bool:
+        """Tell whether its trajectory is on the way to a goal."""
+        return self._motion.running
+
+    def poke(self, name: str, value: int) -> None:
+        """Set a register as the factory would, whatever its rights and range.
+
+        What is measured comes by `sense` alone.
+        """
+        super().poke(name, value)
+        effect = self._effects.get(name)
+        if effect is not None and name != "operating_mode":
+            effect(value)
+        self._hardware_error = self.peek("hardware_error_status")
+        self._reload()
+
+    def sense(
+        self,
+        *,
+        ticks: float,
+        velocity: float,
+        current: float,
+        pwm_share: float,
+        voltage: float,
+        temperature: float,
+    ) -> None:
+        """Take what physics says, in the horn's own direction.
+
+        Args:
+            ticks: Position of the horn, turns included.
+            velocity: [rad/s]
+            current: [A]
+            pwm_share: Share of the supply on the motor, -1 to 1.
+            voltage: Supply [V].
+            temperature: [°C]
+        """
+        self._sensors.take(ticks, velocity, current, pwm_share, voltage, temperature)
+        if self._powered:
+            self._protect()
+
+    def drive(self) -> Drive:
+        """Return what the motor shall do."""
+        if self._drive is None:
+            self._drive = self._compute_drive()
+        return self._drive
+
+    def trip(self, error: HardwareError) -> None:
+        """Raise a hardware error; if it is one to shut down for, go limp until a reboot."""
+        self._set_hardware_error(self._hardware_error | error)
+        if error & self.peek("shutdown"):
+            self._is_shut_down = True
+            self._release()
+
+    def reboot(self, *, restore: bool = False) -> None:
+        """Restart with the RAM of a power-up, deaf for a while; ``restore`` its backup of RAM."""
+        self._boot()
+        if restore:
+            self._backup.restore_ram(self.registers)
+            self._reload()
+
+    def clear_turns(self) -> None:
+        """Bring the position back into one turn, and stay there."""
+        self._sensors.fold()
+        self._seed_goal()
+
+    def advance(self, now: float) -> None:
+        """Let time pass until a bus time [s]: clock, watchdog, profile, overload."""
+        duration, self.now = now - self.now, now
+        if not self._powered or now < self._booted_at:
+            return
+        if self._is_booting:
+            self._finish_boot()
+        tick = int((now - self._boot_start) * 1000.0)
+        memory, at = self.registers.memory, self._at_tick
+        memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
+        if self._torque_on:
+            if self._watchdog > 0 and now - self._heard > self._watchdog * WATCHDOG_UNIT:
+                self._trip_watchdog()
+            if self._motion.running:
+                self._motion.advance(now, duration)
+                self._drive = None
+                self._sensors.show_flags()
+        if self._protection.advance(self._sensors.current, duration):
+            self.trip(HardwareError.OVERLOAD)
+
+    def _compute_drive(self) -> Drive:
+        registers, sign = self.registers, self._sensors.sign
+        pwm = registers["goal_pwm"] / PWM_FULL_SCALE
+        goal_current, current_limit = 0.0, math.inf
+        if "goal_current" in registers:
+            scale = self.table["goal_current"].scale
+            goal_current = registers["goal_current"] * scale
+            current_limit = registers["current_limit"] * scale
+            if self._mode == OperatingMode.CURRENT_BASED_POSITION:
+                current_limit = abs(goal_current)
+        return Drive(
+            torque_on=self._torque_on,
+            mode=OperatingMode(self._mode),
+            target_ticks=self._sensors.to_horn(self._motion.position),
+            p_gain=registers["position_p_gain"],
+            i_gain=registers["position_i_gain"],
+            d_gain=registers["position_d_gain"],
+            velocity_p_gain=registers["velocity_p_gain"],
+            velocity_i_gain=registers["velocity_i_gain"],
+            pwm_limit=min(abs(pwm), 1.0),
+            current_limit=current_limit,
+            goal_current=sign * goal_current,
+            goal_velocity=sign * self._motion.speed,
+            goal_pwm=sign * pwm,
+        )
+
+    # Protection --------------------------------------------------------------------------------
+
+    def _protect(self) -> None:
+        bits = self._protection.judge(self._sensors.voltage, self._sensors.temperature)
+        if new := bits & ~self._hardware_error:
+            self.trip(HardwareError(new))
+        gone = self._hardware_error & ~bits & HardwareError.VOLTAGE
+        if gone and self.quirks.voltage_error_clears:
+            self._set_hardware_error(self._hardware_error & ~HardwareError.VOLTAGE)
+
+    def _set_hardware_error(self, error: int) -> None:
+        self._hardware_error = int(error)
+        self.registers["hardware_error_status"] = self._hardware_error
+
+    def _trip_watchdog(self) -> None:
+        """Stop where it is: silence for too long."""
+        registers = self.registers
+        registers["bus_watchdog"] = self._watchdog = TRIPPED
+        for name in PROFILE:
+            registers[name] = 0
+        if self._mode in POSITION_MODES:
+            self._seed_goal()
+            return
+        goal = {
+            OperatingMode.CURRENT: "goal_current",
+            OperatingMode.VELOCITY: "goal_velocity",
+            OperatingMode.PWM: "goal_pwm",
+        }
+        registers[goal[OperatingMode(self._mode)]] = 0
+        self._halt()
+
+    # Torque and goals --------------------------------------------------------------------------
+
+    def _is_locked(self) -> bool:
+        return self._torque_on
+
+    def _check_torque(self, value: int) -> int:
+        return self.quirks.locked_torque_error if value and self._is_shut_down else 0
+
+    def _switch_torque(self, value: int) -> None:
+        if not value:
+            self._release()
+        elif self._is_shut_down:
+            self.registers["torque_enable"] = 0
+        elif not self._torque_on:
+            self._engage()
+            if self._mode == OperatingMode.POSITION:
+                self._sensors.fold()
+            self._halt()
+            if self.quirks.torque_on_seeds_goal:
+                self._seed_goal()
+            elif self._mode in POSITION_MODES:
+                self._aim(self.registers["goal_position"])
+            if self._mode == OperatingMode.VELOCITY:
+                self._aim_speed(self.registers["goal_velocity"])
+
+    def _engage(self) -> None:
+        self._torque_on, self._heard = True, self.now
+        self.registers["torque_enable"] = 1
+        self._drive = None
+
+    def _release(self) -> None:
+        self._torque_on = False
+        self.registers["torque_enable"] = 0
+        self._halt()
+
+    def _halt(self) -> None:
+        """Stay where it is."""
+        self._motion.halt(self._sensors.position)
+        self._drive = None
+
+    def _seed_goal(self) -> None:
+        """Make the present position the goal."""
+        self.registers["goal_position"] = clamp(self._sensors.position, FARTHEST_GOAL)
+        self._halt()
+
+    def _aim(self, goal: int) -> None:
+        if self._mode in POSITION_MODES and self._takes_goals():
+            self._motion.aim(self.now, goal)
+            self._sensors.show_flags()
+
+    def _aim_speed(self, goal: int) -> None:
+        if self._mode == OperatingMode.VELOCITY and self._takes_goals():
+            self._motion.aim_speed(goal * self.table["goal_velocity"].scale)
+            self._sensors.show_flags()
+
+    def _take_current(self, goal: int) -> None:
+        del goal
+        self._drive = None
+        if self._mode == OperatingMode.CURRENT:
+            self._takes_goals()
+
+    def _take_pwm(self, goal: int) -> None:
+        del goal
+        self._drive = None
+        if self._mode == OperatingMode.PWM:
+            self._takes_goals()
+
+    def _takes_goals(self) -> bool:
+        """Tell whether the motor follows a goal of its mode, which may switch torque on."""
+        self._drive = None
+        if not self._torque_on and self.peek("drive_mode") & TORQUE_BY_GOAL:
+            self._halt()
+            if not self._is_shut_down:
+                self._engage()
+        return self._torque_on
+
+    # What configuration does ---------------------------------------------------------------------
+
+    def _reload(self, value: int = 0) -> None:
+        """Take over what the registers configure."""
+        del value
+        self._mode = self.peek("operating_mode")
+        self._watchdog = self.peek("bus_watchdog")
+        self._sensors.reload()
+        self._protection.reload()
+        self._drive = None
+
+    def _set_watchdog(self, value: int) -> None:
+        self._watchdog, self._heard = value, self.now
+
+    def _clamp_goals(self, value: int = 0) -> None:
+        """Keep goals inside limits that have become narrower."""
+        del value
+        registers = self.registers
+        for quantity in ("pwm", "current", "velocity"):
+            if (name := f"goal_{quantity}") in registers:
+                registers[name] = clamp(registers[name], registers[f"{quantity}_limit"])
+        self._drive = None
+
+    def _change_mode(self, mode: int) -> None:
+        reset(self.registers, (self.table[name] for name in (*GAINS, *PROFILE)))
+        self._free_goals()
+        self._reload()
+        if mode == OperatingMode.POSITION:
+            self._sensors.fold()
+        self._seed_goal()
+
+    def _change_direction(self, drive_mode: int) -> None:
+        del drive_mode
+        self._reload()
+        self.clear_turns()
+
+    def _free_goals(self) -> None:
+        """Set the goals that are limits as well to their widest (e-manual, Operating Mode)."""
+        for quantity in ("pwm", "current"):
+            if (name := f"goal_{quantity}") in self.registers:
+                self.registers[name] = self.registers[f"{quantity}_limit"]
+
+    # Restart -----------------------------------------------------------------------------------
+
+    def _boot(self) -> None:
+        super()._boot()
+        self._restart()
+
+    def _lose_power(self) -> None:
+        super()._lose_power()
+        self._release()
+
+    def _restart(self) -> None:
+        """Set RAM as at power-up."""
+        registers = self.registers
+        reset_ram(registers)
+        startup = registers.value_or_zero("startup_configuration")
+        if "backup_ready" in registers:
+            registers["backup_ready"] = int(self._backup.is_ready)
+        if startup & RESTORE_AT_BOOT:
+            self._backup.restore_ram(registers)
+        self._is_booting, self._boot_start = True, max(self._booted_at, self.now)
+        self._hardware_error, self._is_shut_down = 0, False
+        self._torque_on, self._heard = False, self.now
+        self._protection.restart()
+        self._free_goals()
+        self._reload()
+        self.clear_turns()
+
+    def _finish_boot(self) -> None:
+        self._is_booting = False
+        if self.registers.value_or_zero("startup_configuration") & TORQUE_AT_BOOT:
+            self._switch_torque(1)

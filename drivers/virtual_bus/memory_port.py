@@ -1,0 +1,98 @@
+"""A port without a device file: instructions go straight to a chain of virtual servos.
+
+For tests and fuzzing: no thread, no pseudo-terminal, and any answer may be spoilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.dynamixel.port import PortError, PortLostError
+from drivers.dynamixel.protocol2 import FrameParser, Packet
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.serving.interfaces import Body
+from drivers.virtual_bus.serving.lock_step import QUIET, asks_for_answer, ends_cycle
+
+
+class MemoryPort:
+    """Answers at once; ``spoil`` may change what comes back, and ``unplugged`` ends all."""
+
+    def __init__(self, chain: Chain, baud: int, body: Body | None = None) -> None:
+        """Plug a port into a chain.
+
+        Args:
+            chain: Who answers.
+            baud: Speed [bit/s].
+            body: Physics behind it, moved on by a period with each sync write of goals.
+        """
+        self.chain, self.baud, self.body = chain, baud, body
+        self.path = "memory"
+        self.is_open = False
+        self.unplugged = False
+        """True when the adapter was pulled out."""
+        self.opened = 0
+        self.sent: list[Packet] = []
+        self.spoil: Callable[[Packet, list[bytes]], list[bytes]] = lambda _, answers: answers
+        """Changes the answers to an instruction on their way."""
+        self.late: list[bytes] = []
+        """Comes with the next instruction's answers, before them."""
+        self._parser, self._came, self._time = FrameParser(), b"", 0.0
+
+    def open(self) -> None:
+        """Open the port."""
+        if self.unplugged:
+            raise PortError(self.path, "does not exist")
+        self.opened += not self.is_open
+        self.is_open = True
+
+    def close(self) -> None:
+        """Close the port."""
+        self.is_open = False
+
+    def set_baud(self, baud: int) -> None:
+        """Set the speed [bit/s]."""
+        self.baud = baud
+
+    def write(self, data: bytes) -> None:
+        """Let instructions be answered at once."""
+        self._check()
+        for packet in self._parser.feed(data):
+            if not isinstance(packet, Packet):
+                raise ValueError("the driver sent a damaged frame")
+            self.sent.append(packet)
+            answers = [a.data for a in self.chain.handle(packet, baud=self.baud)]
+            answers = self.spoil(packet, answers)
+            self._came += b"".join([*self.late, *answers])
+            self.late = []
+            if self.body is not None and ends_cycle(packet):
+                self.body.pass_period()
+            elif asks_for_answer(packet) and not answers:
+                self._pass(QUIET)
+
+    def read(self, deadline: float) -> bytes:
+        """Return what has come; nothing more will."""
+        del deadline
+        self._check()
+        came, self._came = self._came, b""
+        return came
+
+    def flush(self) -> int:
+        """Throw away what has come; return how many bytes."""
+        self._check()
+        count, self._came = len(self._came), b""
+        return count
+
+    def frames(self, instruction: int) -> list[Packet]:
+        """List what was sent of one instruction."""
+        return [packet for packet in self.sent if packet.instruction == instruction]
+
+    def _pass(self, duration: float) -> None:
+        if self.body is not None:
+            self.body.advance(self.body.time + duration)
+        else:
+            self._time += duration
+            self.chain.advance(self._time)
+
+    def _check(self) -> None:
+        if self.unplugged or not self.is_open:
+            raise PortLostError(self.path)

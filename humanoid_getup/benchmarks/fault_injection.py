@@ -1,0 +1,355 @@
+"""The fault table: everything that can break on a bus, in the middle of a rise."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from drivers import Command, Controller, Ending, GuardLimits, RunReport, SafetyGuard, State, run
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.control_table import HardwareError
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.fault_injector import Faults
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.wire_faults import LineFault
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.benchmarks.witness import Sights, Witness
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.evaluation.statistics import summarise
+from humanoid_getup.execution.motion_player import MotionPlayer
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.world import Stage
+from robots import Robot
+from robots.kinematics import read_posture
+
+WINDOW = (0.1, 0.8)  # share of the motion in which the fault comes
+AFTERMATH = 0.5  # s of bus time watched after the run: the servos' own watchdog is shorter
+MARGIN = 0.03  # s of waiting for an answer: nothing is timed here
+
+
+class FaultyError(Exception):
+    """A controller's own bug, made on purpose."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One rise into which a fault comes."""
+
+    ending: str
+    """How the run ended."""
+    reason: str
+    stood: bool
+    safe: float | None
+    """From the fault to the moment in which the robot was limp or held [s]; None where it
+    never was, or where the rise went on."""
+    beyond_limits: int
+    believed_wrong: int
+    holds: int
+    """Cycles that the guard bridged by holding."""
+
+
+@dataclass
+class Moment:
+    """What a fault may break."""
+
+    faults: Faults
+    guard: SafetyGuard
+    servo: int
+    """Id of a servo, drawn by chance."""
+    board: int
+
+
+@dataclass(frozen=True)
+class Case:
+    """One kind of fault."""
+
+    strike: Callable[[Moment], object] = lambda _: None
+    """Break something, once."""
+    spoil: Callable[[Command], Command] = lambda command: command
+    """What the controller sends from then on."""
+
+
+def _raise(_command: Command) -> Command:
+    raise FaultyError("a bug in the controller")
+
+
+def _rate(fault: LineFault, rate: float) -> Case:
+    return Case(lambda m: m.faults.set_rate(fault, rate))
+
+
+def _order(fault: LineFault, count: int = 1) -> Case:
+    return Case(lambda m: m.faults.order(fault, None, count))
+
+
+def _trip(error: HardwareError) -> Case:
+    return Case(lambda m: m.faults.trip(m.servo, error))
+
+
+def _everywhere(value: float) -> Callable[[Command], Command]:
+    return lambda c: replace(c, joint_pos=np.full(c.n, value))
+
+
+CASES: Mapping[str, Case] = {
+    "none": Case(),
+    "one answer lost": _order(LineFault.LOSE),
+    "one answer damaged": _order(LineFault.FLIP),
+    "one answer late": _order(LineFault.LATE),
+    "one answer cut": _order(LineFault.CUT),
+    "one answer split": _order(LineFault.SPLIT),
+    "one request lost": _order(LineFault.LOSE_REQUEST),
+    "answers lost, 1 %": _rate(LineFault.LOSE, 0.01),
+    "bits flipped, 1e-4 a byte": _rate(LineFault.FLIP, 1e-4),
+    "bits flipped, 1e-3 a byte": _rate(LineFault.FLIP, 1e-3),
+    "bits flipped, 1e-2 a byte": _rate(LineFault.FLIP, 1e-2),
+    "requests flipped, 1e-3 a byte": _rate(LineFault.FLIP_REQUEST, 1e-3),
+    "answers late, 1 %": _rate(LineFault.LATE, 0.01),
+    "answers split, 10 %": _rate(LineFault.SPLIT, 0.1),
+    "answers doubled, 1 %": _rate(LineFault.DUPLICATE, 0.01),
+    "noise before answers, 1 %": _rate(LineFault.NOISE, 0.01),
+    "requests echoed": _rate(LineFault.ECHO, 1.0),
+    "answers of a wrong id, 1 %": _rate(LineFault.WRONG_ID, 0.01),
+    "servo dead": Case(lambda m: m.faults.kill(m.servo)),
+    "servo reboots": Case(lambda m: m.faults.reboot(m.servo)),
+    "overload latch": _trip(HardwareError.OVERLOAD),
+    "overheating latch": _trip(HardwareError.OVERHEATING),
+    "encoder error": _trip(HardwareError.ENCODER),
+    "electrical shock": _trip(HardwareError.SHOCK),
+    "servo at 78 °C": Case(lambda m: m.faults.heat(m.servo, 78.0)),
+    "servo at 85 °C": Case(lambda m: m.faults.heat(m.servo, 85.0)),
+    "battery sags to 9 V": Case(lambda m: m.faults.sag(9.0)),
+    "IMU frozen": Case(lambda m: m.faults.freeze_imu()),
+    "board dead": Case(lambda m: m.faults.kill(m.board)),
+    "bus silent": Case(lambda m: m.faults.silence()),
+    "unplugged": Case(lambda m: m.faults.unplug()),
+    "unplugged and back": Case(lambda m: (m.faults.unplug(), m.faults.replug())),
+    "command of NaN": Case(spoil=_everywhere(np.nan)),
+    "command of 1e9 rad": Case(spoil=_everywhere(1e9)),
+    "command a step of 1 rad": Case(spoil=lambda c: replace(c, joint_pos=c.joint_pos + 1.0)),
+    "controller raises": Case(spoil=_raise),
+    "operator's stop key": Case(lambda m: m.guard.stop("the operator pressed a key")),
+}
+
+
+class Spoiled:
+    """A player into whose cycle a fault comes."""
+
+    def __init__(self, player: Controller, case: Case, moment: Moment, at: float) -> None:
+        self._player, self._case, self._moment, self._at = player, case, moment, at
+        self._begin = 0.0
+        self.struck = False
+
+    @property
+    def done(self) -> bool:
+        """Tell whether the player has done its work."""
+        return self._player.done
+
+    def reset(self, state: State) -> None:
+        """Begin."""
+        self._begin = state.time
+        self._player.reset(state)
+
+    def step(self, state: State) -> Command:
+        """Play; break something when its time has come."""
+        command = self._player.step(state)
+        if state.time - self._begin >= self._at and not self.struck:
+            self._case.strike(self._moment)
+            self.struck = True
+        return self._case.spoil(command) if self.struck else command
+
+
+def bench_faults(
+    stage: Stage,
+    motion: Motion,
+    *,
+    seed: int,
+    each: int,
+    cases: Mapping[str, Case] = CASES,
+    report: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Break each thing some times during a rise on the virtual bus; say what came of it.
+
+    Args:
+        stage: Robot and scene.
+        motion: Rise to play, from its own start.
+        seed: Seed of the moments, the servos and the damage.
+        each: Rises of each case.
+        cases: What breaks, by name.
+        report: Told after each case.
+    """
+    table = {}
+    for name, case in cases.items():
+        trials = [_try(stage, motion, case, np.random.default_rng([seed, i])) for i in range(each)]
+        table[name] = _summarise(trials)
+        report(table[name])
+    return {"name": "faults", "seed": seed, "n": each, "motion": motion.name, "cases": table}
+
+
+def _try(stage: Stage, motion: Motion, case: Case, rng: np.random.Generator) -> Trial:
+    robot = stage.robot
+    virtual = VirtualRobot(Simulation(robot, stage.model), powered=True)
+    with VirtualPorts(virtual, pace=Pace.LOCK_STEP, rng=rng) as ports:
+        backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
+        with backend:
+            pass  # the first connection sets the servos up; time may pass in it
+        at_rest = settle_posture(stage, motion.posture(0))
+        start = read_posture(robot, stage.model, at_rest)
+        ports.main.call(lambda: virtual.place(start))
+        witness = Witness(backend, virtual, ports)
+        guard = SafetyGuard(witness, GuardLimits.of(robot))
+        at = motion.duration * rng.uniform(*WINDOW)
+        moment = Moment(ports.main.faults, guard, _draw_servo(robot, rng), _board_id(robot))
+        player, watch = MotionPlayer(robot, motion, hold=HOLD), Watch(virtual.simulation, None)
+        controller = Spoiled(player, case, moment, at)
+        struck_at: list[float] = []
+
+        def look(_cycle: object) -> None:
+            if controller.struck and not struck_at:
+                struck_at.append(ports.main.time)
+
+        try:
+            report = run(controller, guard, max_time=motion.duration + HOLD + 5.0, on_cycle=look)
+        except FaultyError as error:
+            report = str(error)
+        stood = ports.main.call(watch.conclude).stand.stood
+        since = struck_at[0] - robot.control_period if struck_at else ports.main.time
+        ports.main.call(lambda: virtual.body.advance(virtual.body.time + AFTERMATH))
+    went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
+    return Trial(
+        ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
+        reason=report.reason if isinstance(report, RunReport) else report,
+        stood=went_on and stood,
+        safe=None if went_on else witness.sights.find_safe_time(since),
+        beyond_limits=witness.sights.count_beyond_limits() + witness.too_fast,
+        believed_wrong=len(witness.believed_wrong),
+        holds=guard.holds,
+    )
+
+
+def _draw_servo(robot: Robot, rng: np.random.Generator) -> int:
+    return robot.joints[int(rng.integers(robot.n))].servo.id
+
+
+def _board_id(robot: Robot) -> int:
+    return robot.bus.board.id if robot.bus and robot.bus.board else 0
+
+
+def _summarise(trials: list[Trial]) -> dict[str, Any]:
+    reasons = Counter(trial.reason.partition(":")[0] for trial in trials)
+    safe = [trial.safe for trial in trials if trial.ending != Ending.DONE.name.lower()]
+    return {
+        "n": len(trials),
+        "stood": sum(trial.stood for trial in trials),
+        "endings": dict(Counter(trial.ending for trial in trials)),
+        "reasons": dict(reasons),
+        "safe_s": summarise(safe),
+        "safe_max_s": max((s for s in safe if s is not None), default=None),
+        "never_safe": sum(s is None for s in safe),
+        "beyond_limits": sum(trial.beyond_limits for trial in trials),
+        "believed_wrong": sum(trial.believed_wrong for trial in trials),
+        "holds": sum(trial.holds for trial in trials),
+    }
+
+
+LONGEST_START = 30.0  # s until the client has its robot under torque
+KILL_WINDOW = (0.3, 0.8)  # share of the motion in which the client is killed
+KILL_AFTERMATH = 0.6  # s watched after the kill
+LOOK = 0.01  # s between two looks for torque
+
+
+def bench_kill(
+    stage: Stage,
+    motion: Motion,
+    *,
+    seed: int,
+    each: int,
+    report: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Kill a client (SIGKILL) in the middle of a rise on a real-time bus; time the stop.
+
+    Args:
+        stage: Robot and scene.
+        motion: Rise that the client plays, from its own start.
+        seed: Seed of the moments.
+        each: Kills.
+        report: Told after each.
+    """
+    rng = np.random.default_rng(seed)
+    trials: list[dict[str, Any]] = []
+    refused = 0
+    while len(trials) < each:
+        trial = _kill_once(stage, motion, float(rng.uniform(*KILL_WINDOW)))
+        if trial is not None:
+            trials.append(trial)
+            report(trial)
+            continue
+        refused += 1
+        if refused > each:
+            raise RuntimeError("the client does not bring its robot under torque")
+    stops = [trial["stop_s"] for trial in trials]
+    case = {
+        "n": each,
+        "stood": 0,
+        "endings": {"killed": each, "never began": refused},
+        "tripped": sum(bool(trial["tripped"]) for trial in trials),
+        "safe_s": summarise(stops),
+        "safe_max_s": max((s for s in stops if s is not None), default=None),
+        "never_safe": sum(stop is None for stop in stops),
+        "beyond_limits": sum(int(trial["beyond_limits"]) for trial in trials),
+        "believed_wrong": 0,
+    }
+    name = "client killed (SIGKILL)"
+    return {"name": "kill", "seed": seed, "n": each, "cases": {name: case}}
+
+
+def _kill_once(stage: Stage, motion: Motion, share: float) -> dict[str, Any] | None:
+    """Kill a client; ``None`` when it never began, on a machine too busy for it."""
+    robot = stage.robot
+    virtual = VirtualRobot(Simulation(robot, stage.model))
+    virtual.place(read_posture(robot, stage.model, settle_posture(stage, motion.posture(0))))
+    sights = Sights(virtual)
+    with VirtualPorts(virtual, pace=Pace.REAL_TIME) as ports:
+        command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
+        command += ["--robot", str(robot.folder)]
+        command += ["--backend", "virtual", "--port", ports.main.path]
+        with subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL
+        ) as client:
+            if not _await_torque(virtual, client):
+                return None
+            time.sleep(motion.duration * share)
+            killed = ports.main.call(lambda: _kill(client, virtual))
+            time.sleep(KILL_AFTERMATH)
+        tripped = ports.main.call(
+            lambda: all(servo.peek("bus_watchdog") < 0 for servo in virtual.servos)
+        )
+    return {
+        "stop_s": sights.find_safe_time(killed),
+        "tripped": tripped,
+        "beyond_limits": sights.count_beyond_limits(),
+    }
+
+
+def _await_torque(virtual: VirtualRobot, client: subprocess.Popen[bytes]) -> bool:
+    until = time.monotonic() + LONGEST_START
+    while not virtual.simulation.has_torque:
+        if time.monotonic() > until or client.poll() is not None:
+            client.kill()
+            return False
+        time.sleep(LOOK)
+    return True
+
+
+def _kill(client: subprocess.Popen[bytes], virtual: VirtualRobot) -> float:
+    client.send_signal(signal.SIGKILL)
+    return virtual.body.time

@@ -1,0 +1,144 @@
+"""Ways of getting up side by side: plans and policies, from the same falls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from drivers import Twin
+from humanoid_getup.evaluation.statistics import summarise, summarise_records
+from humanoid_getup.execution.attempt_manager import AttemptOptions
+from humanoid_getup.execution.get_up import lay_down_and_get_up, rise
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import Fall, sample_falls
+from humanoid_getup.simulation.scene import Scene
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import Plans, RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
+from robots import Robot
+
+CLASSES = ("supine", "prone", "lateral")
+
+
+def bench_rise(
+    robot: Robot,
+    scene: Scene,
+    *,
+    seed: int,
+    each: int = 20,
+    options: RiseOptions | None = None,
+    report: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Rise from ``each`` settled falls of every class on the twin.
+
+    Args:
+        robot: Robot that falls.
+        scene: Where.
+        seed: Of the falls and the plans.
+        each: Falls of each class: supine, prone, lateral.
+        options: Which halves of the method to use, under what torque limit.
+        report: Called with the record of each rise.
+    """
+    options = options or RiseOptions()
+    stage = Stage.build(robot, scene)
+    planner = RisePlanner(stage, load_database(robot), options)
+    falls = sample_falls(stage, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
+    records = []
+    for number, fall in enumerate(falls):
+        twin = Twin(robot, stage.model, pwm_limited=options.pwm_limited)
+        rng = np.random.default_rng([seed, number])
+        record = rise(twin, planner, fall.posture, fall.start_class, rng).record()
+        record["bench_class"] = CLASSES[number // each]
+        records.append(record)
+        report(record)
+    return {
+        "name": "rise",
+        "seed": seed,
+        "n": len(records),
+        "robot": robot.name,
+        "scene": scene.name,
+        "torque_limit_nm": options.torque_limit,
+        "planning": options.planning,
+        "filtering": options.filtering,
+        "assistance": options.assistance,
+        "classes": {
+            name: summarise_records([r for r in records if r["bench_class"] == name])
+            for name in CLASSES
+        },
+        "all": summarise_records(records),
+        "rises": records,
+    }
+
+
+IN_A_ROW = 10  # rises whose heat adds up
+REST = 5.0  # s between them, lying limp
+
+
+def bench_methods(
+    stage: Stage,
+    ways: Mapping[str, Plans],
+    *,
+    seed: int,
+    each: int,
+    torque_limit: float | None = None,
+    pwm_limited: bool = False,
+    report: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Get up from the same settled falls in several ways, through the whole loop on the twin.
+
+    Args:
+        stage: Robot and scene.
+        ways: Finds what to play, by the way's name.
+        seed: Of the falls and the plans.
+        each: Falls of each class: supine, prone, lateral.
+        torque_limit: Cap on every servo [N·m].
+        pwm_limited: The cap is a PWM limit, as servos in position mode have it.
+        report: Called with the record of each rise.
+    """
+    falls = sample_falls(stage, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
+    options = AttemptOptions(max_attempts=1, torque_limit=torque_limit, pwm_limited=pwm_limited)
+    cases = {}
+    for name, plans in ways.items():
+        records, heat = [], []
+        for number, fall in enumerate(falls):
+            twin = Twin(stage.robot, stage.model, pwm_limited=pwm_limited)
+            rng = np.random.default_rng([seed, number])
+            rise = lay_down_and_get_up(twin, stage, plans, fall, rng, options)
+            record = rise.record() | {"way": name}
+            records.append(record)
+            report(record)
+        for first in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW):
+            heat.append(_heat_up(stage, plans, falls[first : first + IN_A_ROW], options, seed))
+        cases[name] = summarise_records(records) | {
+            "hottest_after_ten_rises_c": summarise(heat),
+        }
+    return {
+        "name": "methods",
+        "seed": seed,
+        "n": len(falls),
+        "robot": stage.robot.name,
+        "scene": stage.scene.name,
+        "torque_limit_nm": torque_limit,
+        "pwm_limited": pwm_limited,
+        "cases": cases,
+    }
+
+
+def _heat_up(
+    stage: Stage, plans: Plans, falls: list[Fall], options: AttemptOptions, seed: int
+) -> float:
+    """Rise, rest, rise again; return the hottest servo's temperature at the end [°C]."""
+    twin = Twin(stage.robot, stage.model, pwm_limited=options.pwm_limited)
+    body = twin.simulation
+    warm = body.temperature.copy()
+    for number, fall in enumerate(falls):
+        rng = np.random.default_rng([seed, number])
+        lay_down_and_get_up(twin, stage, plans, fall, rng, options, temperature=warm)
+        body.release()
+        for _ in range(round(REST / twin.period)):
+            body.step(body.steps_per_period)
+            body.feel(twin.period)
+        warm = body.temperature.copy()
+    return float(warm.max())

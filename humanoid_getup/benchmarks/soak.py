@@ -1,0 +1,233 @@
+"""The soak: rise, sit, tumble and rise again on the virtual bus, for as long as it takes."""
+
+from __future__ import annotations
+
+import gc
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers import Backend, Command, Ending, SafetyGuard, State, run
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.lock_step import QUIET
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.benchmarks.witness import LookerOn
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.execution.attempt_manager import AttemptOptions
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.scene import Scene
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
+from robots import Robot
+from robots.quaternion import Array
+
+MARGIN = 0.2  # s of waiting for an answer: nothing is timed here
+SIT_TIME, SIT_HOLD = 1.5, 0.5  # s
+TUMBLE_TIME, TUMBLE_HOLD = 0.8, 0.4  # s
+SIT_DEPTH = 0.6  # share of the way from standing to all joints at their squat
+MEGABYTE = 2**20
+
+
+class Counted(LookerOn):
+    """Counts cycles, and remembers how old the oldest value was."""
+
+    def __init__(self, backend: Backend) -> None:
+        """Count a backend's cycles."""
+        super().__init__(backend)
+        self.writes = 0
+        self.oldest = 0.0
+        """Oldest value of any measurement [s]."""
+
+    def read(self) -> State:
+        """Measure."""
+        state = super().read()
+        self.oldest = max(self.oldest, state.age)
+        return state
+
+    def write(self, command: Command) -> Command:
+        """Send a command, and count it."""
+        self.writes += 1
+        return super().write(command)
+
+
+class Lead:
+    """A controller that leads all joints to angles in a time, holds, and has done."""
+
+    def __init__(self, robot: Robot, goal: Array, duration: float, hold: float) -> None:
+        """Lead a robot's joints.
+
+        Args:
+            robot: Robot to lead.
+            goal: Angles to come to [rad], shape (n,).
+            duration: Time of the way [s].
+            hold: Time at the end of it [s].
+        """
+        self._robot, self._goal = robot, goal
+        self._duration, self._hold = duration, hold
+        self._begin = self._now = 0.0
+        self._from = goal
+
+    @property
+    def done(self) -> bool:
+        """Tell whether way and hold are over."""
+        return self._now - self._begin >= self._duration + self._hold - 1e-9
+
+    def reset(self, state: State) -> None:
+        """Begin at the measured angles."""
+        self._begin = self._now = state.time
+        self._from = state.joint_pos
+
+    def step(self, state: State) -> Command:
+        """Send the angles that are due."""
+        self._now = state.time
+        share = min((self._now - self._begin) / self._duration, 1.0)
+        return Command.position(self._robot, self._from + share * (self._goal - self._from))
+
+
+@dataclass
+class Tally:
+    """What came of the soak so far."""
+
+    rises: int = 0
+    stood: int = 0
+    attempts: int = 0
+    sat: int = 0
+    holds: int = 0
+    clips: int = 0
+    reasons: list[str] = field(default_factory=list)
+    memory: list[float] = field(default_factory=list)
+    """Resident memory after each round [MiB]."""
+
+
+def bench_soak(
+    robot: Robot,
+    scene: Scene,
+    *,
+    seed: int,
+    duration: float,
+    report: Callable[[float], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Rise, sit, tumble and rise again on a virtual bus in lock-step.
+
+    Args:
+        robot: Robot that falls.
+        scene: Where.
+        seed: Of the first fall, the tumbles and the plans.
+        duration: Time on the bus to go on for [s].
+        report: Told the bus time after each round [s].
+    """
+    stage = Stage.build(robot, scene)
+    planner = RisePlanner(stage, load_database(robot), RiseOptions())
+    rng = np.random.default_rng(seed)
+    virtual = VirtualRobot(Simulation(robot, stage.model), powered=True)
+    tally, began = Tally(), time.perf_counter()
+    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+        driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
+        backend = Counted(driver)
+        guard = SafetyGuard(backend)
+        start = sample_falls(stage, {"supine": 1}, rng)[0].posture
+        ports.main.call(lambda: virtual.place(start))
+        time_before = ports.main.time
+        while ports.main.time - time_before < duration:
+            _go_round(stage, planner, virtual, guard, driver, tally, rng)
+            gc.collect()
+            tally.memory.append(_resident_memory())
+            report(ports.main.time - time_before)
+        line, passed = ports.main.statistics, ports.main.time - time_before
+    wall = time.perf_counter() - began
+    explained = backend.writes * robot.control_period + line.unanswered * QUIET
+    low, high = wilson_interval(tally.stood, tally.rises)
+    settled = tally.memory[len(tally.memory) // 5 :]  # caches fill in the first rounds
+    return {
+        "name": "soak",
+        "seed": seed,
+        "n": tally.rises,
+        "cases": {
+            "soak": {
+                "n": tally.rises,
+                "bus_s": passed,
+                "wall_s": wall,
+                "faster_than_real_time": passed / wall,
+                "stood": tally.stood,
+                "stood_interval_95": [low, high],
+                "attempts": tally.attempts,
+                "sat": tally.sat,
+                "failures": tally.reasons,
+                "cycles": backend.writes,
+                "unexplained_s": passed - explained,
+                "packets": line.packets,
+                "unanswered": line.unanswered,
+                "driver_lost": driver.statistics["main"].lost,
+                "driver_damaged": driver.statistics["main"].damaged,
+                "driver_stale": driver.statistics["main"].stale,
+                "oldest_value_s": backend.oldest,
+                "holds": tally.holds,
+                "clips": tally.clips,
+                "eeprom_writes": driver.eeprom_writes,
+                "memory_mib": [settled[0], settled[-1]],
+                "memory_mib_per_hour": _slope(settled) * 3600.0 * len(settled) / passed,
+            }
+        },
+    }
+
+
+def _go_round(
+    stage: Stage,
+    planner: RisePlanner,
+    virtual: VirtualRobot,
+    guard: SafetyGuard,
+    driver: DynamixelBackend,
+    tally: Tally,
+    rng: np.random.Generator,
+) -> None:
+    """Rise, then sit down if it stands, then tumble."""
+    robot, simulation = stage.robot, virtual.simulation
+    rise = get_up(
+        guard,
+        stage,
+        planner,
+        rng,
+        AttemptOptions(),
+        judge=lambda: Watch(simulation, None),
+        services=driver,
+    )
+    tally.rises += 1
+    tally.stood += rise.stood
+    tally.attempts += rise.attempts
+    if not rise.stood:
+        tally.reasons.append(rise.reason)
+        guard.clear()
+    if rise.run is not None:
+        tally.holds += rise.run.holds
+        tally.clips += rise.run.clips.total
+    squat = next(m for m in planner.database.motions if m.start_class == "squat").joint_pos[0]
+    sit = robot.standing.joint_pos + SIT_DEPTH * (squat - robot.standing.joint_pos)
+    sitting = run(Lead(robot, sit, SIT_TIME, SIT_HOLD), guard, max_time=10.0)
+    tally.sat += sitting.ending is Ending.DONE
+    anywhere = rng.uniform(robot.lower, robot.upper)
+    run(Lead(robot, anywhere, TUMBLE_TIME, TUMBLE_HOLD), guard, max_time=10.0)
+
+
+def _resident_memory() -> float:
+    """Return this process' resident memory [MiB], from /proc."""
+    pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / MEGABYTE
+
+
+def _slope(values: list[float]) -> float:
+    """Fit a line; return its rise from one value to the next."""
+    if len(values) < 2:
+        return 0.0
+    return float(np.polyfit(np.arange(len(values)), values, 1)[0])

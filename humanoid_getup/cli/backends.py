@@ -1,0 +1,129 @@
+"""The robot that a command moves: simulated, behind a virtual bus, or real."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers import Backend, Twin
+from drivers.dynamixel.backend import DynamixelBackend, Release
+from drivers.dynamixel.clock import CycleClock
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.execution.recovery import RebootsServos
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, Robot
+
+TWIN, VIRTUAL, DYNAMIXEL = "twin", "virtual", "dynamixel"
+BACKENDS = (TWIN, VIRTUAL, DYNAMIXEL)
+RELEASES = {"limp": Release.LIMP, "hold": Release.HOLD}
+LOCK_STEP_MARGIN = 0.2  # s to wait for an answer: nothing is timed, and the machine may be busy
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A robot to move, and what else can be done with it."""
+
+    backend: Backend
+    realtime: bool
+    """True when cycles keep the deadlines of the wall clock."""
+    simulation: Simulation | None = None
+    """What judges may look into; None for a robot that is only what it measures."""
+    place: Callable[[Posture], None] | None = None
+    """Puts a simulated robot somewhere."""
+    services: RebootsServos | None = None
+
+    @property
+    def has_servos(self) -> bool:
+        """Tell whether its servos are servos, which limit torques by PWM; the twin's are ideal."""
+        return self.services is not None
+
+    @property
+    def is_real(self) -> bool:
+        """Tell whether it may be a real robot: then it lies where it lies."""
+        return self.simulation is None
+
+
+@contextmanager
+def open_body(
+    stage: Stage,
+    backend: str,
+    *,
+    ports: Sequence[str] = (),
+    realtime: bool = False,
+    release: str = "limp",
+    seed: int = 0,
+) -> Iterator[Body]:
+    """Make a robot of one of `BACKENDS`, not yet connected; take away what was made.
+
+    Args:
+        stage: Robot and scene.
+        backend: One of `BACKENDS`; a virtual one with ports is a bus that runs elsewhere.
+        ports: Serial ports: a path, or NAME=PATH for each of several.
+        realtime: Let a simulated robot live at the speed of life.
+        release: What is left when the robot's bus is closed, one of `RELEASES`.
+        seed: Seed of a virtual bus' chance.
+    """
+    robot = stage.robot
+    if backend == TWIN:
+        twin = Twin(robot, stage.model)
+        yield Body(backend=twin, realtime=realtime, simulation=twin.simulation, place=twin.place)
+        return
+    if ports:
+        named = name_ports(robot, ports)
+        driver = DynamixelBackend(robot, named, release=RELEASES[release])
+        with driver:  # what is wrong with port or servos is told before anything is planned
+            pass
+        yield Body(backend=driver, realtime=True, services=driver)
+        return
+    virtual = VirtualRobot(Simulation(robot, stage.model))
+    pace = Pace.REAL_TIME if realtime else Pace.LOCK_STEP
+    with VirtualPorts(virtual, pace=pace, rng=np.random.default_rng(seed)) as served:
+        driver = DynamixelBackend(robot, served.paths, release=RELEASES[release])
+        if not realtime:
+            driver = DynamixelBackend(
+                robot,
+                served.paths,
+                clock=CycleClock(),
+                answer_margin=LOCK_STEP_MARGIN,
+                release=RELEASES[release],
+            )
+        with driver:  # switches the servos' power on, as on a robot that was used before
+            pass
+        yield Body(
+            backend=driver,
+            realtime=realtime,
+            simulation=virtual.simulation,
+            place=lambda posture: served.main.call(lambda: virtual.place(posture)),
+            services=driver,
+        )
+
+
+def find_port_faults(backend: str, ports: Sequence[str]) -> list[str]:
+    """Tell what is wrong with the choice of ports for a backend."""
+    if backend == TWIN and ports:
+        return [f"port is {', '.join(ports)}, allowed with the backends virtual and dynamixel only"]
+    if backend == DYNAMIXEL and not ports:
+        return ["port is missing, allowed the path of a serial port: --port /dev/ttyUSB0"]
+    return []
+
+
+def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
+    """Give each of a robot's ports its path.
+
+    Raises:
+        BadInputError: telling which ports the robot has.
+    """
+    wanted = [port.name for port in robot.bus.ports] if robot.bus else []
+    if len(wanted) == 1 and len(ports) == 1 and "=" not in ports[0]:
+        return {wanted[0]: ports[0]}
+    named = dict(port.split("=", 1) for port in ports if "=" in port)
+    if len(named) != len(ports) or sorted(named) != sorted(wanted):
+        told = " ".join(f"--port {name}=PATH" for name in wanted) or "none: it has no servo bus"
+        raise BadInputError(f"port is {', '.join(ports)}, allowed for robot '{robot.name}': {told}")
+    return named

@@ -1,0 +1,91 @@
+"""`getup bus`: a virtual Dynamixel bus that any program can connect to."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from tyro.conf import arg
+
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.fault_schedule import Schedule
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.exit_codes import DID_IT
+from humanoid_getup.cli.options import StageOptions, find_start
+
+LOOK = 0.2  # s between two looks whether a bus still runs
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeBus(StageOptions):
+    """Serve a virtual bus with a simulated robot behind it, until stopped.
+
+    Prints the path of the serial port; of a robot with several, one line each.
+    """
+
+    origin: Annotated[str, arg(name="from", metavar="supine|prone|left|right|FILE")] = "supine"
+    """How the robot lies: the class of a fall to draw, or a posture file."""
+    link: Annotated[Path | None, arg(metavar="PATH")] = None
+    """Where the port shall appear; without it, in a folder of its own."""
+    lock_step: bool = False
+    """Let time pass with the client's sync writes of goals, not with the clock."""
+    faults: Annotated[Path | None, arg(metavar="FILE")] = None
+    """TOML file of faults to come."""
+    voltage: Annotated[float | None, arg(metavar="V")] = None
+    """Supply [V]; without it, the robot's nominal one."""
+    latency: Annotated[float, arg(metavar="S")] = 0.0
+    """How often the USB adapter hands bytes over [s]; as shipped 0.016."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        faults = super().find_faults()
+        if self.voltage is not None and not 0.0 < self.voltage <= 48.0:
+            faults.append(f"voltage is {self.voltage:g} V, allowed above 0 V, at most 48 V")
+        if not 0.0 <= self.latency <= 0.1:
+            faults.append(f"latency is {self.latency:g} s, allowed 0 s to 0.1 s")
+        return faults
+
+    def run(self) -> int:
+        """Serve until stopped."""
+        stage = self.load_stage()
+        rng = np.random.default_rng(self.seed)
+        robot = VirtualRobot(Simulation(stage.robot, stage.model, voltage=self.voltage))
+        ids = [servo.id for servo in robot.servos]
+        schedule = Schedule.from_file(self.faults, ids) if self.faults else None
+        robot.place(find_start(stage, self.origin, rng).posture)
+        pace = Pace.LOCK_STEP if self.lock_step else Pace.REAL_TIME
+        ports = VirtualPorts(
+            robot,
+            pace=pace,
+            link=self.link,
+            rng=rng,
+            schedule=schedule,
+            adapter_latency=self.latency,
+        )
+        with ports:
+            for path in ports.paths.values():
+                print(path, flush=True)
+            print(
+                f"getup: {stage.robot.name} on a virtual bus at {robot.bus.baud} bit/s, "
+                "Ctrl-C ends it",
+                file=sys.stderr,
+            )
+            _serve(ports)
+        return DID_IT
+
+
+def _serve(ports: VirtualPorts) -> None:
+    """Wait until somebody interrupts, or a bus ends by itself."""
+    forever = threading.Event()
+    try:
+        while all(bus.running for bus in ports.buses.values()):
+            forever.wait(LOOK)
+    except KeyboardInterrupt:
+        return
+    raise BadInputError("the virtual bus ended by itself")

@@ -1,0 +1,259 @@
+"""`getup calibrate`: find zeros and signs of a robot's servos, with a person at the robot."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from tyro.conf import arg
+
+from drivers.dynamixel.diagnostics import name_all
+from drivers.service.calibrate import PATIENCE, Calibrator, Found, MovingError, Prompt, is_yes, save
+from drivers.service.session import RobotBus, open_robot_bus
+from humanoid_getup.cli.backends import DYNAMIXEL, find_port_faults, name_ports
+from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.cli.options import RobotOption
+from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
+from robots import Joint, Robot, load_posture, load_robot
+from robots.calibration import CALIBRATION_FILE, CalibrationError
+from robots.quaternion import Array
+
+ZERO, STANDING = "zero", "standing"
+LEFT = "nothing is saved"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(RobotOption):
+    """Find where the servos' zeros are and which way they turn; the robot is limp throughout."""
+
+    port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")] = ()
+    """Serial port; of a robot with several, one NAME=PATH each."""
+    at: Annotated[str | None, arg(metavar="zero|standing|FILE")] = None
+    """Posture that the robot is held in while its zeros are measured: all angles 0, its stance,
+    or a posture file; without it zero, and with --signs alone no zeros are measured."""
+    joint: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
+    """Joints to calibrate; without it, all."""
+    signs: bool = False
+    """Find which way each servo turns: a person turns one joint after the other."""
+    yes: bool = False
+    """Do not ask before the robot goes limp, before zeros are measured, or before saving."""
+    json: Annotated[str | None, arg(metavar="FILE|-")] = None
+    """Write the figures to a file; - prints them alone on standard output."""
+
+    def run(self) -> int:
+        """Measure, ask, save; 0 when saved, 1 when the person did not want it."""
+        faults = find_json_faults(self.json) + find_port_faults(DYNAMIXEL, self.port)
+        if faults:
+            raise BadInputError("; ".join(faults))
+        robot = self.load_robot()
+        joints, joint_pos = self._choose_joints(robot), self._choose_posture(robot)
+        ports = name_ports(robot, self.port)
+        path = robot.folder / CALIBRATION_FILE
+        check_folder(robot.folder)
+        console = console_for(self.json)
+        prompt = open_prompt(console)
+        if prompt is None and (self.signs or not self.yes):
+            needed = "--signs needs a person" if self.signs else "there is nobody to ask (or --yes)"
+            raise BadInputError(f"standard input is no terminal: {needed}")
+        asker = None if self.yes else prompt
+        with open_robot_bus(robot, ports) as bus:
+            calibrator = Calibrator(bus, joints)
+            calibrator.check()
+            if not _release(bus, calibrator, asker):
+                return _leave(console)
+            if self.signs and prompt is not None:
+                calibrator.check_signs(prompt)
+            if joint_pos is not None:
+                _measure_zeros(calibrator, robot, joints, joint_pos, asker)
+        found = calibrator.found
+        console.print(_tabulate(found))
+        _print_warnings(found, console, measured=joint_pos is not None)
+        saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
+        if saved:
+            _save(robot, found, path)
+        write_json(to_json(_record(robot, found, path if saved else None)), self.json)
+        if not saved:
+            return _leave(console)
+        console.print(
+            f"[bold green]saved {escape(str(path))}[/]; now look at the angles: getup doctor"
+        )
+        return DID_IT
+
+    def load_robot(self) -> Robot:
+        """Load the robot as it is known so far."""
+        with refusing():
+            try:
+                return load_robot(self.robot)
+            except ValueError as error:
+                if isinstance(error.__cause__, CalibrationError):
+                    raise BadInputError(f"{error}; move that file away first") from error
+                raise
+
+    def _choose_joints(self, robot: Robot) -> tuple[Joint, ...]:
+        unknown = [name for name in self.joint if name not in robot.joint_names]
+        if unknown:
+            names = ", ".join(f"'{name}'" for name in unknown)
+            raise BadInputError(f"unknown joint {names}: allowed {', '.join(robot.joint_names)}")
+        return tuple(j for j in robot.joints if not self.joint or j.name in self.joint)
+
+    def _choose_posture(self, robot: Robot) -> Array | None:
+        """Return the angles of the posture to hold [rad], (n,); ``None`` for no zeros."""
+        at = self.at
+        if at is None:
+            if self.signs:
+                return None
+            at = ZERO
+        if at == STANDING:
+            return robot.standing.joint_pos
+        if at != ZERO:
+            if not Path(at).exists():
+                raise BadInputError(f"unknown posture '{at}': allowed zero, standing, or a file")
+            with refusing():
+                return load_posture(Path(at), robot).joint_pos
+        beyond = [j for j in self._choose_joints(robot) if not j.lower <= 0.0 <= j.upper]
+        if beyond:
+            names = ", ".join(f"'{joint.name}'" for joint in beyond)
+            raise BadInputError(f"joint {names} cannot stand at 0: name a posture file with --at")
+        return np.zeros(robot.n)
+
+
+class TerminalPrompt:
+    """A person at the terminal."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def tell(self, text: str) -> None:
+        """Print a line."""
+        self._console.print(escape(text))
+
+    def ask(self, question: str) -> str:
+        """Print a question and read a line."""
+        self._console.print(f"[bold]{escape(question)}[/]", end=" ")
+        line = sys.stdin.readline()
+        if not line:
+            raise BadInputError(f"the input ended before the calibration did: {LEFT}")
+        return line.rstrip("\n")
+
+
+def open_prompt(console: Console) -> Prompt | None:
+    """Return the person at the terminal, ``None`` when there is none."""
+    is_terminal = sys.stdin is not None and sys.stdin.isatty()
+    return TerminalPrompt(console) if is_terminal else None
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a robot's folder that nothing can be saved in, before a person does the work."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise _no_folder(folder, "it is not allowed or read-only")
+
+
+def _no_folder(folder: Path, why: str) -> BadInputError:
+    return BadInputError(
+        f"robot folder {folder} cannot be written ({why}): copy it to a place of your own and "
+        "name that with --robot FOLDER"
+    )
+
+
+def _release(bus: RobotBus, calibrator: Calibrator, asker: Prompt | None) -> bool:
+    """Make the robot limp; tell whether the person let it."""
+    held = bus.find_torque()
+    if held and asker is not None:
+        question = f"{name_all(held)} hold the robot up and go limp now: support it, then yes:"
+        if not is_yes(asker.ask(question)):
+            return False
+    calibrator.release()
+    return True
+
+
+def _measure_zeros(
+    calibrator: Calibrator,
+    robot: Robot,
+    joints: Sequence[Joint],
+    joint_pos: Array,
+    asker: Prompt | None,
+) -> None:
+    """Measure the zeros; let a person who moved try again."""
+    if asker is None:
+        calibrator.measure_zeros(joint_pos)
+        return
+    angles = {j.name: math.degrees(joint_pos[robot.joint_names.index(j.name)]) for j in joints}
+    turned = ", ".join(f"{name} {angle:+.1f}°" for name, angle in angles.items() if round(angle, 1))
+    asker.tell(f"bring the robot into the posture: {turned or 'every joint at 0'}")
+    for left in reversed(range(PATIENCE)):
+        asker.ask("hold it still, then Enter:")
+        try:
+            calibrator.measure_zeros(joint_pos)
+            return
+        except MovingError as error:
+            if not left:
+                raise
+            asker.tell(str(error))
+
+
+def _save(robot: Robot, found: Sequence[Found], path: Path) -> None:
+    try:
+        save(robot, found, path)
+    except CalibrationError as error:
+        raise BadInputError(str(error)) from error
+    except OSError as error:
+        raise _no_folder(path.parent, error.strerror or str(error)) from error
+
+
+def _leave(console: Console) -> int:
+    console.print(LEFT)
+    return DID_NOT_STAND
+
+
+def _tabulate(found: Sequence[Found]) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for title in ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is"):
+        table.add_column(title, justify="left" if title == "joint" else "right")
+    for row in found:
+        servo = row.joint.servo
+        table.add_row(
+            row.joint.name,
+            str(servo.id),
+            str(servo.zero_ticks),
+            str(row.zero_ticks),
+            f"{row.shift:+.1f}",
+            f"{servo.sign:+d}",
+            f"{row.sign:+d}",
+        )
+    return table
+
+
+def _print_warnings(found: Sequence[Found], console: Console, *, measured: bool) -> None:
+    for row in found:
+        for warning in row.warnings:
+            console.print(f" [yellow]![/] joint '{escape(row.joint.name)}': {escape(warning)}")
+    if not measured and any(row.is_turned for row in found):
+        console.print(" [yellow]![/] a sign has changed: measure the zeros too (--at)")
+
+
+def _record(robot: Robot, found: Sequence[Found], path: Path | None) -> dict[str, Any]:
+    return {
+        "robot": robot.name,
+        "saved": None if path is None else str(path),
+        "joints": {
+            row.joint.name: {
+                "old_zero_ticks": row.joint.servo.zero_ticks,
+                "zero_ticks": row.zero_ticks,
+                "difference_deg": row.shift,
+                "old_sign": row.joint.servo.sign,
+                "sign": row.sign,
+                "warnings": row.warnings,
+            }
+            for row in found
+        },
+    }

@@ -1,0 +1,134 @@
+"""Where a command's results go: checked before the work, written after it, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from humanoid_getup.cli.errors import BadInputError
+
+REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
+ARTEFACTS = (MOTION, STRIP, TORQUE, REPORT)
+STANDARD_OUTPUT = "-"
+SCRATCH = ".getup-"
+WIDTH = 120  # characters of a line that goes to no terminal
+
+
+def console_for(json: str | None) -> Console:
+    """Return where words for people go: not among the JSON."""
+    console = Console(stderr=json == STANDARD_OUTPUT, highlight=False)
+    if not console.is_terminal:
+        console.width = WIDTH
+    return console
+
+
+def find_folder_faults(folder: Path, names: tuple[str, ...] = ARTEFACTS) -> list[str]:
+    """Tell why files could not be written into a folder, by trying; leave nothing behind."""
+    told = f"output folder {folder}"
+    try:
+        ground = _nearest(folder)
+        if not ground.is_dir():
+            return [f"{told}: {ground} is not a folder, allowed a folder that can be written"]
+        with tempfile.TemporaryDirectory(dir=ground, prefix=SCRATCH) as scratch:
+            missing = _absolute(folder).relative_to(ground)
+            Path(scratch, missing).mkdir(parents=True, exist_ok=True)
+        in_the_way = [folder / name for name in names if (folder / name).is_dir()]
+    except OSError as error:
+        return [f"{told}: {error.strerror}, allowed a folder that can be written"]
+    return [f"output file {path}: is a folder, allowed a file" for path in in_the_way]
+
+
+def find_file_faults(file: Path) -> list[str]:
+    """Tell why a file could not be written."""
+    if not file.name:
+        return [f"output file '{file}': allowed the name of a file"]
+    return find_folder_faults(file.parent, (file.name,))
+
+
+def find_json_faults(json: str | None) -> list[str]:
+    """Tell why JSON could not be written."""
+    return [] if json in (None, STANDARD_OUTPUT) else find_file_faults(Path(json))
+
+
+@contextmanager
+def staging(folder: Path, names: tuple[str, ...] = ARTEFACTS) -> Iterator[Path]:
+    """Yield an empty folder; move what was written there into ``folder`` at the end.
+
+    A file of ``names`` that was not written anew is removed: it was an earlier run's.
+    """
+    try:
+        with tempfile.TemporaryDirectory(dir=_nearest(folder), prefix=SCRATCH) as scratch:
+            yield Path(scratch)
+            folder.mkdir(parents=True, exist_ok=True)
+            for name in names:
+                if Path(scratch, name).exists():
+                    Path(scratch, name).replace(folder / name)
+                else:
+                    (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise BadInputError(f"output folder {folder}: {error.strerror}") from error
+
+
+def write_json(text: str, json: str | None) -> None:
+    """Write JSON to a file, to standard output, or nowhere."""
+    if json == STANDARD_OUTPUT:
+        sys.stdout.write(text)
+    elif json is not None:
+        path = Path(json)
+        with staging(path.parent, (path.name,)) as scratch:
+            (scratch / path.name).write_text(text, "utf-8")
+
+
+def _absolute(path: Path) -> Path:
+    return Path(os.path.abspath(path))  # noqa: PTH100  (resolve would follow links)
+
+
+def _nearest(path: Path) -> Path:
+    """Return a path, or what exists of it."""
+    path = _absolute(path)
+    while not os.path.lexists(path):
+        path = path.parent
+    return path
+
+
+@contextmanager
+def counting(what: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar on standard error; yield what moves it on by some."""
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        bar = progress.add_task(what, total=total)
+        yield lambda done: progress.advance(bar, done)
+
+
+def format_figure(value: Any) -> str:
+    """Write a figure, an interval, or a median with its 95th percentile, for people."""
+    if isinstance(value, dict):
+        return f"{format_figure(value['median'])} (p95 {format_figure(value['p95'])})"
+    if isinstance(value, list | tuple):
+        return " to ".join(map(format_figure, value))
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+def to_json(record: Any) -> str:
+    """Write a record as JSON text; what is not a finite number becomes null."""
+    return json.dumps(_plain(record), indent=1, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy's arrays and numbers
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

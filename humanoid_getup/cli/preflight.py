@@ -1,0 +1,120 @@
+"""`getup preflight MOTION`: whether a motion may be played, before any torque is on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from rich.console import Console
+from rich.table import Table
+from tyro.conf import Positional, arg
+
+from drivers.twin.servo_model import AMBIENT_TEMPERATURE
+from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.cli.options import StageOptions
+from humanoid_getup.cli.output import console_for, to_json, write_json
+from humanoid_getup.cli.play import find_motion
+from humanoid_getup.execution.preflight import Severity, Verdict, preflight
+from humanoid_getup.execution.preflight_rollout import MOST_RISES
+from humanoid_getup.motions.motion import Motion
+from robots import Robot
+
+SHOWN = 6  # joints in the table, the most loaded first
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preflight(StageOptions):
+    """Judge a motion by limits, speed, torque at a supply, heat and self-collision."""
+
+    motion: Annotated[Positional[str], arg(metavar="MOTION")]
+    """A motion's name in the robot's database, or an .npz file."""
+    voltage: Annotated[float | None, arg(metavar="V")] = None
+    """Supply at the servos [V]; without it, the robot's nominal one."""
+    torque_limit: Annotated[float | None, arg(metavar="N·m")] = None
+    """Cap on every servo [N·m]; without it, what the servos can."""
+    temperature: Annotated[float, arg(metavar="°C")] = AMBIENT_TEMPERATURE
+    """Of all servos, before the rise [°C]."""
+
+    def run(self) -> int:
+        """Rehearse, judge, tell; 0 when the motion may be played, 1 when it is refused."""
+        stage = self.load_stage()
+        motion = find_motion(stage.robot, self.motion)
+        voltage = stage.robot.supply_voltage if self.voltage is None else self.voltage
+        with Console(stderr=True).status("rehearsing"), refusing():
+            verdict = preflight(
+                stage,
+                motion,
+                voltage=voltage,
+                torque_limit=self.torque_limit,
+                temperature=self.temperature,
+            )
+        write_json(to_json(self._record(stage.robot, motion, verdict)), self.json)
+        print_verdict(stage.robot, motion, verdict, console_for(self.json))
+        return DID_IT if verdict.passed else DID_NOT_STAND
+
+    def _record(self, robot: Robot, motion: Motion, verdict: Verdict) -> dict[str, Any]:
+        return {
+            "robot": robot.name,
+            "motion": motion.name,
+            "scene": self.scene,
+            "torque_limit_nm": self.torque_limit,
+            "temperature_c": self.temperature,
+            **record_verdict(robot, verdict),
+        }
+
+
+def record_verdict(robot: Robot, verdict: Verdict) -> dict[str, Any]:
+    """Return a verdict as plain values, for JSON."""
+    figures = verdict.figures
+    return {
+        "passed": verdict.passed,
+        "reasons": [
+            {"severity": reason.severity.value, "joint": reason.joint, "text": reason.text}
+            for reason in verdict.reasons
+        ],
+        "voltage_v": figures.voltage,
+        "duration_s": figures.duration,
+        "stood": figures.stood,
+        "stand_time_s": figures.stand_time,
+        "rises_in_a_row": figures.rises_in_a_row,
+        "overlap_m": figures.overlap,
+        "joints": {
+            name: {
+                "target_speed_rad_s": figures.target_speed[i],
+                "peak_torque_nm": figures.peak_torque[i],
+                "rms_torque_nm": figures.rms_torque[i],
+                "torque_use": figures.torque_use[i],
+                "saturation_s": figures.saturation[i],
+                "longest_saturation_s": figures.longest_saturation[i],
+                "end_temperature_c": figures.end_temperature[i],
+            }
+            for i, name in enumerate(robot.joint_names)
+        },
+    }
+
+
+def print_verdict(robot: Robot, motion: Motion, verdict: Verdict, console: Console) -> None:
+    """Tell a person the verdict, its reasons and the most loaded joints."""
+    figures = verdict.figures
+    word, colour = ("passed", "green") if verdict.passed else ("refused", "red")
+    console.print(f"[bold {colour}]{motion.name}: {word} at {figures.voltage:.1f} V")
+    for reason in verdict.reasons:
+        mark = "[red]✗[/]" if reason.severity is Severity.REFUSE else "[yellow]![/]"
+        console.print(f" {mark} {reason}")
+    rises = f"over {MOST_RISES}" if figures.rises_in_a_row is None else f"{figures.rises_in_a_row}"
+    ending = f"stands after {figures.stand_time:.2f} s" if figures.stood else "does not stand"
+    console.print(f"rehearsed: {ending}; rises in a row until a servo is too hot: {rises}")
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for title in ("joint", "peak N·m", "of stall", "RMS N·m", "at its line s", "after °C"):
+        table.add_column(title, justify="left" if title == "joint" else "right")
+    for i in (-figures.torque_use).argsort()[:SHOWN]:
+        table.add_row(
+            robot.joint_names[i],
+            f"{figures.peak_torque[i]:.2f}",
+            f"{figures.torque_use[i]:.0%}",
+            f"{figures.rms_torque[i]:.2f}",
+            f"{figures.saturation[i]:.2f}",
+            f"{figures.end_temperature[i]:.1f}",
+        )
+    console.print(table)

@@ -1,0 +1,163 @@
+"""`getup rise`: the main job."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from rich.console import Console
+from tyro.conf import Positional, arg
+
+from humanoid_getup.cli.backends import Body
+from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.options import TrialOptions, find_start, find_start_faults, load_policy
+from humanoid_getup.cli.results import hand_over
+from humanoid_getup.cli.session import WHERE_IT_LAY, try_to_rise
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.policy.onnx_policy import LONGEST
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.learned_rise import ThePolicy
+from humanoid_getup.strategies.plan import Plans, RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.selection import ByRecord
+from humanoid_getup.strategies.track_record import (
+    BY_PWM,
+    BY_TORQUE,
+    PLAN,
+    POLICY,
+    Records,
+    Way,
+    load_records,
+)
+from robots import Robot
+
+AUTO = "auto"
+METHODS = (PLAN, POLICY, AUTO)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseCommand(TrialOptions):
+    """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
+
+    origin: Annotated[str | None, arg(name="from", metavar="supine|prone|left|right|FILE")] = None
+    """How a simulated robot lies: class of the fall to draw, or a posture file."""
+    attempts: int = 3
+    """How often to try before asking for help."""
+    method: Annotated[str, arg(metavar="plan|policy|auto")] = PLAN
+    """Plan a motion, run a trained policy, or what has the better record for how it lies."""
+    policy: Annotated[str, arg(metavar="NAME|FILE")] = "robust"
+    """A policy's name in the robot's folder, or an .onnx file."""
+    planning: bool = True
+    """Plan a path to the rising motion, or go there straight."""
+    filtering: bool = True
+    """Send the path through physics, or play it as it is; never on a real robot."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        faults = super().find_faults()
+        faults += find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
+        if self.attempts < 1:
+            faults.append(f"attempts is {self.attempts}, allowed 1 or more")
+        if self.method not in METHODS:
+            faults.append(f"method is '{self.method}', allowed {', '.join(METHODS)}")
+        if self.is_real and not self.filtering:
+            faults.append("no-filtering is allowed only for a simulated robot")
+        return faults
+
+    def run(self) -> int:
+        """Lie down, or find the robot lying, and rise."""
+        stage = self.load_stage()
+        means = self._load_means(stage.robot)
+        rng = np.random.default_rng(self.seed)
+        with Console(stderr=True).status("falling") as status, self.open_body(stage) as body:
+            plans = self._make_plans(stage, body, means)
+            start = None if self.origin is None else find_start(stage, self.origin, rng)
+            rise = try_to_rise(
+                stage,
+                body,
+                plans,
+                start,
+                self,
+                rng,
+                attempts=self.attempts,
+                # Without the filter, what is asked for is to see the raw path fail or stand.
+                preflight=self.filtering,
+                tell=status.update,
+            )
+            status.update("drawing")
+            extra = {
+                "method": self.method,
+                "planning": self.planning,
+                "filtering": self.filtering,
+            }
+            return hand_over(rise, stage, self, self.origin or WHERE_IT_LAY, extra)
+
+    def _load_means(self, robot: Robot) -> _Means:
+        """Load what the method needs, before any robot is touched."""
+        with refusing():
+            records = load_records(robot) if self.method == AUTO else Records()
+            database = None if self.method == POLICY else load_database(robot)
+        learned = self.method == POLICY or records.knows(Way(POLICY, self.policy))
+        policy = load_policy(robot, self.policy, self.torque_limit) if learned else None
+        return _Means(database, policy and ThePolicy(policy, self.policy), records)
+
+    def _make_plans(self, stage: Stage, body: Body, means: _Means) -> Plans:
+        ways: dict[Way, Plans] = {}
+        if means.database is not None:
+            options = RiseOptions(
+                planning=self.planning,
+                filtering=self.filtering,
+                torque_limit=self.torque_limit,
+                pwm_limited=body.has_servos,
+            )
+            ways[Way(PLAN)] = RisePlanner(stage, means.database, options)
+        if means.policy is not None:
+            ways[Way(POLICY, self.policy)] = means.policy
+        limit = float(stage.robot.max_torque.max())
+        cap = BY_PWM if body.has_servos else BY_TORQUE
+        return ByRecord(ways, means.records, min(self.torque_limit or limit, limit), cap)
+
+
+@dataclass(frozen=True)
+class _Means:
+    """What ways of rising are made of, as far as the method needs them."""
+
+    database: MotionDatabase | None
+    policy: ThePolicy | None
+    records: Records
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPolicy(TrialOptions):
+    """Run a trained policy once, supervised, and judge how it ends."""
+
+    policy: Annotated[Positional[str], arg(metavar="POLICY")]
+    """A policy's name in the robot's folder, or an .onnx file."""
+    origin: Annotated[str | None, arg(name="from", metavar="supine|prone|left|right|FILE")] = None
+    """How a simulated robot lies: class of the fall to draw, or a posture file."""
+
+    longest: Annotated[float, arg(metavar="S")] = LONGEST
+    """Time after which it ends, standing or not [s]."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        faults = super().find_faults()
+        faults += find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
+        if not 0.0 < self.longest < math.inf:
+            faults.append(f"longest is {self.longest:g} s, allowed a finite number above 0 s")
+        return faults
+
+    def run(self) -> int:
+        """Lie down, or find the robot lying, and let the policy rise."""
+        stage = self.load_stage()
+        policy = load_policy(stage.robot, self.policy, self.torque_limit, self.longest)
+        plans = ThePolicy(policy, Path(self.policy).stem)
+        rng = np.random.default_rng(self.seed)
+        with Console(stderr=True).status("falling") as status, self.open_body(stage) as body:
+            start = None if self.origin is None else find_start(stage, self.origin, rng)
+            rise = try_to_rise(stage, body, plans, start, self, rng, attempts=1, tell=status.update)
+            status.update("drawing")
+            return hand_over(rise, stage, self, self.origin or WHERE_IT_LAY, {"method": "policy"})

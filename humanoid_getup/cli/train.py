@@ -1,0 +1,204 @@
+"""`getup train`: learn to get up."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from tyro.conf import arg
+
+from humanoid_getup.cli.errors import BadInputError, needing, refusing
+from humanoid_getup.cli.exit_codes import DID_IT
+from humanoid_getup.cli.options import RobotOption
+from humanoid_getup.cli.output import console_for, find_folder_faults
+
+REMEMBERED = 20  # last reports: long enough to be steady, short enough to be honest
+
+
+class TrainingSpeed:
+    """Rate over the last reports, all that happens between them included."""
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, int]] = deque(maxlen=REMEMBERED)
+
+    def note(self, now: float, done: int) -> None:
+        """Remember that so much is done at a time [s]."""
+        self._seen.append((now, done))
+
+    @property
+    def rate(self) -> float:
+        """Return what is done a second; nan while nobody can know."""
+        if len(self._seen) < 2 or self._seen[-1][0] <= self._seen[0][0]:
+            return math.nan
+        (began, before), (now, done) = self._seen[0], self._seen[-1]
+        return (done - before) / (now - began)
+
+    def time_to_go(self, total: int) -> float:
+        """Return how long the rest takes at this rate [s]; nan while nobody can know."""
+        if not self.rate > 0.0:
+            return math.nan
+        return (total - self._seen[-1][1]) / self.rate
+
+
+def format_time(seconds: float) -> str:
+    """Write a duration for people: 42 s, 7 min, 1 h 05 min; ? for nan."""
+    if math.isnan(seconds):
+        return "?"
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+if TYPE_CHECKING:
+    from sim2real.training.config import Recipe
+    from sim2real.training.progress import TrainReport
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train(RobotOption):
+    """Train a policy that gets the robot up; the same command again goes on where it stopped."""
+
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder for checkpoint, progress and TensorBoard files."""
+    recipe: str = "quick"
+    """How to train: quick, robust or gentle."""
+    parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
+    """Folder of a training whose policy this one begins with; without it, from nothing."""
+    seed: int = 0
+    """Seed of all that is left to chance, 0 or more."""
+    threads: int = 0
+    """Threads that step physics; 0 for all that the machine has."""
+    device: str = "cpu"
+    """Where the networks learn: cpu or cuda."""
+    iterations: int | None = None
+    """Updates of the policy; without it, what the recipe says."""
+    robots: int | None = None
+    """Robots that rise side by side; without it, what the recipe says."""
+
+    def find_faults(self) -> list[str]:
+        """Tell all that is wrong with the options' values."""
+        least = {"seed": 0, "threads": 0, "iterations": 1, "robots": 1}
+        given = {name: getattr(self, name) for name in least}
+        faults = [
+            f"{name} is {value}, allowed {least[name]} or more"
+            for name, value in given.items()
+            if value is not None and value < least[name]
+        ]
+        return faults + find_folder_faults(self.out, ())
+
+    def run(self) -> int:
+        """Train, or go on with a training."""
+        if faults := self.find_faults():
+            raise BadInputError("; ".join(faults))
+        robot = self.load_robot()
+        with needing("train"):
+            from sim2real.training.distributed import Rank
+            from sim2real.training.train import train
+        recipe = self._choose_recipe()
+        self._check_device()
+        leads = Rank.from_environment(os.environ).leads
+        with refusing(), learning(recipe.iterations, shown=leads) as learnt:
+            train(
+                robot,
+                recipe,
+                self.seed,
+                self.out,
+                device=self.device,
+                threads=self.threads,
+                parent=self.parent,
+                report=learnt.note,
+            )
+        if leads:
+            console_for(None).print(f"{self.out}: {learnt.summary}")
+        return DID_IT
+
+    def _choose_recipe(self) -> Recipe:
+        from sim2real.training.config import RECIPES
+
+        if self.recipe not in RECIPES:
+            raise BadInputError(f"unknown recipe '{self.recipe}': allowed {', '.join(RECIPES)}")
+        recipe = RECIPES[self.recipe]
+        return replace(
+            recipe,
+            iterations=self.iterations or recipe.iterations,
+            robots=self.robots or recipe.robots,
+        )
+
+    def _check_device(self) -> None:
+        import torch
+
+        try:
+            kind = torch.device(self.device).type
+        except RuntimeError:
+            kind = None
+        if kind == "cpu" or (kind == "cuda" and torch.cuda.is_available()):
+            return
+        allowed = "cpu or cuda" if torch.cuda.is_available() else "cpu: torch finds no GPU here"
+        raise BadInputError(f"device is '{self.device}', allowed {allowed}")
+
+
+class Learnt:
+    """How far a training is, in words and in a bar."""
+
+    def __init__(self, show: Callable[..., None]) -> None:
+        self._show, self._speed = show, TrainingSpeed()
+        self._recent: deque[TrainReport] = deque(maxlen=REMEMBERED)
+
+    def note(self, report: TrainReport) -> None:
+        """Take one iteration's report."""
+        self._recent.append(report)
+        self._speed.note(time.monotonic(), report.steps)
+        total = report.steps // (report.iteration + 1) * report.iterations
+        self._show(
+            completed=report.iteration + 1,
+            stood=f"{self.share:.0%} stand",
+            rate=f"{self._speed.rate:,.0f} steps/s",
+            left=f"{format_time(self._speed.time_to_go(total))} to go",
+        )
+
+    @property
+    def share(self) -> float:
+        """Return the share of falls that ended standing lately; nan for none."""
+        falls = sum(report.falls for report in self._recent)
+        return sum(report.stood for report in self._recent) / falls if falls else float("nan")
+
+    @property
+    def summary(self) -> str:
+        """Tell how the training ended."""
+        if not self._recent:
+            return "trained already, for as many iterations as asked for"
+        last = self._recent[-1]
+        return (
+            f"{last.iteration + 1} iterations, {last.steps / 1e6:.2f} million steps in "
+            f"{format_time(last.seconds)}; lately {self.share:.0%} of falls ended standing"
+        )
+
+
+@contextmanager
+def learning(iterations: int, *, shown: bool) -> Iterator[Learnt]:
+    """Show a bar on standard error; yield what moves it on."""
+    fields = ("stood", "rate", "left")
+    columns = (
+        TextColumn("training"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        *(TextColumn(f"{{task.fields[{name}]}}") for name in fields),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=not shown) as progress:
+        bar = progress.add_task("training", total=iterations, stood="", rate="", left="")
+        try:
+            yield Learnt(lambda **fields: progress.update(bar, **fields))
+        except KeyboardInterrupt:
+            console.print("the last checkpoint is kept: the same command goes on from it")
+            raise

@@ -1,0 +1,1 @@
+"""What counts as standing, and how a run is judged."""

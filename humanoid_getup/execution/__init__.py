@@ -1,0 +1,1 @@
+"""Getting up on a robot: estimation, preflight, supervision, attempts."""

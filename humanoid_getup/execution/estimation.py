@@ -1,0 +1,114 @@
+"""The start of a rise: a robot that lies still, and where its sensors say that it lies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers import Command, DriverError, Fault, SafetyGuard, State
+from drivers.control_loop import Pacer
+from humanoid_getup.simulation.world import Stage
+from robots import Posture
+from robots.kinematics import lowest_point, place, torso_orientation
+
+REST_TIME = 0.8  # s without motion, limp, before the posture is measured
+REST_SPEED = 0.1  # rad/s of any joint or the torso, a few steps of the sensors
+MAX_SETTLE = 10.0  # s
+MAX_DROP = 0.3  # m over the ground that a start may hang
+SINKING = 0.0005  # m that a resting robot presses into the ground
+MAX_INTRUSION = 0.005  # m of the ground that a start may reach into
+
+
+class StartError(ValueError):
+    """A start posture cannot be risen from."""
+
+
+class FaultedError(DriverError):
+    """The guard stopped a robot that was only to lie still."""
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(str(fault))
+        self.fault = fault
+
+
+def check_start(stage: Stage, start: Posture) -> None:
+    """Refuse a start that reaches into the ground or hangs high over it.
+
+    Raises:
+        StartError: saying how far.
+    """
+    lowest = lowest_point(stage.model, place(stage.robot, stage.model, start))
+    if lowest > MAX_DROP:
+        raise StartError(
+            f"start posture hangs {lowest:.3g} m over the ground, allowed {MAX_DROP} m: "
+            f"lower its position z by {lowest:.3g} m"
+        )
+    if lowest < -MAX_INTRUSION:
+        raise StartError(
+            f"start posture reaches {-lowest * 1000:.1f} mm into the ground, allowed "
+            f"{MAX_INTRUSION * 1000:.0f} mm: raise its position z by {-lowest:.4f} m"
+        )
+
+
+def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
+    """Let the robot lie limp until it is still; return the last measurement.
+
+    All times are the backend's own, so it works on a twin that runs faster than life too.
+
+    Args:
+        guard: Robot to wait for; connected here, limp and closed afterwards.
+        pacer: Starts the cycles; ``None`` where the backend paces itself.
+
+    Raises:
+        StartError: if it does not come to rest.
+        FaultedError: if the guard finds a fault meanwhile.
+    """
+    slack = 0.5 * guard.period  # a clock adds up periods: half of one decides
+    with guard:
+        begin = moved = guard.read().time
+        while True:
+            state = lie_limp(guard, pacer)
+            speed = max(np.abs(state.joint_vel).max(), np.abs(state.gyro).max())
+            if speed >= REST_SPEED:
+                moved = state.time
+            elif state.time - moved > REST_TIME - slack:
+                return state
+            if state.time - begin > MAX_SETTLE - slack:
+                break
+    raise StartError(
+        f"the robot does not come to rest: {speed:.2f} rad/s after {MAX_SETTLE:g} s, "
+        f"allowed {REST_SPEED} rad/s for {REST_TIME:g} s"
+    )
+
+
+def lie_limp(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
+    """Keep a connected robot limp for one cycle; return the measurement after it.
+
+    Raises:
+        FaultedError: if the guard finds a fault, so that a clock that stands still ends
+            every wait.
+    """
+    guard.write(Command.limp(guard.robot.n))
+    if guard.fault is not None:
+        raise FaultedError(guard.fault)
+    if pacer:
+        pacer.wait()
+    return guard.read()
+
+
+def estimate_posture(stage: Stage, state: State) -> Posture:
+    """Estimate where a lying robot is: it touches the ground; place and heading are free.
+
+    Angles, IMU orientation and the way the IMU sits in the torso give the rest.
+    """
+    robot = stage.robot
+    joint_pos = np.clip(state.joint_pos, robot.lower, robot.upper)
+    orientation = torso_orientation(stage.robot, stage.model, state.orientation)
+    raised = Posture(
+        position=np.array([0.0, 0.0, 1.0]), orientation=orientation, joint_pos=joint_pos
+    )
+    lowest = lowest_point(stage.model, place(robot, stage.model, raised))
+    return Posture(
+        position=np.array([0.0, 0.0, 1.0 - lowest - SINKING]),
+        orientation=orientation,
+        joint_pos=joint_pos,
+    )

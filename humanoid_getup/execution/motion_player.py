@@ -1,0 +1,61 @@
+"""The player: a controller that sends a motion's targets on time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.state import Command, State
+from humanoid_getup.motions.motion import Motion
+from robots import Robot
+from robots.quaternion import Array
+
+APPROACH_SPEED = 1.5  # rad/s, towards the first target
+
+
+class MotionPlayer:
+    """Plays a motion's servo targets, then holds the last for a while.
+
+    A robot that does not lie as the motion starts is first led to its first targets,
+    all joints together and no faster than ``APPROACH_SPEED``.
+    """
+
+    def __init__(
+        self, robot: Robot, motion: Motion, *, hold: float, torque_limit: float | None = None
+    ) -> None:
+        self._robot, self._motion = robot, motion
+        self._hold, self._torque_limit = hold, torque_limit
+        self._begin = self._clock = 0.0
+        self._approach = 0.0
+        self._from = motion.joint_target[0]
+
+    @property
+    def approach_time(self) -> float:
+        """Return how long the way to the first targets takes [s]."""
+        return self._approach
+
+    @property
+    def done(self) -> bool:
+        """Tell whether the motion and the hold are over."""
+        total = self._approach + self._motion.duration + self._hold
+        return self._clock - self._begin >= total - 1e-9
+
+    def reset(self, state: State) -> None:
+        """Begin at the measured joint angles."""
+        self._begin = self._clock = state.time
+        self._from = state.joint_pos
+        distance = np.abs(self._motion.joint_target[0] - state.joint_pos)
+        reach = self._robot.max_velocity * self._robot.control_period  # in one cycle
+        near = np.all(distance <= reach)
+        self._approach = 0.0 if near else float(distance.max()) / APPROACH_SPEED
+
+    def step(self, state: State) -> Command:
+        """Send the targets that are due at the measurement."""
+        self._clock = state.time
+        return Command.position(self._robot, self._target(), self._torque_limit)
+
+    def _target(self) -> Array:
+        time = self._clock - self._begin - self._approach
+        first = self._motion.joint_target[0]
+        if time < 0.0:
+            return first + (time / self._approach) * (first - self._from)
+        return self._motion.sample(self._motion.time[0] + time)

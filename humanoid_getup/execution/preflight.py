@@ -1,0 +1,282 @@
+"""Preflight: would this motion, from here, on this supply, go well? Asked before torque is on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from drivers import State
+from drivers.safety_limits import MAX_TEMPERATURE
+from drivers.twin.servo_model import AMBIENT_TEMPERATURE
+from humanoid_getup.execution.preflight_rollout import Cap, Figures, measure
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.world import Stage
+from robots import Robot
+from robots.kinematics import torso_orientation
+from robots.quaternion import Array
+
+ANGLE_SLACK = np.radians(1.0)  # a joint's measured angle may lie this far over its stop
+SPEED_SLACK = 1.001
+FAR_ANGLE = 0.1  # rad from the first frame that the player must lead the robot over
+FAR_TILT = math.radians(45.0)  # another side lies 90 deg away
+# On the twin, the 24 motions of the OP3's database and 24 planned rises run into the line
+# for 0.7 s at a stretch and 1.2 s in all, at 12.0 to 10.2 V, and most still end standing. A
+# servo trips its overload protection within a few seconds near stall.
+LONG_SATURATION, ALL_SATURATION = 1.5, 1.0  # s
+DEEP_OVERLAP, TOUCHING_OVERLAP = 0.006, 0.002  # m; those motions touch by up to 1.6 mm
+
+
+class Severity(Enum):
+    """What a reason does to the verdict."""
+
+    REFUSE = "refused"
+    WARN = "warning"
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One thing that a preflight found."""
+
+    severity: Severity
+    joint: str | None
+    """None where it is no single joint's."""
+    text: str
+
+    def __str__(self) -> str:
+        return f"joint '{self.joint}': {self.text}" if self.joint else self.text
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether a motion may be played, and why not."""
+
+    passed: bool
+    reasons: tuple[Reason, ...]
+    """Everything found, refusals first."""
+    figures: Figures
+
+    @property
+    def refusals(self) -> tuple[Reason, ...]:
+        """Return why the motion must not be played."""
+        return tuple(r for r in self.reasons if r.severity is Severity.REFUSE)
+
+    @property
+    def warnings(self) -> tuple[Reason, ...]:
+        """Return what to know before it is played."""
+        return tuple(r for r in self.reasons if r.severity is Severity.WARN)
+
+    def __str__(self) -> str:
+        if not self.passed:
+            return "preflight refused: " + "; ".join(str(r) for r in self.refusals)
+        told = "; ".join(str(r) for r in self.warnings)
+        return f"preflight passed, with warnings: {told}" if told else "preflight passed"
+
+
+def preflight(
+    stage: Stage,
+    motion: Motion,
+    *,
+    voltage: float,
+    torque_limit: float | None = None,
+    pwm_limited: bool = True,
+    temperature: Array | float = AMBIENT_TEMPERATURE,
+    start: State | None = None,
+) -> Verdict:
+    """Judge a motion before any torque is on, and tell all that is wrong at once.
+
+    The motion is rehearsed on a twin at this supply, from where the robot lies or else
+    from the motion's own first posture, through the guard; limits, speeds, heat and
+    collisions are read off the motion and off the rehearsal.
+
+    Args:
+        stage: Robot and scene.
+        motion: What shall be played.
+        voltage: Supply at the servos [V].
+        torque_limit: Cap on every servo [N·m].
+        pwm_limited: The cap is a PWM limit, as servos in position mode have it.
+        temperature: Of the servos now [°C], shape (n,) or one for all.
+        start: Measurement of the robot as it lies; ``None`` when there is none yet.
+
+    Raises:
+        ValueError: if voltage, torque limit or temperature is no sensible number.
+    """
+    robot = stage.robot
+    _check_input(voltage, torque_limit, temperature)
+    heat = np.broadcast_to(np.asarray(temperature, dtype=float), (robot.n,))
+    figures = measure(stage, motion, voltage, Cap(torque_limit, pwm_limited), heat, start)
+    reasons = [
+        *_judge_supply(robot, voltage),
+        *_judge_limits(robot, motion),
+        *_judge_speed(robot, figures),
+        *_judge_load(robot, figures, torque_limit),
+        *_judge_warmth(robot, heat),
+        *_judge_heat(robot, figures, heat),
+        *_judge_overlap(figures),
+        *_judge_start(stage, motion, figures, start),
+    ]
+    reasons.sort(key=lambda reason: reason.severity is Severity.WARN)
+    refused = any(reason.severity is Severity.REFUSE for reason in reasons)
+    return Verdict(passed=not refused, reasons=tuple(reasons), figures=figures)
+
+
+def check_body(robot: Robot, voltage: float, temperature: Array) -> list[Reason]:
+    """Judge what can be judged before a rise that no motion foretells: supply and heat.
+
+    Args:
+        robot: Robot.
+        voltage: Supply at the servos [V].
+        temperature: Of the servos [°C], shape (n,).
+    """
+    return [*_judge_supply(robot, voltage), *_judge_warmth(robot, temperature)]
+
+
+def _check_input(voltage: float, torque_limit: float | None, temperature: Array | float) -> None:
+    faults = []
+    if not 0.0 < voltage < math.inf:
+        faults.append(f"voltage is {voltage:g} V, allowed a finite number above 0 V")
+    if torque_limit is not None and not 0.0 < torque_limit < math.inf:
+        faults.append(f"torque limit is {torque_limit:g} N·m, allowed a finite number above 0 N·m")
+    if not np.all(np.isfinite(temperature)):
+        faults.append(f"temperature is {temperature} °C, allowed finite numbers")
+    if faults:
+        raise ValueError("; ".join(faults))
+
+
+def _refuse(text: str, joint: str | None = None) -> Reason:
+    return Reason(Severity.REFUSE, joint, text)
+
+
+def _warn(text: str, joint: str | None = None) -> Reason:
+    return Reason(Severity.WARN, joint, text)
+
+
+def _judge_supply(robot: Robot, voltage: float) -> list[Reason]:
+    models = [joint.servo.model for joint in robot.joints]
+    lowest = max(m.min_voltage for m in models)
+    highest = min(m.max_voltage for m in models)
+    if lowest <= voltage <= highest:
+        return []
+    todo = "charge the battery" if voltage < lowest else "take the battery that the servos are for"
+    return [
+        _refuse(f"the supply is {voltage:.1f} V, allowed {lowest:.1f} to {highest:.1f} V: {todo}")
+    ]
+
+
+def _judge_limits(robot: Robot, motion: Motion) -> list[Reason]:
+    reasons = []
+    for i, joint in enumerate(robot.joints):
+        for told, angles, slack in (
+            ("target", motion.joint_target[:, i], 1e-6),
+            ("angle", motion.joint_pos[:, i], ANGLE_SLACK),
+        ):
+            beyond = np.maximum(joint.lower - angles, angles - joint.upper)
+            worst = int(beyond.argmax())
+            if beyond[worst] > slack:
+                text = (
+                    f"{told} {angles[worst]:+.3f} rad at {motion.time[worst]:.2f} s is outside "
+                    f"[{joint.lower:+.3f}, {joint.upper:+.3f}] rad"
+                )
+                reasons.append(_refuse(text, joint.name))
+    return reasons
+
+
+def _judge_speed(robot: Robot, figures: Figures) -> list[Reason]:
+    reasons = []
+    speed = figures.target_speed
+    for i in np.flatnonzero(speed > SPEED_SLACK * robot.max_velocity):
+        text = (
+            f"targets move at {speed[i]:.2f} rad/s, allowed {robot.max_velocity[i]:.2f} rad/s: "
+            "the guard would change the motion"
+        )
+        reasons.append(_refuse(text, robot.joint_names[i]))
+    at_supply = robot.max_velocity * figures.voltage / robot.supply_voltage
+    lagging = int(np.sum(speed > SPEED_SLACK * at_supply))
+    if lagging and not reasons:
+        worst = int((speed / at_supply).argmax())
+        others = f"; so do {lagging - 1} other joints" if lagging > 1 else ""
+        text = (
+            f"targets move at {speed[worst]:.2f} rad/s, the servo does {at_supply[worst]:.2f} "
+            f"rad/s without load at {figures.voltage:.1f} V and will lag{others}"
+        )
+        reasons.append(_warn(text, robot.joint_names[worst]))
+    return reasons
+
+
+def _judge_load(robot: Robot, figures: Figures, torque_limit: float | None) -> list[Reason]:
+    reasons = []
+    told = "" if torque_limit is None else f" with {torque_limit:g} N·m"
+    if not figures.stood:
+        text = f"rehearsed at {figures.voltage:.1f} V{told}, it does not end in a held stand"
+        reasons.append(_refuse(text))
+    for i, name in enumerate(robot.joint_names):
+        longest, whole = figures.longest_saturation[i], figures.saturation[i]
+        if longest > LONG_SATURATION:
+            text = (
+                f"gives all it has for {longest:.1f} s at a stretch, "
+                f"allowed {LONG_SATURATION:g} s: its overload protection may trip"
+            )
+            reasons.append(_refuse(text, name))
+        elif whole > ALL_SATURATION:
+            reasons.append(_warn(f"gives all it has for {whole:.1f} s: no reserve is left", name))
+    return reasons
+
+
+def _judge_warmth(robot: Robot, temperature: Array) -> list[Reason]:
+    allowed = f"allowed {MAX_TEMPERATURE:.0f} °C: let it cool down"
+    return [
+        _refuse(f"has {now:.0f} °C, {allowed}", name)
+        for now, name in zip(temperature, robot.joint_names, strict=True)
+        if now > MAX_TEMPERATURE
+    ]
+
+
+def _judge_heat(robot: Robot, figures: Figures, temperature: Array) -> list[Reason]:
+    reasons = []
+    for now, then, name in zip(
+        temperature, figures.end_temperature, robot.joint_names, strict=True
+    ):
+        if now <= MAX_TEMPERATURE < then:
+            text = (
+                f"has {now:.0f} °C and would have {then:.0f} °C after the rise, allowed "
+                f"{MAX_TEMPERATURE:.0f} °C: let it cool down"
+            )
+            reasons.append(_refuse(text, name))
+    return reasons
+
+
+def _judge_overlap(figures: Figures) -> list[Reason]:
+    told = f"the robot presses {1000.0 * figures.overlap:.1f} mm into itself"
+    if figures.overlap > DEEP_OVERLAP:
+        return [_refuse(f"{told}, allowed {1000.0 * DEEP_OVERLAP:.0f} mm")]
+    return [_warn(told)] if figures.overlap > TOUCHING_OVERLAP else []
+
+
+def _judge_start(
+    stage: Stage, motion: Motion, figures: Figures, start: State | None
+) -> list[Reason]:
+    if start is None or figures.start_tilt is None or figures.start_angle is None:
+        return []
+    reasons = []
+    if figures.start_tilt > FAR_TILT:
+        lies = (
+            classify(torso_orientation(stage.robot, stage.model, start.orientation)) or "on no side"
+        )
+        reasons.append(
+            _refuse(
+                f"the robot lies {math.degrees(figures.start_tilt):.0f}° from where the motion "
+                f"begins, allowed {math.degrees(FAR_TILT):.0f}°: it lies {lies}, the motion "
+                f"begins {motion.start_class}"
+            )
+        )
+    worst = int(np.abs(figures.start_angle).argmax())
+    if abs(figures.start_angle[worst]) > FAR_ANGLE:
+        text = (
+            f"is {figures.start_angle[worst]:+.2f} rad from the motion's first posture: "
+            "the player leads it there first"
+        )
+        reasons.append(_warn(text, stage.robot.joint_names[worst]))
+    return reasons

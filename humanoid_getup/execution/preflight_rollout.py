@@ -1,0 +1,215 @@
+"""What a preflight measures: a rehearsal at the supply that is there, its load, its heat."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from drivers import Cycle, GuardLimits, SafetyGuard, State, Twin, run
+from drivers.safety_limits import MAX_TEMPERATURE
+from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.standing import HOLD, Stand
+from humanoid_getup.execution.estimation import estimate_posture
+from humanoid_getup.execution.motion_player import MotionPlayer
+from humanoid_getup.execution.supervisor import angle
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, Robot, quaternion
+from robots.kinematics import place, read_posture, torso_orientation
+from robots.quaternion import Array
+
+SATURATED = 0.97  # share of the torque-speed line at which nothing is left
+MOST_RISES = 100  # in a row; what lasts longer never gets too hot
+OVERLAP_STRIDE = 3  # frames
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """What a preflight measured; arrays have shape (n,), in the robot's joint order."""
+
+    voltage: float
+    """[V]"""
+    duration: float
+    """Of the motion [s]."""
+    stood: bool
+    """Whether the rehearsal at this supply ends in a held stand."""
+    stand_time: float
+    """Start to stand in the rehearsal [s]; nan without one."""
+    target_speed: Array
+    """Fastest change of the targets [rad/s]."""
+    peak_torque: Array
+    """[N·m]"""
+    rms_torque: Array
+    """[N·m]"""
+    torque_use: Array
+    """Peak torque over what the servo has at standstill, supply and limit considered."""
+    saturation: Array
+    """Time on the torque-speed line of this supply, in all [s]; a cap below it saves the servo."""
+    longest_saturation: Array
+    """At a stretch [s]."""
+    end_temperature: Array
+    """After one rise and its held stand [°C]."""
+    rises_in_a_row: int | None
+    """How many, without a pause, until the first servo is too hot; None for no end."""
+    overlap: float
+    """How deep the robot is in itself, at most [m]."""
+    start_angle: Array | None
+    """Measured joints minus the motion's first [rad]; None without a measurement."""
+    start_tilt: float | None
+    """Angle between measured and expected gravity in the torso [rad]."""
+
+
+@dataclass(frozen=True)
+class Cap:
+    """How servos are kept from giving all they have."""
+
+    torque: float | None
+    """[N·m]; None for no cap."""
+    by_pwm: bool
+    """As servos in position mode do it, and not at the torque itself."""
+
+
+def measure(
+    stage: Stage,
+    motion: Motion,
+    voltage: float,
+    cap: Cap,
+    temperature: Array,
+    start: State | None,
+) -> Figures:
+    """Rehearse a motion and read off it, and off the motion, all that a verdict needs.
+
+    Args:
+        stage: Robot and scene.
+        motion: What shall be played.
+        voltage: Supply at the servos [V].
+        cap: Cap on every servo.
+        temperature: Of the servos now [°C], (n,).
+        start: Measurement of the robot as it lies, to rehearse from there.
+    """
+    robot = stage.robot
+    lying = _find_start(stage, motion, start)
+    trial = _rehearse(stage, motion, lying, voltage, cap)
+    torque_limit = cap.torque
+    stall = robot.max_torque * voltage / robot.supply_voltage
+    limit = np.minimum(stall, np.inf if torque_limit is None else torque_limit)
+    along = np.maximum(np.sign(trial.torque) * trial.velocity, 0.0)  # (T, n)
+    line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
+    saturated = np.abs(trial.torque) >= np.maximum(SATURATED * line, 0.05 * stall)
+    period = robot.control_period
+    end, rises = predict_heat(robot, trial.torque, temperature)
+    steps = np.diff(motion.joint_target, axis=0) / np.diff(motion.time)[:, None]
+    gravity_b = quaternion.gravity_in_body(motion.orientation[0])
+    tilt = None
+    if start is not None:
+        measured = quaternion.gravity_in_body(
+            torso_orientation(stage.robot, stage.model, start.orientation)
+        )
+        tilt = angle(measured, gravity_b)
+    return Figures(
+        voltage=voltage,
+        duration=motion.duration,
+        stood=trial.stand.stood,
+        stand_time=trial.stand.start_time,
+        target_speed=np.abs(steps).max(axis=0, initial=0.0),
+        peak_torque=np.abs(trial.torque).max(axis=0, initial=0.0),
+        rms_torque=np.sqrt(np.mean(trial.torque**2, axis=0)),
+        torque_use=np.abs(trial.torque).max(axis=0, initial=0.0) / limit,
+        saturation=saturated.sum(axis=0) * period,
+        longest_saturation=_longest(saturated) * period,
+        end_temperature=end,
+        rises_in_a_row=rises,
+        overlap=max(trial.overlap, _find_overlap(stage, motion)),
+        start_angle=None if start is None else start.joint_pos - motion.joint_pos[0],
+        start_tilt=tilt,
+    )
+
+
+def _find_start(stage: Stage, motion: Motion, start: State | None) -> Posture:
+    if start is not None:
+        return estimate_posture(stage, start)
+    at_rest = settle_posture(stage, motion.posture(0))
+    return read_posture(stage.robot, stage.model, at_rest)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    stand: Stand
+    torque: Array
+    """[N·m], (T, n)"""
+    velocity: Array
+    """[rad/s], (T, n)"""
+    overlap: float
+    """[m]"""
+
+
+def _rehearse(stage: Stage, motion: Motion, start: Posture, voltage: float, cap: Cap) -> _Trial:
+    """Play the motion on a twin, whatever the supply."""
+    robot = stage.robot
+    twin = Twin(robot, stage.model, voltage=voltage, pwm_limited=cap.by_pwm)
+    twin.place(start)
+    limits = replace(GuardLimits.of(robot, cap.torque), min_voltage=0.0, max_temperature=math.inf)
+    watch = Watch(twin.simulation, cap.torque)
+    velocity: list[Array] = []
+    overlap: list[float] = []
+
+    def look(cycle: Cycle) -> None:
+        watch(cycle)
+        velocity.append(twin.truth.joint_vel.copy())
+        overlap.append(twin.truth.self_penetration)
+
+    player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=cap.torque)
+    run(player, SafetyGuard(twin, limits), max_time=math.inf, on_cycle=look)
+    watched = watch.conclude()
+    return _Trial(watched.stand, watched.torque, np.array(velocity), max(overlap, default=0.0))
+
+
+def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array, int | None]:
+    """Warm the windings by one rise after another; return the first end and how many fit.
+
+    Heating is linear in the temperature, so one pass tells all: a rise keeps a share of
+    what a servo is above the air and adds a fixed amount.
+    """
+    period = robot.control_period
+    windings = Windings(robot)
+    for row in torque:
+        windings.heat(windings.compute_current(row), period)
+    added = windings.temperature - AMBIENT_TEMPERATURE
+    kept = (1.0 - period / (HEAT_CAPACITY * HEAT_RESISTANCE)) ** len(torque)
+    above = temperature - AMBIENT_TEMPERATURE
+    first = kept * above + added
+    for rises in range(MOST_RISES):
+        above = kept * above + added
+        if np.max(above) + AMBIENT_TEMPERATURE > MAX_TEMPERATURE:
+            return first + AMBIENT_TEMPERATURE, rises
+    return first + AMBIENT_TEMPERATURE, None
+
+
+def _find_overlap(stage: Stage, motion: Motion) -> float:
+    """Find how deep the motion's own postures are in themselves [m]."""
+    model, robot = stage.model, stage.robot
+    data = mujoco.MjData(model)
+    deepest = 0.0
+    for frame in range(0, len(motion.time), OVERLAP_STRIDE):
+        data.qpos[:] = place(robot, model, motion.posture(frame))
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        root = model.body_weldid[model.geom_bodyid[data.contact.geom]]  # (contacts, 2)
+        own = np.all(root != 0, axis=1)
+        deepest = max(deepest, float(-data.contact.dist[own].min(initial=0.0)))
+    return deepest
+
+
+def _longest(present: np.ndarray) -> Array:
+    """Return the longest run of each column of (T, n) flags, in rows."""
+    longest, now = np.zeros(present.shape[1]), np.zeros(present.shape[1])
+    for row in present:
+        now = np.where(row, now + 1, 0)
+        longest = np.maximum(longest, now)
+    return longest

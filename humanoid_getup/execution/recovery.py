@@ -1,0 +1,214 @@
+"""Recovery: what can be done, limp, about a robot that its guard has stopped."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from drivers import Command, Fault, FaultKind, SafetyGuard, State
+from drivers.control_loop import Pacer
+from drivers.safety_guard import describe_alert
+
+OVERHEATING, OVERLOAD = 4, 32  # bits of State.alert (e-manual, Hardware Error Status)
+MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; a servo that trips more often is telling something
+ALERT_TIME = 1.0  # s in which a servo in error says what ails it
+REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
+PATIENCE = 4  # cycles that a wait may take for each that its time has
+
+
+class RebootsServos(Protocol):
+    """A service that some backends offer beside moving."""
+
+    def reboot(self, joint: str) -> None:
+        """Restart a joint's servo; its torque stays off, its goal is where it is."""
+        ...
+
+
+class UnrecoveredError(Exception):
+    """The robot cannot go on by itself; the message tells a person why."""
+
+
+class StoppedError(Exception):
+    """Somebody stopped the robot; it must not go on."""
+
+
+@dataclass
+class RebootBudget:
+    """How many reboots are left: a servo that keeps tripping is not to be rebooted away."""
+
+    most: int = MOST_REBOOTS
+    window: float = REBOOT_WINDOW
+    """[s]"""
+    _times: deque[float] = field(default_factory=deque)
+
+    def spend(self, time: float) -> bool:
+        """Take one reboot at a time [s]; False where the budget is used up."""
+        while self._times and self._times[0] <= time - self.window:
+            self._times.popleft()
+        if len(self._times) >= self.most:
+            return False
+        self._times.append(time)
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cooling:
+    """How long a robot rests before it tries again."""
+
+    temperature: float = 55.0
+    """Every servo must be as cool as this [°C]: 10 °C under where the guard derates."""
+    min_time: float = 3.0
+    """[s]"""
+    max_time: float = 900.0
+    """[s]; from 75 °C the model's servo takes 270 s."""
+
+
+class Recovery:
+    """Cools, reboots and waits, on the backend's clock; the robot is limp all the while."""
+
+    def __init__(
+        self,
+        guard: SafetyGuard,
+        *,
+        cooling: Cooling,
+        services: RebootsServos | None = None,
+        realtime: bool = False,
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            guard: Robot to bring back; closed between the steps.
+            cooling: How long to rest.
+            services: Reboots servos; ``None`` where nobody can.
+            realtime: Pace the cycles by the wall clock, for backends that do not.
+            tell: Hears, in a few words, each thing that is done.
+        """
+        self._guard, self._cooling, self._services = guard, cooling, services
+        self._realtime, self._tell = realtime, tell
+        self._budget = RebootBudget()
+
+    def remedy(self, fault: Fault) -> None:
+        """Do what helps against a fault; the robot lies limp and well afterwards.
+
+        Raises:
+            StoppedError: if the fault is an operator's stop.
+            UnrecoveredError: if nothing helps, or nothing may be done.
+        """
+        match fault.kind:
+            case FaultKind.STOPPED:
+                raise StoppedError(fault.detail)
+            case FaultKind.TOO_HOT:
+                self.cool_down()
+            case FaultKind.SERVO_ERROR:
+                self._mend_servos()
+            case _:
+                raise UnrecoveredError(str(fault))
+
+    def cool_down(self) -> None:
+        """Lie limp for a while, and until every servo is cool.
+
+        Raises:
+            StoppedError: if somebody stops the robot meanwhile.
+            UnrecoveredError: if it takes too long, or the robot is lost meanwhile.
+        """
+        cooling = self._cooling
+        self._tell(f"lying limp until every servo has {cooling.temperature:.0f} °C or less")
+
+        def is_cool(state: State, elapsed: float) -> bool:
+            cool = float(state.temperature.max()) <= cooling.temperature
+            return cool and elapsed >= cooling.min_time
+
+        with self._guard:
+            state, cool = self._lie(is_cool, cooling.max_time)
+        if not cool:
+            hottest = int(state.temperature.argmax())
+            raise UnrecoveredError(
+                f"joint '{self._guard.robot.joint_names[hottest]}' still has "
+                f"{state.temperature[hottest]:.0f} °C after {cooling.max_time:.0f} s of rest, "
+                f"allowed {cooling.temperature:.0f} °C"
+            )
+
+    def _mend_servos(self) -> None:
+        """Reboot servos that tripped by load; let those that tripped by heat cool down."""
+        with self._guard:
+            state, _ = self._lie(_is_named, ALERT_TIME)
+            hot = self._sort_out(state)
+            for joint in np.flatnonzero(state.alert & ~hot):
+                self._reboot(int(joint), state)
+            mended, _ = self._lie(lambda s, _: not np.any(s.alert & ~hot), REBOOT_TIME)
+            left = np.flatnonzero(mended.alert & ~hot)
+        if len(left):
+            raise UnrecoveredError(f"rebooted, but {self._describe(mended, left)}")
+        if hot:
+            self.cool_down()
+            with self._guard:
+                cooled, _ = self._lie(lambda *_: True, ALERT_TIME)
+            if cooled.alert.any():
+                raise UnrecoveredError(
+                    f"{self._describe(cooled, np.flatnonzero(cooled.alert))}, and has cooled "
+                    "down: find out why it got hot, then switch its power off and on"
+                )
+
+    def _sort_out(self, state: State) -> int:
+        """Refuse what no reboot may cure; return the bit of heat if a servo tripped by it."""
+        other = np.flatnonzero(state.alert & ~(OVERLOAD | OVERHEATING))
+        if len(other):
+            raise UnrecoveredError(f"{self._describe(state, other)}: look at the servo")
+        hot = (state.alert & OVERHEATING) != 0
+        both = hot & ((state.alert & OVERLOAD) != 0)
+        if both.any():
+            names = self._describe(state, np.flatnonzero(both))
+            raise UnrecoveredError(f"{names}: let it cool down, then switch its power off and on")
+        return OVERHEATING if hot.any() else 0
+
+    def _reboot(self, joint: int, state: State) -> None:
+        name = self._guard.robot.joint_names[joint]
+        if self._services is None:
+            raise UnrecoveredError(
+                f"joint '{name}' tripped by overload: see that nothing blocks it, then switch "
+                "its power off and on"
+            )
+        if not self._budget.spend(state.time):
+            raise UnrecoveredError(
+                f"joint '{name}' tripped by overload, and {MOST_REBOOTS} servos were rebooted "
+                f"within {REBOOT_WINDOW / 60.0:.0f} min already: see what blocks it"
+            )
+        self._tell(f"rebooting joint '{name}', which tripped by overload")
+        self._services.reboot(name)
+
+    def _lie(self, is_over: Callable[[State, float], bool], most: float) -> tuple[State, bool]:
+        """Lie limp until something is so, for ``most`` seconds; tell whether it came."""
+        guard = self._guard
+        pacer = Pacer(guard.period) if self._realtime else None
+        state = guard.read()
+        begin = state.time
+        for _ in range(PATIENCE * round(most / guard.period)):
+            if is_over(state, state.time - begin):
+                return state, True
+            if state.time - begin >= most:
+                break
+            guard.write(Command.limp(guard.robot.n))
+            fault = guard.fault
+            if fault and fault.kind not in (FaultKind.TOO_HOT, FaultKind.SERVO_ERROR):
+                self.remedy(fault)
+            if pacer:
+                pacer.wait()
+            state = guard.read()
+        return state, is_over(state, state.time - begin)
+
+    def _describe(self, state: State, joints: np.ndarray) -> str:
+        names = self._guard.robot.joint_names
+        return ", ".join(
+            f"joint '{names[j]}' tells {describe_alert(int(state.alert[j]))}" for j in joints
+        )
+
+
+def _is_named(state: State, _elapsed: float) -> bool:
+    """Tell whether every servo in error has said what ails it; some tell later."""
+    alert = state.alert[state.alert != 0]
+    return bool(len(alert)) and bool(np.all(alert & 0b111101))

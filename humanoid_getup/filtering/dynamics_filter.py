@@ -1,0 +1,210 @@
+"""The dynamics filter: a planned rise goes through simulation and comes out playable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
+from humanoid_getup.filtering.reference import Reference, compose
+from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_torque, compute_wish
+from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.planning.smoothing import Trajectory
+from humanoid_getup.simulation.randomization import Disturbance, disturb
+from humanoid_getup.simulation.rollout import Conditions, Observation, Rehearsal, Trace
+from humanoid_getup.simulation.world import Stage
+from robots import Posture
+from robots.kinematics import place
+from robots.quaternion import Array
+
+FADE_CYCLES = 40  # in which the virtual actuator lets go before the targets stand still
+FIRST_HOLD = 1.0  # s of stand that a rehearsal must show to be checked
+FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
+CHECKS = 16  # disturbed rehearsals of a motion before it is handed out
+CHECK_DISTURBANCE = Disturbance(
+    joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One way to rise that the filter may try."""
+
+    path: Trajectory
+    """From the lying posture to the connecting one."""
+    connection: Connection
+    tempo: float = 1.0
+    """Speed of the path as a share of the planned one."""
+    assistance: float = 1.0
+    """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
+    before: Array | None = None
+    """Targets to send first [rad], (T, n): an earlier try after which the path begins."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rehearsed:
+    """What became of a candidate in simulation."""
+
+    candidate: Candidate
+    stood: bool
+    """Whether it ended upright; that it holds is for the check to say."""
+    stand_time: float
+    """Start to the first moment of the stand [s]; nan if it did not stand."""
+    target: Array
+    """Targets that the servos were sent [rad], (T, n)."""
+    qpos: Array
+    """Where the robot went, MuJoCo positions (T, nq)."""
+    peak_neck: float
+    """Greatest neck height reached [m]."""
+    moving: int
+    """Cycles before the targets stand still."""
+
+
+class DynamicsFilter:
+    """Tracks references in forward simulation, many at a time.
+
+    Velocity-driven tracking and the virtual actuator are both written as targets of
+    position servos, so what comes out can be sent to the robot as it is: the targets
+    never leave the joints' ranges nor move faster than the servos, the torques stay
+    within the servos' limits because the simulated servos have them.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        *,
+        torque_limit: float | None = None,
+        pwm_limited: bool = False,
+        threads: int = 0,
+    ) -> None:
+        self.stage = stage
+        self.torque_limit, self.pwm_limited = torque_limit, pwm_limited
+        self.count = 0
+        self._threads = threads
+        self._limbs = LimbMap.of(stage)
+        self._rehearsals: dict[int, Rehearsal] = {}
+
+    def rehearse(self, start: Posture, candidates: list[Candidate]) -> list[Rehearsed]:
+        """Track every candidate from the start posture, at rest."""
+        stage, robot = self.stage, self.stage.robot
+        references = [self._refer(c) for c in candidates]
+        moving = [len(r.target) for r in references]
+        length = max(moving) + round(FIRST_HOLD / robot.control_period)
+        target = np.array([_extend(r.target, length) for r in references])
+        steering = _Steering(
+            stage,
+            self._limbs,
+            start,
+            references,
+            length,
+            np.array([c.assistance for c in candidates]),
+        )
+        starts = np.tile(place(robot, stage.model, start), (len(candidates), 1))
+        limits = Conditions.nominal(stage, len(candidates), torque_limit=self.torque_limit)
+        trace = self._play(starts, target, limits, steering)
+        return [self._read(trace, i, c, moving[i]) for i, c in enumerate(candidates)]
+
+    def _refer(self, c: Candidate) -> Reference:
+        reference = compose(self.stage, c.path, c.connection.motion, c.connection.frame, c.tempo)
+        return reference if c.before is None else reference.after(c.before)
+
+    def check(self, start: Posture, target: Array, rng: np.random.Generator) -> float:
+        """Replay targets (T, n) without feedback, from the start and from disturbed ones.
+
+        Returns the share that ended in a held stand; 0 if the undisturbed one did not.
+        """
+        stage, robot = self.stage, self.stage.robot
+        limit = float(robot.max_torque.max()) if self.torque_limit is None else self.torque_limit
+        starts, conditions = disturb(
+            stage, place(robot, stage.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
+        )
+        longer = _extend(
+            target, len(target) + round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
+        )
+        trace = self._play(starts, np.tile(longer, (CHECKS, 1, 1)), conditions, None)
+        upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+        stood = [judge(u, trace.period).stood for u in upright]
+        return float(np.mean(stood)) if stood[0] else 0.0
+
+    def _play(
+        self, starts: Array, target: Array, conditions: Conditions, steering: _Steering | None
+    ) -> Trace:
+        n = len(starts)
+        conditions = replace(conditions, pwm_limited=self.pwm_limited)
+        self.count += n
+        if n not in self._rehearsals:
+            self._rehearsals[n] = Rehearsal(self.stage, n, threads=self._threads)
+        return self._rehearsals[n].play(starts, target, conditions, steering=steering)
+
+    def _read(self, trace: Trace, i: int, candidate: Candidate, moving: int) -> Rehearsed:
+        upright = is_upright(
+            trace.neck_height[i], trace.tilt[i], trace.foreign[i], self.stage.robot
+        )
+        stand = judge(upright, trace.period, hold_time=FIRST_HOLD - 0.1)
+        return Rehearsed(
+            candidate=candidate,
+            stood=stand.stood,
+            stand_time=stand.start_time,
+            target=trace.target[i],
+            qpos=trace.qpos[i],
+            peak_neck=float(trace.neck_height[i].max()),
+            moving=moving,
+        )
+
+
+class _Steering:
+    """Adds the virtual actuator to the planned targets, within the guard's rules."""
+
+    def __init__(
+        self,
+        stage: Stage,
+        limbs: LimbMap,
+        start: Posture,
+        references: list[Reference],
+        length: int,
+        assistance: Array,
+    ) -> None:
+        robot = stage.robot
+        self._limbs, self._robot = limbs, robot
+        self._torso = robot.layout(stage.model).torso
+        self._period = robot.control_period
+        self._assistance = assistance[:, None]
+        self._com = np.array([_extend(r.com, length) for r in references])  # (N, T, 3)
+        self._velocity = np.gradient(self._com, self._period, axis=1)
+        self._joined = np.array([r.joined for r in references])
+        self._begins = np.array([r.begins for r in references])
+        self._moving = np.array([len(r.target) for r in references])
+        self._last = np.tile(start.joint_pos, (len(references), 1))
+        self._last_com: Array | None = None
+        self._shift = np.zeros((len(references), 3))
+
+    def __call__(self, seen: Observation, planned: Array) -> Array:
+        com = seen.com[:, self._torso]
+        velocity = np.zeros_like(com)
+        if self._last_com is not None:
+            velocity = (com - self._last_com) / self._period
+        self._last_com = com.copy()
+        target = planned + self._assist(seen, com, velocity) / self._robot.position_gain
+        target = np.clip(target, self._robot.lower, self._robot.upper)
+        reach = self._robot.max_velocity * self._period * 0.999
+        self._last = np.clip(target, self._last - reach, self._last + reach)
+        return self._last
+
+    def _assist(self, seen: Observation, com: Array, velocity: Array) -> Array:
+        k = seen.step
+        anchored = (k == self._begins) | (
+            k == self._joined
+        )  # where the robot is becomes where it should be
+        self._shift[anchored, :2] = (com - self._com[:, k])[anchored, :2]
+        wish = compute_wish(
+            com, velocity, self._com[:, k] + self._shift, self._velocity[:, k], self._limbs.mass
+        )
+        left = np.clip((self._moving - 1 - k) / FADE_CYCLES, 0.0, 1.0)
+        active = ((k >= self._begins) * left)[:, None]
+        return active * self._assistance * compute_torque(seen, wish, self._limbs)
+
+
+def _extend(rows: Array, length: int) -> Array:
+    """Repeat the last row up to a length."""
+    return np.concatenate([rows, np.repeat(rows[-1:], length - len(rows), axis=0)])

@@ -1,0 +1,131 @@
+"""References: what the filter makes the robot follow, from the lying posture to the stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.motions.motion import Motion, join
+from humanoid_getup.motions.posture_metric import best_yaw
+from humanoid_getup.planning.smoothing import Trajectory
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, quaternion
+from robots.kinematics import centre_of_mass
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """Targets to send and where the centre of mass should be meanwhile."""
+
+    target: Array
+    """Joint targets [rad], one a control period, (T, n)."""
+    com: Array
+    """Centre of mass in the world [m], (T, 3)."""
+    joined: int
+    """Cycle at which the database motion begins."""
+    begins: int = 0
+    """Cycle at which the path begins; before it the targets are an earlier try's."""
+
+    def after(self, target: Array) -> Reference:
+        """Put an earlier try's targets (T, n) before this reference."""
+        waiting = np.repeat(self.com[:1], len(target), axis=0)
+        return Reference(
+            target=np.concatenate([target, self.target]),
+            com=np.concatenate([waiting, self.com]),
+            joined=self.joined + len(target),
+            begins=len(target),
+        )
+
+
+def straight_path(start: Posture, goal: Posture, speed: float, period: float) -> Trajectory:
+    """Interpolate two postures straight, at constant joint speed: a path without a plan."""
+    travel = float(np.max(np.abs(goal.joint_pos - start.joint_pos), initial=0.0))
+    steps = max(2, round(travel / speed / period))
+    share = np.linspace(0.0, 1.0, steps + 1)
+    return Trajectory(
+        time=share * steps * period,
+        position=start.position + share[:, None] * (goal.position - start.position),
+        orientation=quaternion.slerp(start.orientation[None], goal.orientation[None], share),
+        joint_pos=start.joint_pos + share[:, None] * (goal.joint_pos - start.joint_pos),
+    )
+
+
+def align(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
+    """Turn and shift a motion so that its frame has a posture's place and heading.
+
+    Returns positions (T, 3) and orientations (T, 4).
+    """
+    yaw = best_yaw(motion.orientation[frame], posture.orientation)
+    turn = quaternion.from_yaw(yaw)
+    offset = motion.position - motion.position[frame]
+    position = quaternion.rotate(turn, offset)
+    position[:, :2] += posture.position[:2]
+    position[:, 2] = motion.position[:, 2]
+    return position, quaternion.multiply(turn, motion.orientation)
+
+
+def compose(
+    stage: Stage, path: Trajectory, motion: Motion, frame: int, tempo: float = 1.0
+) -> Reference:
+    """Chain a path and the rest of a motion into one reference, lying to stand.
+
+    On the path the servos are led by their back-EMF: a position servo that follows a
+    speed v stays ``(K²/R) / kp * v`` behind its target. This is velocity-driven tracking
+    for position servos: v_d = v_ref + (kp R / K²) (q_ref - q). In the motion, the lead
+    is the motion's own, blended in over the seam.
+
+    Args:
+        stage: Robot and scene.
+        path: From the lying posture to the connecting one.
+        motion: Motion to join.
+        frame: Where to join it.
+        tempo: Speed of the path as a share of its own.
+    """
+    robot, period = stage.robot, stage.robot.control_period
+    path = resample(path, tempo, period)
+    speed = np.gradient(path.joint_pos, period, axis=0) if len(path.time) > 1 else 0.0
+    lag = robot.torque_speed_slope / robot.position_gain
+    approach = path.joint_pos + lag * speed
+    position, orientation = align(motion, frame, posture_at(path, -1))
+    joined = join(motion, frame, path.joint_pos[-1], period)
+    rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
+    model = stage.model
+    com_path = centre_of_mass(robot, model, path.position, path.orientation, path.joint_pos)
+    com_motion = centre_of_mass(
+        robot, model, position[rows], orientation[rows], motion.joint_pos[rows]
+    )
+    return Reference(
+        target=np.concatenate([approach, joined]),
+        com=np.concatenate([com_path, com_motion]),
+        joined=len(approach),
+    )
+
+
+def resample(path: Trajectory, tempo: float, period: float) -> Trajectory:
+    """Play a path faster or slower, sampled at the control period again."""
+    if tempo == 1.0:
+        return path
+    duration = path.time[-1] / tempo
+    time = np.linspace(0.0, duration, max(2, round(duration / period) + 1))
+    at = time * tempo
+    columns = [
+        np.stack([np.interp(at, path.time, column) for column in array.T], axis=1)
+        for array in (path.position, path.orientation, path.joint_pos)
+    ]
+    return Trajectory(
+        time=time,
+        position=columns[0],
+        orientation=quaternion.normalise(columns[1]),
+        joint_pos=columns[2],
+    )
+
+
+def posture_at(path: Trajectory, row: int) -> Posture:
+    """Return a path's posture at a row."""
+    return Posture(
+        position=path.position[row],
+        orientation=path.orientation[row],
+        joint_pos=path.joint_pos[row],
+    )

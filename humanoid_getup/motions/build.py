@@ -1,0 +1,139 @@
+"""Building the motion database: from authored key postures to verified motions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
+from humanoid_getup.motions.keyframes import Choreography, load_choreographies
+from humanoid_getup.motions.motion import Motion, join
+from humanoid_getup.motions.optimization import Improver
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.rollout import Conditions, Rehearsal, Trace
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, Robot, quaternion
+from robots.kinematics import place, read_posture
+from robots.quaternion import Array
+
+CHOREOGRAPHIES = "choreographies.toml"
+ENTRY_STRIDE = 12  # frames between the entries that are tried
+ENTRY_BATCH = 32
+
+ATTITUDES = {
+    "supine": ((0.0, 1.0, 0.0), -math.pi / 2),
+    "prone": ((0.0, 1.0, 0.0), math.pi / 2),
+    "left": ((1.0, 0.0, 0.0), -math.pi / 2),
+    "right": ((1.0, 0.0, 0.0), math.pi / 2),
+    "squat": ((1.0, 0.0, 0.0), 0.0),
+}
+"""Axis and angle of the torso before it settles, by start class."""
+
+
+def build_motion(
+    robot: Robot,
+    choreography: Choreography,
+    *,
+    generations: int,
+    seed: int,
+    report: Callable[[int, float, float], None] = lambda *_: None,
+) -> tuple[Motion, Choreography]:
+    """Improve one choreography and record it as a motion that stands.
+
+    Raises:
+        RuntimeError: if the improved motion does not end in a held stand.
+    """
+    stage = Stage.build(robot, load_scene("flat"))
+    start = settle(stage, choreography)
+    improver = Improver(stage, start)
+    improved, robust = improver.improve(choreography, generations, seed, report)
+    provenance = {
+        "program": "getup motions build",
+        "seed": seed,
+        "generations": generations,
+        "disturbed_success": robust,
+        "torque_limit": choreography.torque_limit,
+    }
+    return record(stage, improved, start, provenance), improved
+
+
+def settle(stage: Stage, choreography: Choreography) -> Array:
+    """Lay the robot down in the first key posture and wait; return positions (nq,)."""
+    axis, angle = ATTITUDES[choreography.start_class]
+    posture = Posture(
+        position=np.array([0.0, 0.0, 1.0]),
+        orientation=quaternion.from_axis_angle(np.array(axis), angle),
+        joint_pos=choreography.keys[0],
+    )
+    return settle_posture(stage, posture)
+
+
+def record(
+    stage: Stage, choreography: Choreography, start: Array, provenance: dict[str, str | float | int]
+) -> Motion:
+    """Play a choreography once, undisturbed at full torque, and keep what happened.
+
+    Raises:
+        RuntimeError: if it does not end in a held stand.
+    """
+    robot, period = stage.robot, stage.robot.control_period
+    targets = choreography.targets(robot, HOLD_TIME + 1.0)
+    trace = Rehearsal(stage, 1).play(start[None], targets[None], Conditions.nominal(stage, 1))
+    stand = judge(is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)[0], period)
+    if not stand.stood:
+        raise RuntimeError(f"motion '{choreography.name}' does not end in a held stand")
+    moving = len(targets) - round((HOLD_TIME + 0.5) / period)
+    went = np.concatenate([start[None], trace.qpos[0, : moving - 1]])  # at the time of each target
+    postures = [read_posture(robot, stage.model, q) for q in went]
+    motion = Motion(
+        name=choreography.name,
+        robot=robot.name,
+        start_class=choreography.start_class,  # type: ignore[arg-type]
+        strategy=choreography.strategy,
+        time=np.arange(moving, dtype=float) * period,
+        position=np.array([p.position for p in postures]),
+        orientation=np.array([p.orientation for p in postures]),
+        joint_pos=np.array([p.joint_pos for p in postures]),
+        joint_target=targets[:moving],
+        provenance={**provenance, "stand_time_s": stand.start_time},
+    )
+    return with_entries(stage, motion)
+
+
+def with_entries(stage: Stage, motion: Motion) -> Motion:
+    """Mark the frames from which the rest of a motion, started at rest, still stands."""
+    frames = np.arange(0, len(motion.time), ENTRY_STRIDE)
+    entry = np.zeros(len(motion.time), dtype=bool)
+    for first in range(0, len(frames), ENTRY_BATCH):
+        some = frames[first : first + ENTRY_BATCH]
+        entry[some] = _stands_from(stage, motion, some)
+    if not entry.any():
+        raise RuntimeError(f"motion '{motion.name}' cannot be joined from rest at any frame")
+    fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
+    return Motion(**{**fields, "entry": entry})
+
+
+def _stands_from(stage: Stage, motion: Motion, frames: np.ndarray) -> np.ndarray:
+    robot, period = stage.robot, stage.robot.control_period
+    plays = [join(motion, int(k), motion.joint_pos[k], period) for k in frames]
+    length = max(map(len, plays)) + round(HOLD_TIME / period)
+    targets = np.array([np.concatenate([p, np.repeat(p[-1:], length - len(p), 0)]) for p in plays])
+    starts = np.array([place(robot, stage.model, motion.posture(int(f))) for f in frames])
+    limits = Conditions.nominal(stage, len(frames))
+    trace: Trace = Rehearsal(stage, len(frames)).play(starts, targets, limits)
+    upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+    return np.array([judge(u, period).stood for u in upright])
+
+
+def load_authored(robot: Robot) -> list[Choreography]:
+    """Load the choreographies of a robot's folder."""
+    return load_choreographies(robot.folder / CHOREOGRAPHIES, robot)
+
+
+def motion_file(folder: Path, name: str) -> Path:
+    """Return where a motion of a robot is kept."""
+    return folder / "motions" / f"{name}.npz"

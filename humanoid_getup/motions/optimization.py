@@ -1,0 +1,163 @@
+"""Improvement: CMA-ES turns an authored choreography into one that physics likes."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+
+import cma
+import numpy as np
+
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright
+from humanoid_getup.motions.keyframes import Choreography
+from humanoid_getup.simulation.randomization import Disturbance, disturb
+from humanoid_getup.simulation.rollout import Conditions, Rehearsal, Trace
+from humanoid_getup.simulation.world import Stage
+from robots.quaternion import Array
+
+POPULATION = 14
+SCENARIOS = 4  # rehearsals of each candidate: nominal, with full torque, two disturbed
+FINAL_SCENARIOS = 48
+ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step size: rad, and share of a duration
+SEARCH_HOLD = 1.0  # s of stand that a candidate must show in the search; 3.0 when judged
+LEAD_IN = 0.1  # s in the start posture
+TRAVEL_COST = 0.02  # of a radian that the targets of a joint travel, on average
+SWAY_TIME = 0.2  # s between the last target and the stand that counts
+SEARCH_TIMESTEP = 0.004  # s; the result is judged, recorded and verified at 0.002
+OVERLAP_COST = 1.0  # of pressing into itself all the time
+DEEP_OVERLAP = 0.0001  # m; contacts are stiff, so this is a firm touch
+FAILURE = 6.0  # cost that no stand can reach
+
+
+def score(
+    trace: Trace, stage: Stage, choreography: Choreography, hold: float
+) -> tuple[Array, np.ndarray]:
+    """Compute the cost of each rehearsal, (N,), and whether it ended standing, (N,)."""
+    robot, period = stage.robot, trace.period
+    upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+    last = round(hold / period)
+    stood = np.asarray(upright[:, -last:].all(axis=1))
+    begin = (upright.shape[1] - np.argmax(~upright[:, ::-1], axis=1)) * period
+    height = np.clip(trace.neck_height / robot.standing_neck_height, 0.0, 1.0)
+    quality = height * np.clip(np.cos(trace.tilt), 0.0, 1.0) * np.where(trace.foreign, 0.8, 1.0)
+    best = np.array([np.convolve(q, np.full(25, 1 / 25), "valid").max() for q in quality])
+    progress = 0.6 * quality[:, -last:].mean(axis=1) + 0.4 * best
+    held = upright[:, -last:].mean(axis=1)
+    rms = np.sqrt(np.mean(trace.torque**2, axis=(1, 2)))
+    travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
+    collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
+    effort = choreography.torque_cost * rms + TRAVEL_COST * travel + OVERLAP_COST * collides
+    cost = np.where(
+        stood, choreography.time_cost * begin, FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
+    )
+    return cost + effort, stood
+
+
+class Improver:
+    """Improves choreographies of one robot in one scene."""
+
+    def __init__(self, stage: Stage, start: Array, *, threads: int = 1) -> None:
+        self.stage, self.start = stage, start
+        coarse = replace(stage, model=copy.copy(stage.model))
+        coarse.model.opt.timestep = _coarse_step(stage)
+        self._search = Rehearsal(coarse, POPULATION * SCENARIOS, threads=threads)
+        self._final = Rehearsal(stage, FINAL_SCENARIOS, threads=threads)
+
+    def improve(
+        self,
+        choreography: Choreography,
+        generations: int,
+        seed: int,
+        report: Callable[[int, float, float], None] = lambda *_: None,
+    ) -> tuple[Choreography, float]:
+        """Search key postures and times; return the best and its disturbed success share.
+
+        Args:
+            choreography: Where the search begins.
+            generations: How long it goes on.
+            seed: Of CMA-ES and of the disturbances.
+            report: Called with generation, best cost and share that stood.
+        """
+        robot = self.stage.robot
+        rng = np.random.default_rng(seed)
+        count = len(choreography.duration)
+        scale = np.full(len(choreography.genes), ANGLE_STEP)
+        scale[:count] = TIME_STEP
+        options = {"popsize": POPULATION, "seed": seed + 1, "verbose": -9}
+        search = cma.CMAEvolutionStrategy(choreography.genes / scale, 1.0, options)
+        finalists = [choreography]
+        for generation in range(generations):
+            genes = search.ask()
+            candidates = [choreography.with_genes(g * scale, robot) for g in genes]
+            cost, stood = self._rehearse(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
+            search.tell(genes, list(cost))
+            report(generation, float(cost.min()), float(stood.mean()))
+            if generation >= generations - 8:
+                finalists.append(candidates[int(np.argmin(cost))])
+        finalists.append(choreography.with_genes(search.mean * scale, robot))
+        judged = [self.judge(finalist, seed) for finalist in finalists]
+        best = min(range(len(finalists)), key=lambda i: (-round(judged[i][1], 2), judged[i][0]))
+        return finalists[best], judged[best][1]
+
+    def judge(self, choreography: Choreography, seed: int) -> tuple[float, float]:
+        """Compute mean cost and success share over disturbances that the search never saw.
+
+        The share is 0 if it does not stand undisturbed, capped or with full torque.
+        """
+        rng = np.random.default_rng([seed, 1])
+        cost, stood = self._rehearse(self._final, [choreography], FINAL_SCENARIOS, rng, HOLD_TIME)
+        share = float(stood.mean()) if stood[0, :2].all() else 0.0
+        return float(cost.mean()), share
+
+    def _rehearse(
+        self,
+        rehearsal: Rehearsal,
+        candidates: list[Choreography],
+        each: int,
+        rng: np.random.Generator,
+        hold: float,
+    ) -> tuple[Array, np.ndarray]:
+        """Rehearse candidates ``each`` times; return mean cost and successes, (C,), (C, each).
+
+        A success is a stand that lasts the last ``hold`` seconds.
+        """
+        stage, robot = self.stage, self.stage.robot
+        lead = round(LEAD_IN / robot.control_period)
+        plays = [c.targets(robot, hold + SWAY_TIME) for c in candidates]
+        length = max(len(play) for play in plays)
+        targets = np.array(
+            [
+                np.concatenate(
+                    [np.repeat(p[:1], lead, 0), p, np.repeat(p[-1:], length - len(p), 0)]
+                )
+                for p in plays
+            ]
+        )
+        starts, conditions = disturb(
+            stage, self.start, each, Disturbance(), candidates[0].torque_limit, rng
+        )
+        full = float(robot.max_torque.max())
+        # The second is undisturbed, too: it must also stand with all the torque there is.
+        starts[1], conditions.torque_limit[1] = starts[0], full
+        conditions.friction[1] = conditions.friction[0]
+        conditions.voltage[1] = conditions.voltage[0]
+        n = len(candidates)
+        trace = rehearsal.play(
+            np.tile(starts, (n, 1)),
+            np.repeat(targets, each, axis=0),
+            Conditions(
+                friction=np.tile(conditions.friction, n),
+                voltage=np.tile(conditions.voltage, n),
+                torque_limit=np.tile(conditions.torque_limit, n),
+            ),
+        )
+        cost, stood = score(trace, stage, candidates[0], hold)
+        return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
+
+
+def _coarse_step(stage: Stage) -> float:
+    """Return the search's physics step [s]: 4 ms, or the model's where that does not fit."""
+    cycles = stage.robot.control_period / SEARCH_TIMESTEP
+    fits = abs(cycles - round(cycles)) < 1e-9
+    return SEARCH_TIMESTEP if fits else float(stage.model.opt.timestep)

@@ -1,0 +1,1 @@
+"""From a lying posture to a motion: collision-free search, refinement, smoothing."""

@@ -1,0 +1,227 @@
+"""RRT-blossom: two trees that flood the free space until they meet."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from humanoid_getup.planning.search_tree import ROOT, Tree, Viability
+from robots.quaternion import Array
+
+
+class PlanStatus(Enum):
+    """How a search ended."""
+
+    SOLVED = "reached the goal"
+    START_INVALID = "the start posture violates a constraint"
+    GOAL_INVALID = "the goal posture violates a constraint"
+    BUDGET_SPENT = "no path within the budget"
+
+
+class Problem(Protocol):
+    """A space to search: all that the algorithm must know about it."""
+
+    def distance(self, nodes: Array, x: Array) -> Array:
+        """Compute the distances of nodes (N, d) from a point (d,), shape (N,)."""
+        ...
+
+    def sample(self, rng: np.random.Generator) -> Array:
+        """Draw a point to grow towards, RANDOM_CONFIG, shape (d,)."""
+        ...
+
+    def steer(
+        self, near: Array, target: Array, goal: Array, count: int, rng: np.random.Generator
+    ) -> Array:
+        """Take ``count`` steps from a node, SIM, shape (count, d).
+
+        The first leads straight to the target and never beyond it, the others blossom
+        around it. What has reached its value in the goal (d,) of the tree stays there.
+        """
+        ...
+
+    def is_within_step(self, a: Array, b: Array) -> bool:
+        """Tell whether one step leads from ``a`` to ``b``."""
+        ...
+
+    def fails(self, a: Array, b: Array) -> bool:
+        """Tell whether the edge from ``a``, which is free, to ``b`` violates a constraint."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """How long and how widely to search."""
+
+    max_edges: int = 4000
+    """Edges tried, in both trees together."""
+    max_time: float = float("inf")
+    """[s]; leave it infinite to get the same answer on every machine."""
+    controls: int = 3
+    """Edges that an expansion tries: straight ahead and blossoms around it."""
+    edges_per_node: int = 200
+    """Edges that a node may try in all its expansions."""
+    goal_bias: float = 0.1
+    """Share of the expansions that go to the root of the other tree."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchResult:
+    """How and where a search ended."""
+
+    status: PlanStatus
+    reason: str = ""
+    """What spent the budget; empty when solved."""
+    nodes: int
+    """In both trees."""
+    edges: int
+    """Tried."""
+    path: list[Array] = field(default_factory=list)
+    """From start to goal, both included; empty unless solved."""
+
+
+def search(
+    problem: Problem,
+    start: Array,
+    goal: Array,
+    rng: np.random.Generator,
+    options: SearchOptions | None = None,
+) -> SearchResult:
+    """Find a path, BUILD_RRT_BLOSSOM of [Lin12], figure 2.
+
+    Three things are settled beyond the figure. The first sample is the goal, so an open
+    way is taken straight. The second tree repeats its EXTEND as long as it comes closer
+    to the first tree's new node (CONNECT, section 3.1). Every node added is tested against the
+    whole other tree: with blossoms, the one nearest to the sample need not be the one that meets.
+    """
+    return _Search(problem, start, goal, rng, options or SearchOptions()).run()
+
+
+def regresses(problem: Problem, tree: Tree, parent: int, leaf: Array) -> bool:
+    """Tell whether a leaf is closer to another node than to its parent, REGRESSION."""
+    distance = problem.distance(tree.nodes, leaf)  # (N,)
+    return bool(distance.min() < distance[parent])
+
+
+class _Search:
+    def __init__(
+        self,
+        problem: Problem,
+        start: Array,
+        goal: Array,
+        rng: np.random.Generator,
+        options: SearchOptions,
+    ) -> None:
+        self.problem, self.rng, self.options = problem, rng, options
+        self.trees = (Tree(start, options.edges_per_node), Tree(goal, options.edges_per_node))
+        self.edges = 0
+        self.deadline = time.perf_counter() + options.max_time
+        self.meeting: tuple[int, int] | None = None
+
+    def run(self) -> SearchResult:
+        a, b = 0, 1
+        sample = self.trees[b].nodes[ROOT]
+        self._meet(a, ROOT)
+        while self.meeting is None and not self._spent():
+            new = self._extend(a, sample)
+            if new is not None and self.meeting is None:
+                self._connect(b, self.trees[a].nodes[new])
+            a, b = b, a
+            sample = self._draw(b)
+        return self._result()
+
+    def _draw(self, other: int) -> Array:
+        if self.rng.random() < self.options.goal_bias:
+            return self.trees[other].nodes[ROOT]
+        return self.problem.sample(self.rng)
+
+    def _connect(self, t: int, target: Array) -> None:
+        """Repeat EXTEND towards a target while it comes closer."""
+        tree, closest = self.trees[t], np.inf
+        while self.meeting is None and not self._spent():
+            new = self._extend(t, target, straight=True)
+            if new is None:
+                return
+            distance = float(self.problem.distance(tree.nodes[new : new + 1], target)[0])
+            if distance >= closest:
+                return
+            closest = distance
+
+    def _extend(self, t: int, x: Array, straight: bool = False) -> int | None:
+        """Grow a tree towards a point, EXTEND_BLOSSOM; return its new node closest to it.
+
+        Args:
+            t: Which tree.
+            x: The point.
+            straight: Whether to blossom only when the way straight ahead is barred.
+        """
+        tree = self.trees[t]
+        near = self._nearest(t, x)
+        if near is None or self.meeting is not None:
+            return near
+        origin = tree.nodes[near].copy()
+        goal = self.trees[1 - t].nodes[ROOT]
+        count = min(self.options.controls, tree.count(near, Viability.UNTRIED))
+        added: list[int] = []
+        for leaf in self.problem.steer(origin, x, goal, count, self.rng):
+            self.edges += 1
+            if self.problem.fails(origin, leaf):
+                tree.kill(near)
+            elif regresses(self.problem, tree, near, leaf):
+                tree.put_to_sleep(near, leaf)
+            else:
+                added.append(tree.grow(near, leaf))
+                self._meet(t, added[-1])
+                if straight or self.meeting is not None:
+                    break
+        if not added:
+            return None
+        return added[int(np.argmin(self.problem.distance(tree.nodes[added], x)))]
+
+    def _nearest(self, t: int, x: Array) -> int | None:
+        """Find the nearest node worth growing from; if none is left, revive a dormant edge."""
+        tree = self.trees[t]
+        candidates = tree.candidates
+        if np.any(candidates):
+            distance = self.problem.distance(tree.nodes, x)
+            return int(np.argmin(np.where(candidates, distance, np.inf)))
+        leaves = tree.dormant_leaves
+        if len(leaves) == 0:
+            return None
+        node = tree.revive(int(np.argmin(self.problem.distance(leaves, x))))
+        self._meet(t, node)
+        return node
+
+    def _meet(self, t: int, node: int) -> None:
+        """Look for the other tree within one free step of a node."""
+        x, other = self.trees[t].nodes[node], self.trees[1 - t]
+        nearest = int(np.argmin(self.problem.distance(other.nodes, x)))
+        y = other.nodes[nearest]
+        if self.problem.is_within_step(x, y) and not self.problem.fails(x, y):
+            self.meeting = (node, nearest) if t == 0 else (nearest, node)
+
+    def _spent(self) -> str:
+        """Tell what ends the search without a path, in words; empty while it may go on."""
+        if self.edges >= self.options.max_edges:
+            return f"{self.edges} edges tried, allowed {self.options.max_edges}"
+        if time.perf_counter() > self.deadline:
+            return f"{self.options.max_time:.3f} s are over"
+        for tree, name in zip(self.trees, ("start", "goal"), strict=True):
+            if not tree.is_viable:
+                return f"every edge around the {name} is dead"
+        return ""
+
+    def _result(self) -> SearchResult:
+        nodes = sum(len(tree) for tree in self.trees)
+        if self.meeting is None:
+            status, reason, path = PlanStatus.BUDGET_SPENT, self._spent(), []
+        else:
+            status, reason = PlanStatus.SOLVED, ""
+            there, back = (
+                tree.path(node) for tree, node in zip(self.trees, self.meeting, strict=True)
+            )
+            path = there + back[::-1]
+        return SearchResult(status=status, reason=reason, nodes=nodes, edges=self.edges, path=path)

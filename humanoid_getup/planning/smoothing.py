@@ -1,0 +1,200 @@
+"""From a path of postures to a smooth trajectory: cubic Bezier curves and their timing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import quaternion
+from robots.quaternion import Array
+
+SAMPLES = 24  # of each piece of the curve
+SHARPEST = 0.05  # below this share of its corner a curve gives way to the corner itself
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How fast a path is followed."""
+
+    joint_speed: Array
+    """Most that each joint may turn [rad/s], shape (n,)."""
+    turn_rate: float = 4.0
+    """Most that the root may turn [rad/s]."""
+    ease: float = 0.15
+    """Time in which speed is gathered at the start and given up at the end [s]."""
+    period: float
+    """Between samples [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """Postures over time, at rest at both ends."""
+
+    time: Array
+    """[s], shape (T,), from 0, evenly spaced by the control period."""
+    position: Array
+    """Root position in the world [m], shape (T, 3)."""
+    orientation: Array
+    """Root orientation in the world, unit quaternions w x y z, shape (T, 4)."""
+    joint_pos: Array
+    """[rad], shape (T, n)."""
+
+    @property
+    def duration(self) -> float:
+        """Return the time from start to end [s]."""
+        return float(self.time[-1])
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A smooth path, finely sampled."""
+
+    nodes: Array
+    """Orientation and joint angles in a row, shape (S, 4 + n)."""
+    corner: NDArray[np.intp]
+    """The node of the path around which each sample was rounded, (S,); 0 on a straight."""
+
+
+def smooth(path: list[Array], roundness: Array) -> Curve:
+    """Round a path of postures by cubic Bezier curves.
+
+    Every inner node of the path draws one cubic piece from the edge before it to the
+    edge after it, with the node as control point of both its tangents (the postures are the
+    control points [Lin12], section 4.3). Pieces begin and end along the edges, so the curve
+    has no kink; it begins and ends exactly in the first and last node. Where pieces
+    do not touch, a straight one joins them.
+
+    Args:
+        path: Orientation and joint angles in a row, K nodes (4 + n,).
+        roundness: Share of its half edges that each node rounds off, shape (K,): at 1 the
+            curve runs from edge middle to edge middle, at 0 through the node itself.
+    """
+    nodes = _turn_to_one_side(np.array(path))
+    first, last = nodes[:1], nodes[-1:]
+    corner, before, after = nodes[1:-1], nodes[:-2], nodes[2:]
+    share = 0.5 * roundness[1:-1, None]
+    leave, enter = _blend(corner, before, share), _blend(corner, after, share)  # (K - 2, d)
+    rounds = [
+        leave,
+        _blend(leave, corner, np.array(2.0 / 3.0)),
+        _blend(enter, corner, np.array(2.0 / 3.0)),
+        enter,
+    ]
+    begin, end = np.concatenate([first, enter]), np.concatenate([leave, last])
+    straights = [_blend(begin, end, np.array(k / 3.0)) for k in range(4)]  # (K - 1, d) each
+    u = np.linspace(0.0, 1.0, SAMPLES + 1)[1:, None, None]
+    samples, owner = [first], [np.zeros(1, dtype=np.intp)]
+    lines, arcs = _bezier(straights, u), _bezier(rounds, u)  # (SAMPLES, pieces, d)
+    for k in range(len(nodes) - 1):
+        samples.append(lines[:, k])
+        owner.append(np.zeros(SAMPLES, dtype=np.intp))
+        if k < len(nodes) - 2:
+            samples.append(arcs[:, k])
+            owner.append(np.full(SAMPLES, k + 1))
+    return Curve(np.concatenate(samples), np.concatenate(owner))
+
+
+def retime(curve: Curve, pace: Pace) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Follow a curve at constant speed: at any time one joint, or the root, is at its limit.
+
+    Departure from [Lin12], section 4.3, whose speed is constant from end to end: a
+    servo cannot jump to a speed, so it is gathered and given up over ``pace.ease``.
+
+    Returns:
+        Times (T,) [s], nodes (T, 4 + n), and for each the sample of the curve it follows, (T,).
+    """
+    a, b = curve.nodes[:-1], curve.nodes[1:]
+    bend = np.max(np.abs(b[:, 4:] - a[:, 4:]) / pace.joint_speed, axis=1)
+    turn = quaternion.angle_between(a[:, :4], b[:, :4]) / pace.turn_rate
+    clock = np.concatenate([[0.0], np.cumsum(np.maximum(bend, turn))])  # s at full speed
+    ease = min(pace.ease, clock[-1])
+    frames = math.ceil((clock[-1] + ease) / pace.period - 1e-9)
+    time = pace.period * np.arange(frames + 1)
+    at = _ease(time * (clock[-1] + ease) / max(time[-1], 1e-12), clock[-1], ease)
+    at = np.clip(at, 0.0, clock[-1])
+    after = np.clip(np.searchsorted(clock, at), 1, len(clock) - 1)
+    leg = np.maximum(clock[after] - clock[after - 1], 1e-12)
+    share = np.clip((at - clock[after - 1]) / leg, 0.0, 1.0)[:, None]
+    nodes = _blend(curve.nodes[after - 1], curve.nodes[after], share)
+    nodes[0], nodes[-1] = curve.nodes[0], curve.nodes[-1]
+    return time, nodes, after
+
+
+def smooth_free(
+    path: list[Array], pace: Pace, is_free: Callable[[Array], bool]
+) -> tuple[Array, Array, int]:
+    """Round and time a path; where rounding cuts a corner into a collision, round it less.
+
+    Args:
+        path: Nodes (4 + n,), free along straight lines between them.
+        pace: How fast to follow it.
+        is_free: Tells whether a node collides with nothing.
+
+    Returns:
+        Times (T,) [s], nodes (T, 4 + n), and how many of them collide all the same.
+    """
+    roundness = np.ones(len(path))
+    while True:
+        curve = smooth(path, roundness)
+        time, nodes, sample = retime(curve, pace)
+        colliding = np.array([not is_free(node) for node in nodes])
+        corners = np.unique(curve.corner[sample[colliding]])
+        corners = corners[(corners > 0) & (roundness[corners] > 0.0)]
+        if len(corners) == 0:
+            return time, nodes, int(colliding.sum())
+        roundness[corners] *= 0.5
+        roundness[roundness < SHARPEST] = 0.0
+
+
+def _bezier(control: list[Array], u: Array) -> Array:
+    """Evaluate cubic pieces by de Casteljau's algorithm, quaternions by slerp.
+
+    Args:
+        control: Four control points of each piece, (pieces, d) each.
+        u: Parameters (S, 1, 1).
+
+    Returns:
+        Points, shape (S, pieces, d).
+    """
+    while len(control) > 1:
+        control = [_blend(a, b, u) for a, b in pairwise(control)]
+    return control[0]
+
+
+def _blend(a: Array, b: Array, share: Array) -> Array:
+    """Go a share of the way between nodes (..., 4 + n): slerp and straight line."""
+    turned = quaternion.slerp(
+        a[..., :4], b[..., :4], np.squeeze(share, -1) if share.ndim else share
+    )
+    bent = a[..., 4:] + share * (b[..., 4:] - a[..., 4:])
+    return np.concatenate([turned, bent], axis=-1)
+
+
+def _turn_to_one_side(nodes: Array) -> Array:
+    """Choose each of ``q`` and ``-q`` so that neighbours are less than half a turn apart."""
+    dot = np.sum(nodes[1:, :4] * nodes[:-1, :4], axis=1)
+    sign = np.cumprod(np.concatenate([[1.0], np.where(dot < 0.0, -1.0, 1.0)]))
+    return np.concatenate([nodes[:, :4] * sign[:, None], nodes[:, 4:]], axis=1)
+
+
+def _ease(time: Array, distance: float, ease: float) -> Array:
+    """Compute the way after a time at unit speed that swells and fades over ``ease``.
+
+    The speed is (1 - cos(pi t / ease)) / 2 at first and the mirror image of it at last,
+    so the whole takes ``distance + ease``.
+    """
+    if ease <= 0.0:
+        return time
+    whole = distance + ease
+    early, late = np.clip(time, 0.0, ease), np.clip(whole - time, 0.0, ease)
+    swell = [0.5 * (t - ease / np.pi * np.sin(np.pi * t / ease)) for t in (early, late)]
+    return np.where(
+        time <= 0.5 * whole,
+        swell[0] + np.maximum(time - ease, 0.0),
+        distance - swell[1] - np.maximum(whole - time - ease, 0.0),
+    )

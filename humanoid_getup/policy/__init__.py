@@ -1,0 +1,1 @@
+"""Learned policies: action and observation space, contract, ONNX runner."""

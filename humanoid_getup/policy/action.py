@@ -1,0 +1,231 @@
+"""What a policy's action means: the one code that turns it into joint targets.
+
+Training and robot call the same functions, on a thousand robots or on one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots import Robot
+from robots.quaternion import Array
+
+CYCLES = 6  # control cycles a policy step: 48 ms, about 20 Hz, at the OP3's 8 ms
+SPEED_SHARE = 0.95  # of the servo's no-load speed, so that whole ticks stay within the guard's
+LEAD = 0.6  # rad; full voltage at the servo's position gain needs 0.22
+EAGERNESS = 2.0  # half an action already asks for all the speed: exploring is bold
+# rad of tilt, and rad of a joint from home, from which on a rate counts in full
+CALM_TILT, CALM_AWAY = 0.5, 0.5
+CALMEST = 0.15  # of a rate, for a robot that stands: enough to balance, too slow to shake
+HOMING_SHARE = 0.4  # of the servo's speed, for joints that come home by themselves
+
+
+class ActionMode(StrEnum):
+    """What an action is added to."""
+
+    ABSOLUTE = "absolute"
+    """The home angle."""
+    OFFSET = "offset"
+    """The measured angle."""
+    RATE = "rate"
+    """The last target."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calm:
+    """How rates slow down as a robot comes to stand.
+
+    A policy that learns by trying rates must fight what it tries, and does so with a gain
+    that shakes a standing robot, whose sensors and servos are late. Fallen it needs full
+    speed; upright, with its joints near home, a small share of it.
+    """
+
+    tilt: float
+    """Of the torso from upright, at and above which rates count in full [rad]."""
+    away: float
+    """Of a joint from home, at and above which its rate counts in full [rad]."""
+    least: float
+    """Share that is always left."""
+
+    def share(self, gravity: Array, offset: Array) -> Array:
+        """Compute the share of its rate that each joint moves at, (..., n).
+
+        Args:
+            gravity: Direction of gravity in the torso, (..., 3).
+            offset: Measured angles from home [rad], (..., n).
+        """
+        tilt = np.arccos(_clip(-gravity[..., 2:], -1.0, 1.0))
+        far = np.maximum(tilt / self.tilt, np.abs(offset) / self.away)
+        return _clip(far, self.least, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ActionSpec:
+    """How numbers from -1 to 1 become joint targets, once a policy step."""
+
+    mode: ActionMode
+    names: tuple[str, ...]
+    """What each number moves."""
+    directions: Array
+    """How each number moves the joints, as a share of ``scale``, shape (k, n)."""
+    scale: Array
+    """What a share of one adds to an angle [rad], shape (n,)."""
+    reach: Array
+    """Furthest that a target moves in a policy step [rad], shape (n,)."""
+    lead: float
+    """Furthest that a target is from the measured angle [rad]; it bounds torque and wind-up."""
+    pwm_limit: float
+    """Largest share of the supply that the motors get: it bounds torque, the more the faster."""
+    home: Array
+    """How the joints stand [rad], shape (n,)."""
+    homing: Array
+    """What a joint comes home by itself in a policy step [rad], shape (n,)."""
+    calm: Calm
+    """How rates slow down as the robot comes to stand; other modes know no such thing."""
+    lower: Array
+    """[rad], shape (n,)"""
+    upper: Array
+    """[rad], shape (n,)"""
+    cycles: int = CYCLES
+    """Control cycles a policy step."""
+
+    @property
+    def size(self) -> int:
+        """Return how many numbers an action has."""
+        return len(self.directions)
+
+    @cached_property
+    def moved(self) -> NDArray[np.bool_]:
+        """Tell which joints actions move, shape (n,)."""
+        return np.any(self.directions != 0.0, axis=0)
+
+    def mirror_sign(self, robot: Robot) -> Array:
+        """Return each number's sign when left and right are exchanged, shape (k,).
+
+        Raises:
+            ValueError: if a direction is neither symmetric nor antisymmetric.
+        """
+        mirrored = robot.mirror_joints(self.directions)
+        even = np.isclose(mirrored, self.directions).all(axis=1)
+        odd = np.isclose(mirrored, -self.directions).all(axis=1)
+        crooked = [self.names[row] for row in np.flatnonzero(~(even | odd))]
+        if crooked:
+            raise ValueError(f"actions without a mirror image: {', '.join(crooked)}")
+        return np.where(even, 1.0, -1.0)
+
+
+def build_action_spec(
+    robot: Robot,
+    together: tuple[str, ...],
+    apart: tuple[str, ...] = (),
+    homing: tuple[str, ...] = (),
+    apart_share: float = 0.5,
+    pwm_limit: float = 1.0,
+) -> ActionSpec:
+    """Build rate actions in which mirrored joints move together, and apart.
+
+    A 20 Hz rate is integrated into real motion where noise on targets would be averaged
+    away by a slow servo, and moving both sides alike halves the search. Joints that no
+    number moves come home by themselves.
+
+    Args:
+        robot: Robot whose joints move.
+        together: One joint of each mirrored pair that has a number for both sides alike.
+        apart: One joint of each pair that has a number for both sides contrary.
+        homing: One joint of each pair that comes home by itself though a number moves it.
+        apart_share: Share of the scale that a contrary number moves.
+        pwm_limit: Largest share of the supply that the motors get.
+    """
+    names = [f"{name} together" for name in together] + [f"{name} apart" for name in apart]
+    signs = [1.0] * len(together) + [-1.0] * len(apart)
+    shares = [1.0] * len(together) + [apart_share] * len(apart)
+    directions = np.zeros((len(names), robot.n))
+    for row, name, sign, share in zip(directions, (*together, *apart), signs, shares, strict=True):
+        joint = robot.joint_names.index(name)
+        # Entry j of a mirrored vector is the sign of j times the entry of its mirror joint.
+        other = int(robot.mirror_index[joint])
+        row[joint] = share
+        row[other] = share * sign * robot.mirror_sign[other]
+    reach = robot.max_velocity * robot.control_period * CYCLES * SPEED_SHARE
+    held = np.any(directions != 0.0, axis=0)
+    for name in homing:
+        joint = robot.joint_names.index(name)
+        held[[joint, robot.mirror_index[joint]]] = False
+    return ActionSpec(
+        mode=ActionMode.RATE,
+        names=tuple(names),
+        directions=directions,
+        scale=EAGERNESS * reach,
+        reach=reach,
+        lead=LEAD,
+        pwm_limit=pwm_limit,
+        home=robot.standing.joint_pos,
+        homing=np.where(held, 0.0, HOMING_SHARE * reach),
+        calm=Calm(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
+        lower=robot.lower,
+        upper=robot.upper,
+    )
+
+
+def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSpec:
+    """Choose what a policy that gets this robot up moves.
+
+    Args:
+        robot: Robot.
+        wide: Whether mirrored joints may also move contrary to each other, and limbs spread.
+        pwm_limit: Largest share of the supply that the motors get.
+    """
+    rising, spreading = robot.rising_joints, robot.spreading_joints
+    if not wide:
+        return build_action_spec(robot, rising, pwm_limit=pwm_limit)
+    both = (*rising, *spreading)
+    return build_action_spec(robot, both, both, homing=spreading, pwm_limit=pwm_limit)
+
+
+def next_target(
+    spec: ActionSpec, target: Array, measured: Array, gravity: Array, action: Array
+) -> Array:
+    """Compute where the joints shall be at the end of a policy step [rad], (..., n).
+
+    Args:
+        spec: What the numbers mean.
+        target: Last targets [rad], (..., n).
+        measured: Measured angles [rad], (..., n).
+        gravity: Direction of gravity in the torso, (..., 3).
+        action: Numbers from -1 to 1; beyond, they are cut. (..., k)
+    """
+    share = _clip(_clip(action, -1.0, 1.0) @ spec.directions, -1.0, 1.0)
+    if spec.mode is ActionMode.RATE:
+        share = share * spec.calm.share(gravity, measured - spec.home)
+    towards_home = target + _clip(spec.home - target, -spec.homing, spec.homing)
+    origin = {
+        ActionMode.ABSOLUTE: spec.home,
+        ActionMode.OFFSET: measured,
+        ActionMode.RATE: towards_home,
+    }[spec.mode]
+    wanted = np.where(spec.moved, origin + share * spec.scale, towards_home)
+    wanted = _clip(wanted, measured - spec.lead, measured + spec.lead)
+    wanted = _clip(wanted, spec.lower, spec.upper)
+    return target + _clip(wanted - target, -spec.reach, spec.reach)
+
+
+def _clip(values: Array, lower: Array | float, upper: Array | float) -> Array:
+    """Cut values to a range: np.clip, in half its time where a robot has twenty joints."""
+    return np.minimum(np.maximum(values, lower), upper)
+
+
+def between(target: Array, following: Array, cycle: int | NDArray[np.int_], cycles: int) -> Array:
+    """Compute the targets of a control cycle of a policy step, or of several [rad].
+
+    Args:
+        target: Targets at the begin of the policy step [rad].
+        following: Targets at its end [rad].
+        cycle: Which control cycle, counted from 0; an array of them is broadcast.
+        cycles: How many a policy step has.
+    """
+    return target + (cycle + 1) / cycles * (following - target)

@@ -1,0 +1,133 @@
+"""What a policy sees: the one code that turns sensors into its input.
+
+Training and robot call the same functions, on a thousand robots or on one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.policy.action import ActionSpec
+from robots import Robot
+from robots.quaternion import Array
+
+Floats = NDArray[np.float32]
+"""What networks are fed with."""
+
+MirrorPart = tuple[NDArray[np.int_], Array]
+"""How left and right are exchanged in a part of a vector: index and sign, as in `Mirror`."""
+VECTOR: MirrorPart = (np.arange(3), np.array([1.0, -1.0, 1.0]))
+"""Of a direction or a velocity: y changes."""
+ROTATION: MirrorPart = (np.arange(3), np.array([-1.0, 1.0, -1.0]))
+"""Of a rotation or an angular velocity: all but y change."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sensed:
+    """What the sensors of one robot, or of many, tell: first axes (...)."""
+
+    gravity: Array
+    """Direction of gravity in the torso, (..., 3)."""
+    gyro: Array
+    """Angular velocity in the torso's frame [rad/s], (..., 3)."""
+    joint_pos: Array
+    """[rad], (..., n)"""
+    joint_vel: Array
+    """[rad/s], (..., n)"""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A named part of the observation."""
+
+    name: str
+    size: int
+
+
+def list_terms(robot: Robot, action: ActionSpec) -> tuple[Term, ...]:
+    """List the parts of the observation, in their order."""
+    return (
+        Term("gravity", 3),
+        Term("gyro", 3),
+        Term("joint_pos", robot.n),
+        Term("joint_vel", robot.n),
+        Term("target_error", robot.n),
+        Term("last_action", action.size),
+        Term("torque_share", 1),
+    )
+
+
+def compute_torque_share(robot: Robot, action: ActionSpec, torque_limit: Array | float) -> Array:
+    """Compute what a policy is told of a cap on every servo [N·m], (...) to (..., 1).
+
+    Above what the strongest servo has, or the policy itself asks for, a cap is none.
+    """
+    return np.minimum(torque_limit / robot.max_torque.max(), action.pwm_limit)[..., None]
+
+
+def observe(
+    robot: Robot, sensed: Sensed, target: Array, last_action: Array, torque_share: Array
+) -> Floats:
+    """Put an observation together, (..., size).
+
+    Args:
+        robot: Gives the standing angles, from which joint angles are counted.
+        sensed: What the sensors tell.
+        target: Where the joints shall be by now [rad], (..., n).
+        last_action: Numbers of the last policy step, (..., k).
+        torque_share: Torque limit as a share of the servos' own, (..., 1).
+    """
+    return np.concatenate(
+        (
+            sensed.gravity,
+            sensed.gyro,
+            sensed.joint_pos - robot.standing.joint_pos,
+            sensed.joint_vel,
+            target - sensed.joint_pos,
+            last_action,
+            torque_share,
+        ),
+        axis=-1,
+        dtype=np.float32,
+        casting="same_kind",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """How left and right are exchanged in a vector: ``vector[..., index] * sign``."""
+
+    index: NDArray[np.int_]
+    sign: Array
+
+    @staticmethod
+    def of_parts(parts: Sequence[MirrorPart]) -> Mirror:
+        """Join the mirrors (index, sign) of a vector's parts."""
+        starts = np.cumsum([0, *(len(index) for index, _ in parts)])
+        return Mirror(
+            index=np.concatenate([i + s for (i, _), s in zip(parts, starts, strict=False)]),
+            sign=np.concatenate([sign for _, sign in parts]),
+        )
+
+    def __call__(self, vector: Array) -> Array:
+        """Exchange left and right, (..., size)."""
+        return vector[..., self.index] * self.sign
+
+
+def mirror_of_observation(robot: Robot, action: ActionSpec) -> Mirror:
+    """Build the exchange of left and right in observations."""
+    joints = (robot.mirror_index, robot.mirror_sign)
+    parts = (
+        VECTOR,
+        ROTATION,
+        joints,
+        joints,
+        joints,
+        (np.arange(action.size), action.mirror_sign(robot)),
+        (np.arange(1), np.ones(1)),
+    )
+    return Mirror.of_parts(parts)

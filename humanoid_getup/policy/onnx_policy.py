@@ -1,0 +1,240 @@
+"""A network in an ONNX file, run by one thread."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from drivers.state import Command, State
+from humanoid_getup.evaluation.standing import HOLD, MAX_TILT
+from humanoid_getup.policy.action import between, next_target
+from humanoid_getup.policy.contract import METADATA_KEY, ContractError, PolicyContract
+from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
+from robots import Robot
+from robots.kinematics import GravitySense
+from robots.quaternion import Array
+
+QUIET = 4  # onnxruntime's log level: only what ends it
+
+
+class NetworkError(ValueError):
+    """A file holds no network that can be run; the message is one line."""
+
+
+class OnnxNetwork:
+    """Maps observations to actions as the graph of an ONNX file does."""
+
+    def __init__(self, file: Path) -> None:
+        """Load a file.
+
+        Raises:
+            OSError: if it cannot be read.
+            NetworkError: if it is not ONNX, or not one vector in, one vector out.
+        """
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = QUIET
+        content = file.read_bytes()
+        try:
+            self._session = onnxruntime.InferenceSession(
+                content, options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # onnxruntime's errors have no base of their own
+            told = " ".join(str(error).split())
+            raise NetworkError(f"it is no whole ONNX file: {told}") from error
+        faults = [
+            f"{len(values)} {name}, allowed 1"
+            for name, values in (
+                ("inputs", self._session.get_inputs()),
+                ("outputs", self._session.get_outputs()),
+            )
+            if len(values) != 1
+        ]
+        if faults:
+            raise NetworkError(f"the network has {' and '.join(faults)}")
+        self._input, self._output = self._session.get_inputs()[0], self._session.get_outputs()[0]
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Return the texts that the file carries, by key."""
+        return dict(self._session.get_modelmeta().custom_metadata_map)
+
+    def find_faults(self, observation_size: int, action_size: int) -> list[str]:
+        """Tell what keeps the network from mapping (N, observation) to (N, action)."""
+        faults = []
+        for name, value, size in (
+            ("input", self._input, observation_size),
+            ("output", self._output, action_size),
+        ):
+            if value.type != "tensor(float)":
+                faults.append(f"network {name}: {value.type}, allowed tensor(float)")
+            shape = value.shape
+            if len(shape) != 2 or (isinstance(shape[0], int) and shape[0] != 1) or shape[1] != size:
+                faults.append(f"network {name}: shape {shape}, allowed (N, {size})")
+        return faults
+
+    def __call__(self, observations: NDArray[np.float32]) -> Array:
+        """Map observations, (N, size), to actions, (N, k)."""
+        (actions,) = self._session.run(None, {self._input.name: observations})
+        return np.asarray(actions, dtype=float)
+
+
+LONGEST = 12.0  # s; a policy that tries again by itself needs time for it
+STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
+
+
+class PolicyError(ValueError):
+    """A file is no policy for this robot; the message tells all that is wrong at once."""
+
+    def __init__(self, file: Path, faults: list[str]) -> None:
+        super().__init__(f"policy file {file}: {'; '.join(faults)}")
+        self.file, self.faults = file, tuple(faults)
+
+
+class OnnxPolicy:
+    """Runs a trained policy, as it was trained: sensed, decided and interpolated by one code.
+
+    Every ``cycles`` control cycles it observes and decides where the targets go; in between
+    they move there evenly. A network that answers with what is no number makes the robot
+    limp for good: ``fault`` tells so. It is done when the robot has stood, by gravity and
+    by targets that hardly move, as long as a held stand takes and the sway before it, or
+    when its time is up.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        contract: PolicyContract,
+        network: OnnxNetwork,
+        *,
+        torque_limit: float | None = None,
+        longest: float = LONGEST,
+    ) -> None:
+        """Prepare to run a policy that fits; :meth:`load` looks whether it does."""
+        self.robot, self.contract, self.longest = robot, contract, longest
+        self.action = contract.action_spec(robot)
+        self.fault: str | None = None
+        """Why it gave up."""
+        self._network, self._torque_limit = network, torque_limit
+        limit = np.inf if torque_limit is None else torque_limit
+        self._torque_share = compute_torque_share(robot, self.action, limit)
+        self._sense_gravity = GravitySense(
+            robot.spec().compile().site(robot.imu_site).quat  # how the IMU sits in the torso
+        )
+        self._step_time = contract.control_period * contract.cycles
+        self._begin = self._clock = 0.0
+        self._start_at(robot.standing.joint_pos)
+
+    @staticmethod
+    def load(
+        file: Path,
+        robot: Robot,
+        period: float,
+        torque_limit: float | None = None,
+        *,
+        longest: float = LONGEST,
+    ) -> OnnxPolicy:
+        """Load a policy for a robot.
+
+        Args:
+            file: ONNX file with a `PolicyContract` in its metadata.
+            robot: Robot that it shall move.
+            period: Its control period [s].
+            torque_limit: Cap on every servo [N·m]; ``None`` for all that they have.
+            longest: Time after which it is done, standing or not [s].
+
+        Raises:
+            OSError: if the file cannot be read.
+            PolicyError: telling all that does not fit.
+        """
+        try:
+            network = OnnxNetwork(file)
+            contract = _read_contract(network)
+        except (NetworkError, ContractError) as error:
+            raise PolicyError(file, [str(error)]) from error
+        faults = contract.find_mismatches(robot, period)
+        faults += network.find_faults(contract.observation_size, len(contract.names))
+        if faults:
+            raise PolicyError(file, faults)
+        # A weight that is no number spoils the answer to any question.
+        blank = np.zeros((1, contract.observation_size), dtype=np.float32)
+        if not np.isfinite(network(blank)).all():
+            raise PolicyError(file, ["the network answers with what is no number"])
+        return OnnxPolicy(robot, contract, network, torque_limit=torque_limit, longest=longest)
+
+    @property
+    def done(self) -> bool:
+        """Tell whether the robot has stood long enough, the time is up, or it gave up."""
+        stood = self._steady * self._step_time >= HOLD
+        timed_out = self._clock - self._begin >= self.longest - 1e-9
+        return self.fault is not None or stood or timed_out
+
+    def reset(self, state: State) -> None:
+        """Begin at the measured joint angles."""
+        self._begin = self._clock = state.time
+        self.fault = None
+        self._start_at(state.joint_pos)
+
+    def step(self, state: State) -> Command:
+        """Decide if it is time to, and send the targets that are due."""
+        self._clock = state.time
+        if self.fault is None and self._cycle == 0:
+            self._decide(state)
+        if self.fault is not None:
+            return Command.limp(self.robot.n)
+        cycles = self.action.cycles
+        target = between(self._target, self._following, self._cycle, cycles)
+        self._cycle = (self._cycle + 1) % cycles
+        return Command.position(self.robot, target, self._torque_limit, self.action.pwm_limit)
+
+    def sense(self, state: State) -> Sensed:
+        """Turn a measurement into what a policy is told of it."""
+        return Sensed(
+            gravity=self._sense_gravity(state.orientation),
+            gyro=self._sense_gravity.torso_from_imu @ state.gyro,
+            joint_pos=state.joint_pos,
+            joint_vel=state.joint_vel,
+        )
+
+    def observe(self, sensed: Sensed) -> NDArray[np.float32]:
+        """Put together what the network sees at the begin of a policy step, (size,)."""
+        return observe(self.robot, sensed, self._following, self._last_action, self._torque_share)
+
+    def act(self, observations: NDArray[np.float32]) -> Array:
+        """Ask the network what to do, (N, size) to (N, k), as it answers: nothing is cut."""
+        return self._network(observations)
+
+    def _start_at(self, joint_pos: Array) -> None:
+        self._target = self._following = joint_pos
+        self._last_action = np.zeros(self.action.size)
+        self._cycle = 0
+        self._steady = 0  # policy steps in a row that it stands
+
+    def _decide(self, state: State) -> None:
+        sensed = self.sense(state)
+        action = self.act(self.observe(sensed)[None])[0]
+        self._target = self._following
+        if not np.isfinite(action).all():
+            names = self.contract.names
+            bad = ", ".join(names[i] for i in np.flatnonzero(~np.isfinite(action)))
+            self.fault = f"the network answers with what is no number: {bad}"
+            return
+        self._last_action = np.clip(action, -1.0, 1.0)
+        self._following = next_target(
+            self.action, self._target, sensed.joint_pos, sensed.gravity, self._last_action
+        )
+        moved = float(np.abs(self._following - self._target).max())
+        upright = -sensed.gravity[2] >= math.cos(MAX_TILT)
+        steady = upright and moved <= STILL_TARGET * self._step_time
+        self._steady = self._steady + 1 if steady else 0
+
+
+def _read_contract(network: OnnxNetwork) -> PolicyContract:
+    text = network.metadata.get(METADATA_KEY)
+    if text is None:
+        raise ContractError("it has no policy contract: export it with `getup export`")
+    return PolicyContract.from_json(text)

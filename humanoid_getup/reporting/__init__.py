@@ -1,0 +1,1 @@
+"""What a person looks at afterwards: reports, film strips, plots, replays."""

@@ -1,0 +1,156 @@
+"""Film strips: a motion as a few pictures, in the order of time."""
+
+from __future__ import annotations
+
+import copy
+import os
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from robots import Robot, quaternion
+from robots.quaternion import Array
+
+FRAMES = 12
+COLUMNS = 6
+FRAME_SIZE = (400, 400)  # pixels, width and height of one picture
+INCH, GAP = 1.5, 0.02  # width of one picture in the strip, and of the line between two
+FIELD_OF_VIEW = 26.0  # deg, vertical; a narrow one keeps the proportions
+VIEW_HEIGHT = 1.75  # height of the picture over the robot's standing neck height
+VIEW_FROM = 125.0  # deg to the left of the final heading, where the camera looks to
+AFTERMATH = 0.3  # s after the stand begins that are worth a picture
+
+TRUNK, LEFT, RIGHT = (0.93, 0.92, 0.90), (0.95, 0.61, 0.25), (0.25, 0.48, 0.70)
+SHADOW_REACH = 5.0  # m; where the shadow map ends, the ground is speckled
+SOLE_SHADE = 0.72  # soles are darker than their limbs
+
+
+class NoRendererError(RuntimeError):
+    """No GL is there to render with."""
+
+
+def pick_frames(count: int, frames: int = FRAMES) -> NDArray[np.intp]:
+    """Pick rows spread evenly over ``count`` samples, from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(np.intp))
+
+
+def render_frames(
+    robot: Robot, model: mujoco.MjModel, qpos: Array, *, azimuth: float | None = None
+) -> np.ndarray:
+    """Render states (K, nq) with a camera that follows the robot, (K, height, width, 3).
+
+    Args:
+        robot: Robot to look at.
+        model: Scene with the robot.
+        qpos: MuJoCo positions, (K, nq).
+        azimuth: Where the camera looks to [deg]; ``None`` for obliquely from the front of
+            where the robot faces in the end.
+
+    Raises:
+        NoRendererError: if no GL can be opened.
+    """
+    width, height = FRAME_SIZE
+    model = _paint(robot, model)
+    data, layout = mujoco.MjData(model), robot.layout(model)
+    seen = np.flatnonzero(_is_robots(robot, model))
+    camera = _Camera(robot, azimuth)
+    camera.face(qpos[-1, layout.root_qpos + 3 : layout.root_qpos + 7])
+    with _open(model, height, width) as renderer:
+        pictures = []
+        for state in qpos:
+            data.qpos[:] = state
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_camlight(model, data)
+            renderer.update_scene(data, camera.at(data.geom_xpos[seen]))
+            pictures.append(renderer.render().copy())
+    return np.array(pictures)
+
+
+def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str = "") -> None:
+    """Save pictures (K, height, width, 3) taken at ``times`` [s] as PNG, row by row."""
+    columns = min(COLUMNS, len(pictures))
+    rows = -(-len(pictures) // columns)
+    head = 0.34 if title else 0.0
+    size = (columns * INCH, rows * INCH + head)
+    figure = Figure(figsize=size, facecolor="white")
+    if title:
+        figure.text(0.5, 1.0 - 0.5 * head / size[1], title, ha="center", va="center", fontsize=10)
+    for k, (picture, time) in enumerate(zip(pictures, np.asarray(times), strict=True)):
+        row, column = divmod(k, columns)
+        corner = (column * INCH / size[0], (rows - 1 - row) * INCH / size[1])
+        extent = ((INCH - GAP) / size[0], (INCH - GAP) / size[1])
+        axis = figure.add_axes((*corner, *extent))
+        axis.imshow(picture, interpolation="lanczos", aspect="auto")
+        axis.set_axis_off()
+        axis.text(0.05, 0.94, f"{time:.1f} s", transform=axis.transAxes, va="top", fontsize=8)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        figure.savefig(partial, dpi=200, format="png")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+class _Camera:
+    """Looks at a robot so that it fills the picture, lying or standing."""
+
+    def __init__(self, robot: Robot, azimuth: float | None) -> None:
+        self._camera = mujoco.MjvCamera()
+        self._azimuth = azimuth
+        seen = VIEW_HEIGHT * robot.standing_neck_height
+        self._camera.distance = 0.5 * seen / np.tan(np.radians(0.5 * FIELD_OF_VIEW))
+        self._camera.elevation = -24.0
+
+    def face(self, orientation: Array) -> None:
+        """Look at a robot from its front left, unless told an azimuth."""
+        ahead = quaternion.rotate(orientation, np.array([1.0, 0.0, 0.0]))
+        heading = float(np.degrees(np.arctan2(ahead[1], ahead[0])))
+        self._camera.azimuth = heading - VIEW_FROM if self._azimuth is None else self._azimuth
+
+    def at(self, points: Array) -> mujoco.MjvCamera:
+        """Look at the middle of what points (N, 3) span."""
+        self._camera.lookat[:] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        return self._camera
+
+
+def _open(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
+    try:
+        return mujoco.Renderer(model, height=height, width=width)
+    except Exception as error:  # GL back ends raise whatever they like
+        told = " ".join(str(error).split())
+        wish = os.environ.get("MUJOCO_GL", "")
+        if isinstance(error, AttributeError):  # MuJoCo was told to do without
+            told = "it is switched off"
+        raise NoRendererError(f"no GL to render with (MUJOCO_GL={wish}): {told}") from error
+
+
+def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
+    """Tell trunk, left and right limbs apart by colour, in a copy of the model."""
+    model = copy.copy(model)
+    model.vis.global_.fovy = FIELD_OF_VIEW
+    model.vis.map.shadowclip = SHADOW_REACH / model.stat.extent
+    colour = np.tile(TRUNK, (model.nbody, 1))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    torso = robot.layout(model).torso
+    for name, mirror in zip(robot.joint_names, robot.mirror_index, strict=True):
+        body = int(model.joint(name).bodyid[0])
+        if robot.joint_names[mirror] != name:
+            is_left = data.xpos[body, 1] > data.xpos[torso, 1]
+            colour[body] = LEFT if is_left else RIGHT
+    soles = {int(model.site(site).bodyid[0]) for site in robot.sole_sites}
+    for geom in np.flatnonzero(_is_robots(robot, model) & (model.geom_matid < 0)):
+        body = int(model.geom_bodyid[geom])
+        shade = SOLE_SHADE if body in soles else 1.0
+        model.geom_rgba[geom, :3] = shade * colour[body]
+    return model
+
+
+def _is_robots(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Tell which geoms are the robot's, (ngeom,)."""
+    root = model.body_rootid[robot.layout(model).torso]
+    return np.asarray(model.body_rootid[model.geom_bodyid] == root)

@@ -1,0 +1,201 @@
+"""Plots: what a rise asked of the servos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from drivers.flight_log.reader import FlightRecord
+from drivers.state import Integers
+from humanoid_getup.evaluation.judge import Watched
+from humanoid_getup.reporting.replay import ReplayReport
+from robots import Robot
+from robots.quaternion import Array
+
+NAMED = 6  # joints that get a colour and a name
+STANDING_SHOWN = 1.5  # s of the stand that are drawn
+
+
+def save_torque(
+    robot: Robot, watched: Watched, torque_limit: float | None, path: Path, *, title: str = ""
+) -> None:
+    """Plot the size of every servo's torque against its limit over time, as PNG.
+
+    The joints that came nearest to their limits are named, the others grey.
+
+    Args:
+        robot: Robot that was watched.
+        watched: What happened.
+        torque_limit: Cap on every servo [N·m].
+        path: File to write.
+        title: Of the plot.
+    """
+    torque = np.abs(watched.torque)  # (T, n)
+    limit = robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
+    time = np.arange(1, len(torque) + 1) * robot.control_period
+    loaded = np.argsort((torque / limit).max(axis=0))[::-1]
+    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    axis = figure.add_subplot()
+    for joint in loaded[NAMED:]:
+        axis.plot(time, torque[:, joint], color="0.85", linewidth=0.7)
+    for joint in loaded[:NAMED][::-1]:
+        axis.plot(time, torque[:, joint], linewidth=1.1, label=robot.joint_names[joint])
+    end = (
+        min(time[-1], watched.stand.start_time + STANDING_SHOWN)
+        if watched.stand.stood
+        else time[-1]
+    )
+    for value in np.unique(limit):
+        axis.axhline(value, color="black", linestyle="--", linewidth=0.9)
+        label = f"limit {value:.1f} N·m"
+        axis.annotate(label, (0.0, value), (4, 3), textcoords="offset points", fontsize=8)
+    if watched.stand.stood:
+        begin = watched.stand.start_time
+        axis.axvspan(begin, time[-1], color="tab:green", alpha=0.08)
+        axis.text(
+            begin, 0.98, " stands", transform=axis.get_xaxis_transform(), va="top", fontsize=8
+        )
+    axis.set(xlabel="time [s]", ylabel="servo torque [N·m]", xlim=(0.0, end))
+    axis.set_title(title, fontsize=10)
+    axis.set_ylim(0.0, 1.15 * max(limit.max(), torque.max()))
+    axis.spines[["top", "right"]].set_visible(False)
+    handles, labels = axis.get_legend_handles_labels()
+    legend = figure.legend(
+        handles[::-1], labels[::-1], loc="outside right upper", fontsize=8, frameon=False
+    )
+    legend.set_title("most loaded")
+    legend.get_title().set_fontsize(8)
+    figure.savefig(path, dpi=150)
+
+
+PANEL = 2.1  # inches of height
+ALARMING = ("fault", "exception")  # kinds of events
+MANY = 8  # events whose texts are still readable beside each other
+MILLISECONDS = 1e3
+
+
+def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:
+    """Plot a flight over time, as PNG: targets, angles, load, heat, ages and timing.
+
+    Of the joints, those that went furthest from their targets are named.
+
+    Args:
+        record: Flight with at least one cycle.
+        path: File to write.
+        title: Of the plot.
+    """
+    time = record.time - record.time[0]
+    limp = record.sent["torque_limit"] == 0.0
+    error = np.where(limp, np.nan, record.sent["joint_pos"] - record.state["joint_pos"])
+    named = _find_largest(error)
+    figure, axes = _stack_panels(5, title)
+    _plot_tracking(axes[0], record, time, named)
+    _plot_joints(axes[1], time, np.degrees(error), named, record.joint_names)
+    axes[1].set_ylabel("target - angle [°]")
+    current = record.state["joint_current"]
+    _plot_joints(axes[2], time, current, _find_largest(current), record.joint_names)
+    axes[2].set_ylabel("motor current [A]")
+    _plot_heat(axes[3], record, time)
+    _plot_timing(axes[4], record, time)
+    for axis in axes:
+        _mark_events(axis, record, named=axis is axes[0])
+    _finish(figure, axes, time, path)
+
+
+def save_difference(report: ReplayReport, path: Path, *, title: str = "") -> None:
+    """Plot how far a replay went another way, as PNG.
+
+    Args:
+        report: Replay with at least one cycle.
+        path: File to write.
+        title: Of the plot.
+    """
+    figure, axes = _stack_panels(2, title)
+    named = _find_largest(report.difference)
+    _plot_joints(axes[0], report.time, np.degrees(report.difference), named, report.joint_names)
+    threshold = float(np.degrees(report.threshold))
+    for limit in (-threshold, threshold):
+        axes[0].axhline(limit, color="black", linestyle="--", linewidth=0.9)
+    axes[0].set_ylabel("measured - replayed [°]")
+    axes[1].plot(report.time, np.degrees(report.tilt_difference), color="black", linewidth=1.1)
+    axes[1].set_ylabel("tilt difference [°]")
+    if report.divergence:
+        for axis in axes:
+            axis.axvline(report.divergence.time, color="tab:red", linewidth=0.9)
+    _finish(figure, axes, report.time, path)
+
+
+def _stack_panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(8.0, PANEL * count + 0.4), layout="constrained")
+    axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
+    axes[0].set_title(title, fontsize=10)
+    return figure, axes
+
+
+def _find_largest(values: Array) -> Integers:
+    """Return the columns of (T, n) that reach furthest from 0, largest first."""
+    return np.argsort(np.nan_to_num(np.abs(values)).max(axis=0))[::-1][:NAMED]
+
+
+def _plot_joints(
+    axis: Axes, time: Array, values: Array, named: Integers, joint_names: tuple[str, ...]
+) -> None:
+    for joint in set(range(len(joint_names))) - set(named.tolist()):
+        axis.plot(time, values[:, joint], color="0.85", linewidth=0.7)
+    for joint in named:
+        axis.plot(time, values[:, joint], linewidth=1.1, label=joint_names[joint])
+
+
+def _plot_tracking(axis: Axes, record: FlightRecord, time: Array, named: Integers) -> None:
+    angle, target = np.degrees(record.state["joint_pos"]), np.degrees(record.sent["joint_pos"])
+    held = record.sent["torque_limit"] > 0.0
+    for joint in named:
+        (line,) = axis.plot(time, angle[:, joint], linewidth=1.1, label=record.joint_names[joint])
+        shown = np.where(held[:, joint], target[:, joint], np.nan)
+        axis.plot(time, shown, color=line.get_color(), linestyle="--", linewidth=0.9)
+    axis.set_ylabel("angle, target -- [°]")
+
+
+def _plot_heat(axis: Axes, record: FlightRecord, time: Array) -> None:
+    axis.plot(time, record.state["temperature"].max(axis=1), color="tab:red", linewidth=1.1)
+    axis.set_ylabel("hottest servo [°C]", color="tab:red")
+    supply = axis.twinx()
+    supply.plot(time, record.state["voltage"], color="tab:blue", linewidth=1.1)
+    supply.set_ylabel("supply [V]", color="tab:blue")
+    supply.spines[["top"]].set_visible(False)
+
+
+def _plot_timing(axis: Axes, record: FlightRecord, time: Array) -> None:
+    """Plot ages and the loop's times where the log has them, else the jitter of the cycles."""
+    curves: dict[str, Array] = {"jitter": np.diff(time, prepend=-record.period) - record.period}
+    if "joint_age" in record.state:
+        curves["oldest joint"] = record.state["joint_age"].max(axis=1)
+        curves["IMU age"] = record.state["imu_age"]
+    if timing := record.tracks.get("timing"):
+        curves |= {name.removesuffix("_s"): values for name, values in timing.columns.items()}
+    for name, values in curves.items():
+        axis.plot(time[-len(values) :], MILLISECONDS * values, linewidth=0.9, label=name)
+    axis.set_ylabel("age, time [ms]")
+
+
+def _mark_events(axis: Axes, record: FlightRecord, *, named: bool) -> None:
+    told = axis.get_xaxis_transform()
+    for event in record.events:
+        color = "tab:red" if event.kind in ALARMING else "tab:purple"
+        time = event.time - record.time[0]
+        axis.axvline(time, color=color, linestyle=":", linewidth=0.9)
+        if named and len(record.events) <= MANY:
+            text = axis.text(time, 0.98, f" {event.kind}", transform=told, va="top", clip_on=True)
+            text.set(color=color, fontsize=7)
+
+
+def _finish(figure: Figure, axes: list[Axes], time: Array, path: Path) -> None:
+    for axis in axes:
+        axis.spines[["top", "right"]].set_visible(False)
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend(loc="upper left", bbox_to_anchor=(1.07, 1.0), fontsize=8, frameon=False)
+    axes[-1].set(xlabel="time [s]", xlim=(0.0, max(float(time[-1]), 1e-3)))
+    figure.savefig(path, dpi=150)

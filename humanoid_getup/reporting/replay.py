@@ -1,0 +1,192 @@
+"""The replay: what a flight log sent, sent to a twin, and how far the twin goes another way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drivers import State, Twin
+from drivers.flight_log.reader import FlightRecord
+from drivers.twin.servo_model import VOLTAGE_STEP
+from robots import Posture, Robot, quaternion
+from robots.quaternion import Array
+
+THRESHOLD = 0.05  # rad, 3 degrees: more than encoders, gear play and one late cycle make
+LONGEST_GAP = 5.0  # s without a cycle that the twin can bridge; nobody knows what was sent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Divergence:
+    """Where a replay left its log."""
+
+    time: float
+    """Since the first cycle [s]."""
+    joint: str | None
+    """None where the torso leant another way."""
+    difference: float
+    """Measured minus replayed angle, or angle between the verticals [rad]."""
+
+    @property
+    def part(self) -> str:
+        """Return what differed."""
+        return f"joint '{self.joint}'" if self.joint else "torso's tilt"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReplayReport:
+    """How a flight and its replay differ; what was not measured does not count."""
+
+    robot: str
+    joint_names: tuple[str, ...]
+    time: Array
+    """Times since the first cycle [s], shape (T,)."""
+    difference: Array
+    """Measured minus replayed joint angles [rad], NaN where none was measured, (T, n)."""
+    tilt_difference: Array
+    """Angles between the measured and the replayed vertical in the torso [rad], (T,)."""
+    threshold: float
+    """Difference of a joint or of the tilt from which it counts as divergence [rad]."""
+
+    @property
+    def rms(self) -> Array:
+        """Return each joint's root of the mean squared difference [rad], shape (n,)."""
+        return _rms(self.difference)
+
+    @property
+    def maximum(self) -> Array:
+        """Return each joint's largest difference [rad], shape (n,)."""
+        return np.nan_to_num(np.abs(self.difference)).max(axis=0)
+
+    @property
+    def worst(self) -> str:
+        """Return the joint of the largest difference."""
+        return self.joint_names[int(self.maximum.argmax())]
+
+    @property
+    def is_exact(self) -> bool:
+        """Tell whether the replay reproduced every angle and the tilt to the last bit."""
+        return not np.any(self.difference) and not np.any(self.tilt_difference)
+
+    @property
+    def divergence(self) -> Divergence | None:
+        """Return where a joint or the tilt first differed by more than the threshold."""
+        values = np.column_stack([self.difference, self.tilt_difference])  # (T, n + 1)
+        size = np.nan_to_num(np.abs(values))
+        rows = np.flatnonzero(size.max(axis=1) > self.threshold)
+        if not len(rows):
+            return None
+        row, column = int(rows[0]), int(size[rows[0]].argmax())
+        return Divergence(
+            time=float(self.time[row]),
+            joint=(*self.joint_names, None)[column],
+            difference=float(values[row, column]),
+        )
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures under replay.json's keys."""
+        first = self.divergence
+        return {
+            "robot": self.robot,
+            "cycles": len(self.time),
+            "duration_s": float(self.time[-1]),
+            "exact": self.is_exact,
+            "rms_rad": float(_rms(self.difference.ravel())),
+            "max_rad": float(self.maximum.max()),
+            "max_joint": self.worst,
+            "tilt_rms_rad": float(_rms(self.tilt_difference)),
+            "tilt_max_rad": float(np.nan_to_num(self.tilt_difference).max()),
+            "threshold_rad": self.threshold,
+            "divergence_s": first.time if first else None,
+            "divergence_part": first.part if first else None,
+            "joints": {
+                name: {"rms_rad": rms, "max_rad": maximum}
+                for name, rms, maximum in zip(
+                    self.joint_names, self.rms.tolist(), self.maximum.tolist(), strict=True
+                )
+            },
+        }
+
+
+def replay(
+    record: FlightRecord, twin: Twin, start: Posture, *, threshold: float = THRESHOLD
+) -> ReplayReport:
+    """Send a twin what a log says was sent, and compare what both measured.
+
+    A twin is deterministic: a log that was recorded on a like twin, from its first cycle
+    at rest in ``start``, is reproduced to the last bit. Where a log lacks cycles, the twin
+    goes on with the last command.
+
+    Args:
+        record: What was measured and sent.
+        twin: A fresh twin of the robot, in its scene, with its supply.
+        start: Where the robot is at the first cycle, at rest.
+        threshold: Difference of a joint or of the tilt that counts as divergence [rad].
+
+    Raises:
+        ValueError: if the log is another robot's, or holds nothing that can be replayed.
+    """
+    record.check_robot(twin.robot)
+    periods = _count_periods(record, twin.period)
+    twin.place(start)
+    replayed: list[State] = []
+    with twin:
+        for cycle, count in enumerate(periods):
+            replayed.append(twin.read())
+            command = record.command(cycle)
+            for _ in range(count):
+                twin.write(command)
+    joint_pos = np.array([state.joint_pos for state in replayed])
+    orientation = np.array([state.orientation for state in replayed])
+    return ReplayReport(
+        robot=record.robot,
+        joint_names=record.joint_names,
+        time=record.time - record.time[0],
+        difference=record.state["joint_pos"] - joint_pos,
+        tilt_difference=_angle_between_verticals(record.state["orientation"], orientation),
+        threshold=threshold,
+    )
+
+
+def choose_supply(record: FlightRecord, robot: Robot) -> float:
+    """Return the voltage at which to replay a flight [V]: what was measured at its start.
+
+    A measurement that may as well be the robot's nominal voltage counts as that.
+    """
+    voltage = record.state["voltage"] if record.cycles else np.zeros(0)
+    measured = voltage[voltage > 0.0]  # not NaN either
+    if not len(measured) or abs(measured[0] - robot.supply_voltage) <= 0.5 * VOLTAGE_STEP + 1e-9:
+        return robot.supply_voltage
+    return float(measured[0])
+
+
+def _count_periods(record: FlightRecord, period: float) -> np.ndarray:
+    """Count for how many control periods each command was held."""
+    told = f"flight log {record.path}"
+    if not record.cycles:
+        raise ValueError(f"{told}: it holds no cycle, so there is nothing to replay")
+    gap = np.diff(record.time)
+    if not np.isfinite(gap).all() or np.any(gap < 0.0) or np.any(gap > LONGEST_GAP):
+        cycle = int(np.argmax(~(np.isfinite(gap) & (gap >= 0.0) & (gap <= LONGEST_GAP))))
+        raise ValueError(
+            f"{told}: {gap[cycle]:.3f} s pass after cycle {cycle}, "
+            f"allowed 0 to {LONGEST_GAP:g} s for a replay"
+        )
+    return np.append(np.maximum(np.rint(gap / period), 1), 1).astype(int)
+
+
+def _angle_between_verticals(p: Array, q: Array) -> Array:
+    """Measure how far orientations (T, 4) disagree about where down is [rad]; yaw is free.
+
+    The angle is the same in the frame of the IMU and of the torso in which it sits.
+    """
+    a, b = quaternion.gravity_in_body(p), quaternion.gravity_in_body(q)
+    across = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.arctan2(across, np.sum(a * b, axis=-1))
+
+
+def _rms(values: Array) -> Array:
+    """Compute the root of the mean square of each column, of what is a number."""
+    count = np.maximum(np.isfinite(values).sum(axis=0), 1)
+    return np.sqrt(np.nansum(values**2, axis=0) / count)

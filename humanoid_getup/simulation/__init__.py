@@ -1,0 +1,1 @@
+"""Where a robot falls and rises: scenes, compiled worlds, vectorised rollouts, falls."""

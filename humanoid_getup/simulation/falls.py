@@ -1,0 +1,236 @@
+"""Lying postures: which class a posture belongs to, and how falls make them."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, Robot, quaternion
+from robots.kinematics import lowest_point, place, read_posture
+from robots.quaternion import Array
+
+CLASSES = ("supine", "prone", "left", "right")
+DROP_HEIGHT = 0.02  # m under the lowest point
+SETTLE_TIME = 3.0  # s
+STILL_SPEED = 0.02  # rad/s and m/s, over the last quarter of a second
+SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
+BATCH = 24
+MOST_BATCHES = 400
+MOST_SAMPLES = 10_000
+
+
+class FallError(ValueError):
+    """Falls do not make the postures that were asked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fall:
+    """A robot that fell and lies still."""
+
+    posture: Posture
+    start_class: str
+
+
+def classify(orientation: Array) -> str | None:
+    """Class a torso orientation by gravity: supine, prone, left or right side down.
+
+    Returns None where gravity points mostly along the torso: upright or head down.
+    """
+    x, y, z = quaternion.gravity_in_body(orientation)
+    if abs(z) > max(abs(x), abs(y)):
+        return None
+    if abs(x) >= abs(y):
+        return "supine" if x < 0.0 else "prone"
+    return "left" if y > 0.0 else "right"
+
+
+def sample_falls(stage: Stage, counts: dict[str, int], rng: np.random.Generator) -> list[Fall]:
+    """Drop limp robots until every class has its count.
+
+    Random joints inside the limits, in any orientation, dropped limp and settled until
+    still; then classed, and rejected where the class is full or the robot does not lie.
+
+    Args:
+        stage: Robot and scene.
+        counts: How many of each class; "lateral" stands for left or right.
+        rng: Source of the falls; the same one gives the same falls.
+
+    Raises:
+        FallError: if a class does not come up.
+    """
+    rehearsal = Rehearsal(stage, BATCH)
+    wanted = dict(counts)
+    falls: list[Fall] = []
+    for batch in itertools.count():
+        if not any(wanted.values()):
+            break
+        if batch == MOST_BATCHES:
+            missing = ", ".join(f"{count} {name}" for name, count in wanted.items() if count)
+            raise FallError(
+                f"robot '{stage.robot.name}' does not come to lie in every class: "
+                f"{missing} missing after {batch * BATCH} falls"
+            )
+        for posture in _drop(rehearsal, rng):
+            found = classify(posture.orientation)
+            if found is None:
+                continue
+            key = "lateral" if found in ("left", "right") and "lateral" in wanted else found
+            if wanted.get(key, 0) > 0:
+                wanted[key] -= 1
+                falls.append(Fall(posture=posture, start_class=found))
+    order = list(counts)
+    return sorted(falls, key=lambda fall: order.index(_counted_as(fall.start_class, counts)))
+
+
+def _counted_as(start_class: str, counts: dict[str, int]) -> str:
+    return start_class if start_class in counts else "lateral"
+
+
+def _drop(rehearsal: Rehearsal, rng: np.random.Generator) -> list[Posture]:
+    """Drop one batch of robots; return those that lie still."""
+    stage = rehearsal.stage
+    robot, model = stage.robot, stage.model
+    data = mujoco.MjData(model)
+    starts = np.array([sample_drop(robot, model, data, rng) for _ in range(BATCH)])
+    limp = Conditions.nominal(stage, BATCH, torque_limit=0.0)
+    cycles = round(SETTLE_TIME / robot.control_period)
+    targets = np.zeros((BATCH, cycles, robot.n))
+    qpos = rehearsal.play(starts, targets, limp).qpos
+    recent = round(0.25 / robot.control_period)
+    moved = np.abs(np.diff(qpos[:, -recent:], axis=1)).max(axis=(1, 2)) / robot.control_period
+    return [
+        read_posture(robot, model, q)
+        for q, v in zip(qpos[:, -1], moved, strict=True)
+        if v < STILL_SPEED
+    ]
+
+
+def sample_drop(
+    robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
+) -> Array:
+    """Sample joints anywhere in their range and any orientation, free of self-collision.
+
+    Args:
+        robot: Robot.
+        model: Its compiled world.
+        data: Scratch space of that world.
+        rng: Source of the sample.
+
+    Returns:
+        MuJoCo positions just above the ground, (nq,).
+
+    Raises:
+        FallError: if the robot presses into itself wherever its joints are.
+    """
+    for _ in range(MOST_SAMPLES):
+        posture = Posture(
+            position=np.array([0.0, 0.0, 1.0]),
+            orientation=quaternion.normalise(rng.normal(size=4)),
+            joint_pos=rng.uniform(robot.lower, robot.upper),
+        )
+        data.qpos[:] = place(robot, model, posture)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        if all(contact.dist > -SPAWN_OVERLAP for contact in data.contact):
+            qpos = data.qpos.copy()
+            qpos[robot.layout(model).root_qpos + 2] += DROP_HEIGHT - lowest_point(model, qpos)
+            return qpos
+    raise FallError(f"robot '{robot.name}' presses into itself in {MOST_SAMPLES} random postures")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallSet:
+    """Falls of one robot, and where they come from."""
+
+    robot: str
+    """Name of the robot."""
+    scene: str
+    """Name of the scene in which it fell."""
+    seed: int
+    """From which they were drawn."""
+    falls: tuple[Fall, ...]
+
+    def choose(self, each: int) -> FallSet:
+        """Choose the first falls of every class.
+
+        Args:
+            each: How many of each.
+
+        Raises:
+            ValueError: naming the classes that have fewer.
+        """
+        kinds = {kind: [f for f in self.falls if f.start_class == kind] for kind in CLASSES}
+        few = [f"{len(falls)} {kind}" for kind, falls in kinds.items() if len(falls) < each]
+        if few:
+            raise ValueError(f"the set of falls has {', '.join(few)}, needed are {each} of each")
+        return replace(self, falls=tuple(fall for falls in kinds.values() for fall in falls[:each]))
+
+    def save(self, file: Path) -> None:
+        """Write an .npz file: robot, scene, seed, position, orientation, joint_pos, start_class."""
+        file.parent.mkdir(parents=True, exist_ok=True)
+        partial = file.with_suffix(".part.npz")
+        np.savez_compressed(
+            partial,
+            robot=self.robot,
+            scene=self.scene,
+            seed=self.seed,
+            position=np.array([fall.posture.position for fall in self.falls]),
+            orientation=np.array([fall.posture.orientation for fall in self.falls]),
+            joint_pos=np.array([fall.posture.joint_pos for fall in self.falls]),
+            start_class=np.array([fall.start_class for fall in self.falls]),
+        )
+        partial.replace(file)
+
+    @staticmethod
+    def load(file: Path, robot: Robot) -> FallSet:
+        """Read a robot's falls.
+
+        Raises:
+            OSError: if the file cannot be read.
+            ValueError: if it holds no falls, or another robot's.
+        """
+        try:
+            with np.load(file) as stored:
+                values = dict(stored)
+            rows = zip(
+                values["position"],
+                values["orientation"],
+                values["joint_pos"],
+                values["start_class"],
+                strict=True,
+            )
+            name, width = str(values["robot"]), values["joint_pos"].shape[1]
+            if name != robot.name or width != robot.n:
+                raise ValueError(
+                    f"robot '{name}' with {width} joints, allowed '{robot.name}' with {robot.n}"
+                )
+            falls = tuple(
+                Fall(posture=Posture(position=p, orientation=q, joint_pos=v), start_class=str(kind))
+                for p, q, v, kind in rows
+            )
+            scene, seed = str(values["scene"]), int(values["seed"])
+        except (KeyError, IndexError, ValueError, EOFError) as error:
+            raise ValueError(f"{file} is no set of falls of this robot: {error}") from error
+        return FallSet(robot=name, scene=scene, seed=seed, falls=falls)
+
+
+HELD_TIME = 1.5  # s in which a held posture comes to rest
+
+
+def settle_posture(stage: Stage, posture: Posture) -> Array:
+    """Put a posture on the ground, its joints held, and wait; return positions (nq,)."""
+    robot, model = stage.robot, stage.model
+    raised = replace(posture, position=np.array([*posture.position[:2], 1.0]))
+    qpos = place(robot, model, raised)
+    qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
+    cycles = round(HELD_TIME / robot.control_period)
+    targets = np.tile(posture.joint_pos, (1, cycles, 1))
+    trace = Rehearsal(stage, 1).play(qpos[None], targets, Conditions.nominal(stage, 1))
+    return trace.qpos[0, -1]

@@ -1,0 +1,67 @@
+"""Disturbances: how starts, friction and supply differ from the nominal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.simulation.rollout import Conditions
+from humanoid_getup.simulation.world import Stage
+from robots import quaternion
+from robots.kinematics import lowest_point
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """How far rehearsals differ from the nominal one."""
+
+    joints: float = np.radians(3.0)
+    """Standard deviation of the start angles [rad]."""
+    root: float = np.radians(5.0)
+    """Standard deviation of the root's turn about a random axis [rad]."""
+    friction: tuple[float, float] = (0.4, 1.2)
+    supply: tuple[float, float] = (11.0 / 12.0, 12.6 / 12.0)
+    """Shares of the robot's nominal supply."""
+
+
+def disturb(
+    stage: Stage,
+    start: Array,
+    n: int,
+    disturbance: Disturbance,
+    torque_limit: float,
+    rng: np.random.Generator,
+) -> tuple[Array, Conditions]:
+    """Make the nominal start and conditions and ``n - 1`` disturbed ones.
+
+    Args:
+        stage: Robot and scene.
+        start: Nominal MuJoCo positions, (nq,).
+        n: How many in all.
+        disturbance: How far they differ.
+        torque_limit: Cap on every servo [N·m].
+        rng: Source of the disturbances.
+    """
+    robot = stage.robot
+    layout = robot.layout(stage.model)
+    starts = np.tile(start, (n, 1))
+    noise = rng.normal(scale=disturbance.joints, size=(n, robot.n))
+    axis = rng.normal(size=(n, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    turn = quaternion.from_axis_angle(axis, rng.normal(scale=disturbance.root, size=n))
+    friction = rng.uniform(*disturbance.friction, size=n)
+    supply = rng.uniform(*disturbance.supply, size=n)
+    noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, stage.scene.friction, 1.0
+    starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
+    turned = slice(layout.root_qpos + 3, layout.root_qpos + 7)
+    starts[:, turned] = quaternion.multiply(turn, starts[:, turned])
+    rest = lowest_point(stage.model, start)
+    for row in starts[1:]:  # the turn must neither lift it off the ground nor press it in
+        row[layout.root_qpos + 2] += rest - lowest_point(stage.model, row)
+    return starts, Conditions(
+        friction=friction,
+        voltage=supply * robot.supply_voltage,
+        torque_limit=np.full(n, torque_limit),
+    )

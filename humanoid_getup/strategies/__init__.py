@@ -1,0 +1,1 @@
+"""Ways to get up: planned, learned, stored; and how one is chosen."""

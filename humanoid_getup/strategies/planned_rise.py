@@ -1,0 +1,263 @@
+"""Planning a rise: from a lying posture to a motion that rehearsals end standing."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from humanoid_getup.filtering.dynamics_filter import Candidate, DynamicsFilter, Rehearsed
+from humanoid_getup.filtering.reference import straight_path
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import Connection, MotionDatabase
+from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.planning.collision import CollisionChecker, Tolerances
+from humanoid_getup.planning.path_planner import plan_rise
+from humanoid_getup.planning.smoothing import Trajectory
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus
+from robots import Posture, quaternion
+from robots.kinematics import read_posture
+from robots.quaternion import Array
+
+STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
+SLOW = 0.6  # tempo of a path's second version
+ENOUGH = 1.0  # share of the disturbed rehearsals that must stand to stop searching
+FINALISTS = 3  # rehearsals of a round that are checked
+FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
+TANGLED = Tolerances(body=0.003)  # of limbs hooked so tightly that they must slide to part
+MOST_FAILURES = 2  # paths not found before the start is thought to be tangled
+SECOND_TRIES = 2  # rounds that go on from where the tries before ended
+LIE_DOWN = 0.6  # s after a failed try until the next path begins
+
+
+@dataclass
+class _Search:
+    """What a search for a rise has found so far."""
+
+    start: Posture
+    rng: np.random.Generator
+    tried: list[Rehearsed]
+    best: Rehearsed | None = None
+    robust: float = float("nan")
+    rounds: int = 0
+    planned: bool = False
+
+
+class RisePlanner:
+    """Plans rises of one robot in one scene."""
+
+    def __init__(self, stage: Stage, database: MotionDatabase, options: RiseOptions) -> None:
+        self.stage, self.database, self.options = stage, database, options
+        self._checker = CollisionChecker(stage.robot, stage.scene)
+        self._tangled_checker = CollisionChecker(stage.robot, stage.scene, TANGLED)
+        self.filter = DynamicsFilter(
+            stage, torque_limit=options.torque_limit, pwm_limited=options.pwm_limited
+        )
+
+    def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+        """Plan a rise from a posture at rest.
+
+        The nearest connecting postures of a few motions first, the quickest that stands
+        wins; where none does, further motions and slower paths; where none of those does
+        either, from where the robot lies after them. A robot so tangled that no path leaves
+        its posture is pulled free by its servos first.
+        """
+        began = time.perf_counter()
+        search = _Search(start, rng, [])
+        connections = self.database.select(start, FIRST_CONNECTIONS + MORE_CONNECTIONS)
+        if not self.options.filtering:
+            path = self._approach(start, connections[0], rng)
+            return self._hand_out_raw(connections[0], path, time.perf_counter() - began)
+        first = self._candidates(search, search.start, connections[:FIRST_CONNECTIONS])
+        plan_s = time.perf_counter() - began
+        began = time.perf_counter()
+        already = self.filter.count
+        self._round(search, first)
+        if not first:
+            self._round(search, self._pull_free(search, connections[:FIRST_CONNECTIONS]))
+        elif not self._is_done(search):
+            further = self._candidates(search, search.start, connections[FIRST_CONNECTIONS:])
+            self._round(search, further + [replace(c, tempo=SLOW) for c in first + further])
+        for _ in range(SECOND_TRIES):
+            if not self._is_done(search):
+                self._try_again(search)
+        filter_s = time.perf_counter() - began
+        return self._conclude(search, self.filter.count - already, plan_s, filter_s)
+
+    def _approach(
+        self, start: Posture, connection: Connection, rng: np.random.Generator
+    ) -> Trajectory | None:
+        """Find a smooth path to a connecting posture."""
+        if not self.options.planning:
+            return self._straight(start, connection)
+        path = plan_rise(start, connection, self._checker, rng).trajectory
+        if path is None:
+            path = plan_rise(start, connection, self._tangled_checker, rng).trajectory
+        return path
+
+    def _straight(self, start: Posture, connection: Connection) -> Trajectory:
+        period = self.stage.robot.control_period
+        return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)
+
+    def _is_done(self, search: _Search) -> bool:
+        return search.best is not None and search.robust >= ENOUGH
+
+    def _candidates(
+        self,
+        search: _Search,
+        start: Posture,
+        connections: list[Connection],
+        before: Array | None = None,
+    ) -> list[Candidate]:
+        """Plan from a posture to connecting ones, as far as there are paths.
+
+        Where two find none, the start is to blame, and the others are left out.
+        """
+        candidates: list[Candidate] = []
+        for tried, connection in enumerate(connections):
+            if tried == MOST_FAILURES and not candidates:
+                break
+            path = self._approach(start, connection, search.rng)
+            if path is not None:
+                candidates.append(self._candidate(path, connection, before))
+        search.planned |= self.options.planning and before is None and bool(candidates)
+        return candidates
+
+    def _candidate(
+        self, path: Trajectory, connection: Connection, before: Array | None = None
+    ) -> Candidate:
+        share = self.options.assistance
+        return Candidate(path=path, connection=connection, assistance=share, before=before)
+
+    def _pull_free(self, search: _Search, connections: list[Connection]) -> list[Candidate]:
+        """Go straight and slowly where no path leads: limbs give way, or they do not."""
+        return [
+            replace(self._candidate(self._straight(search.start, c), c), tempo=SLOW)
+            for c in connections
+        ]
+
+    def _try_again(self, search: _Search) -> None:
+        """Go on from where failed tries left the robot lying."""
+        candidates = []
+        for failed in _sample_ends(search.tried, self.stage):
+            end = read_posture(self.stage.robot, self.stage.model, failed.qpos[-1])
+            connections = self.database.select(end, SECOND_CONNECTIONS)
+            candidates += self._candidates(search, end, connections, failed.target)
+        self._round(search, candidates)
+
+    def _round(self, search: _Search, candidates: list[Candidate]) -> None:
+        """Rehearse candidates; check the quickest that stood against disturbances."""
+        if not candidates:
+            return
+        search.rounds += 1
+        rehearsed = self.filter.rehearse(search.start, candidates)
+        search.tried = rehearsed
+        standing = sorted((r for r in rehearsed if r.stood), key=lambda r: r.stand_time)
+        for finalist in standing[:FINALISTS]:
+            share = self.filter.check(search.start, finalist.target, search.rng)
+            if share > (search.robust if search.best else 0.0):
+                search.best, search.robust = finalist, share
+            if share >= ENOUGH:
+                return
+
+    def _conclude(
+        self, search: _Search, rehearsals: int, plan_s: float, filter_s: float
+    ) -> RisePlan:
+        best = search.best
+        if best is not None:
+            status, reason = RiseStatus.STOOD, RiseStatus.STOOD.value
+        elif not search.tried:
+            status, reason = RiseStatus.NOT_PLANNED, RiseStatus.NOT_PLANNED.value
+        else:
+            status = RiseStatus.FELL
+            highest = max(r.peak_neck for r in search.tried)
+            share = highest / self.stage.robot.standing_neck_height
+            reason = f"{status.value}: {rehearsals} tried, the best brought the neck to {share:.0%}"
+        return RisePlan(
+            status=status,
+            reason=reason,
+            motion=None if best is None else self._to_motion(search.start, best),
+            connection=None if best is None else best.candidate.connection,
+            planned=search.planned,
+            stand_time=float("nan") if best is None else best.stand_time,
+            robust=search.robust,
+            rehearsals=rehearsals,
+            rounds=search.rounds,
+            plan_s=plan_s,
+            filter_s=filter_s,
+        )
+
+    def _to_motion(self, start: Posture, rehearsed: Rehearsed) -> Motion:
+        """Make a motion of where a rehearsal went and what it sent."""
+        robot, count = self.stage.robot, rehearsed.moving
+        went = [start] + [
+            read_posture(robot, self.stage.model, q) for q in rehearsed.qpos[: count - 1]
+        ]
+        joined = rehearsed.candidate.connection.motion
+        return Motion(
+            name=f"rise_by_{joined.name}",
+            robot=robot.name,
+            start_class=joined.start_class,
+            strategy=joined.strategy,
+            time=np.arange(count, dtype=float) * robot.control_period,
+            position=np.array([p.position for p in went]),
+            orientation=np.array([p.orientation for p in went]),
+            joint_pos=np.array([p.joint_pos for p in went]),
+            joint_target=rehearsed.target[:count],
+            provenance={"program": "getup rise", "connection": joined.name},
+        )
+
+    def _hand_out_raw(
+        self, connection: Connection, path: Trajectory | None, plan_s: float
+    ) -> RisePlan:
+        """Hand the smoothed path and the motion out without any physics."""
+        plan = RisePlan(
+            status=RiseStatus.NOT_PLANNED,
+            reason=RiseStatus.NOT_PLANNED.value,
+            connection=connection,
+            planned=self.options.planning and path is not None,
+            plan_s=plan_s,
+        )
+        if path is None:
+            return plan
+        motion = chain(self.stage, path, connection)
+        status = RiseStatus.UNREHEARSED
+        return replace(plan, status=status, reason=status.value, motion=motion)
+
+
+def chain(stage: Stage, path: Trajectory, connection: Connection) -> Motion:
+    """Play a path's angles and then the motion's own targets, as they are."""
+    robot, joined, frame = stage.robot, connection.motion, connection.frame
+    count = len(path.time)
+    turned = quaternion.normalise(np.concatenate([path.orientation, joined.orientation[frame:]]))
+    angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
+    return Motion(
+        name=f"path_to_{joined.name}",
+        robot=robot.name,
+        start_class=joined.start_class,
+        strategy=joined.strategy,
+        time=np.arange(len(angles), dtype=float) * robot.control_period,
+        position=np.concatenate([path.position, joined.position[frame:]]),
+        orientation=turned,
+        joint_pos=angles,
+        joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
+        provenance={"program": "getup rise", "connection": joined.name, "path_frames": count},
+    )
+
+
+def _sample_ends(tried: list[Rehearsed], stage: Stage) -> list[Rehearsed]:
+    """Take up to three failed tries that ended lying differently, cut where they lie still."""
+    robot, model = stage.robot, stage.model
+    period = robot.control_period
+    ends: list[Rehearsed] = []
+    gravity: list[Array] = []
+    for rehearsed in (r for r in tried if not r.stood):
+        length = min(rehearsed.moving + round(LIE_DOWN / period), len(rehearsed.target))
+        cut = replace(rehearsed, target=rehearsed.target[:length], qpos=rehearsed.qpos[:length])
+        direction = quaternion.gravity_in_body(read_posture(robot, model, cut.qpos[-1]).orientation)
+        if all(direction @ other < 0.8 for other in gravity):
+            ends.append(cut)
+            gravity.append(direction)
+    return ends[:3]

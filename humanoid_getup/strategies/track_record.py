@@ -1,0 +1,152 @@
+"""Records: how often each way of getting up has ended in a held stand.
+
+A robot's records lie in ``policies/records.toml`` of its folder, one table a way and torque
+limit. Every class may be left out where nothing was measured, and ``cap`` where both kinds of
+caps are alike: at all that the servos have::
+
+    [[record]]
+    method = "plan"        # or "policy"
+    torque_limit = 2.5     # cap on every servo [N·m]
+    supine = { stood = 248, n = 250 }
+    prone = { stood = 249, n = 250 }
+
+    [[record]]
+    method = "policy"
+    policy = "robust"      # which; with method "policy" only
+    torque_limit = 2.5
+    cap = "pwm"            # as servos in position mode have it, or "torque"
+    supine = { stood = 240, n = 250 }
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.simulation.falls import CLASSES
+from robots import Robot
+from robots.schema import Fields
+from robots.validation import shown
+
+PLAN, POLICY = "plan", "policy"
+BY_TORQUE, BY_PWM = "torque", "pwm"
+RECORDS = Path("policies", "records.toml")
+LIMIT_SLACK = 1e-9  # N·m
+MOST_TORQUE, MOST_RISES = 1000.0, 10**9
+
+
+class RecordsError(ValueError):
+    """A file holds no records; the message tells all that is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way of getting up."""
+
+    method: str
+    """`PLAN` or `POLICY`."""
+    policy: str = ""
+    """Name of the policy; empty for plans."""
+
+
+@dataclass(frozen=True)
+class Count:
+    """How many of some rises ended in a held stand."""
+
+    stood: int
+    n: int
+
+
+@dataclass(frozen=True)
+class Record:
+    """How one way went under one torque limit."""
+
+    way: Way
+    torque_limit: float
+    """Cap on every servo [N·m]."""
+    counts: Mapping[str, Count]
+    """By the class of the start."""
+    cap: str | None = None
+    """`BY_TORQUE` or `BY_PWM`; None where both are alike."""
+
+
+@dataclass(frozen=True)
+class Records:
+    """What is known of a robot's ways of getting up."""
+
+    records: tuple[Record, ...] = ()
+
+    def knows(self, way: Way) -> bool:
+        """Tell whether a way was measured at all."""
+        return any(record.way == way for record in self.records)
+
+    def promise(
+        self, way: Way, start_class: str, torque_limit: float, cap: str = BY_TORQUE
+    ) -> float:
+        """Return the share of stands that a way can be trusted to reach, from 0 to 1.
+
+        It is the lower end of the 95 % interval, so that few rises promise little. A robot
+        with stronger servos gets up no worse: what counts is the record with the highest
+        torque limit [N·m] that is not above the one asked for. Without one, nothing is
+        promised.
+        """
+        fitting = [
+            record
+            for record in self.records
+            if record.way == way
+            and start_class in record.counts
+            and record.torque_limit <= torque_limit + LIMIT_SLACK
+            and record.cap in (None, cap)
+        ]
+        if not fitting:
+            return 0.0
+        count = max(fitting, key=lambda record: record.torque_limit).counts[start_class]
+        return wilson_interval(count.stood, count.n)[0]
+
+
+def load_records(robot: Robot) -> Records:
+    """Load a robot's records; a robot without them has none.
+
+    Raises:
+        RecordsError: telling all that is wrong with the file.
+    """
+    file = robot.folder / RECORDS
+    if not file.exists():
+        return Records()
+    faults: list[str] = []
+    try:
+        tables = tomllib.loads(file.read_text("utf-8")).get("record", [])
+    except ValueError as error:
+        raise RecordsError(f"{file}: {error}") from error
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise RecordsError(f"{file}: record is {shown(tables)}, allowed tables [[record]]")
+    records = [_read(table, f"record {i}: ", faults) for i, table in enumerate(tables, start=1)]
+    if faults:
+        raise RecordsError(f"{file}: {'; '.join(faults)}")
+    return Records(tuple(records))
+
+
+def _read(table: dict[str, Any], owner: str, faults: list[str]) -> Record:
+    fields = Fields(table, owner, faults)
+    method = fields.choice("method", (PLAN, POLICY))
+    way = Way(method, fields.text("policy") if method == POLICY else "")
+    torque_limit = fields.number("torque_limit", MOST_TORQUE, "N·m")
+    counts = {}
+    for name in CLASSES:
+        if name in table:
+            counts[name] = _count(table[name], f"{owner}{name}", faults)
+    cap = fields.choice("cap", (BY_TORQUE, BY_PWM)) if "cap" in table else None
+    return Record(way, torque_limit, counts, cap)
+
+
+def _count(value: Any, owner: str, faults: list[str]) -> Count:
+    if not isinstance(value, dict):
+        faults.append(f"{owner} is {shown(value)}, allowed {{ stood = ..., n = ... }}")
+        return Count(0, 0)
+    fields = Fields(value, f"{owner}.", faults)
+    n = fields.integer("n", 1, MOST_RISES)
+    return Count(fields.integer("stood", 0, max(n, 0)), n)

@@ -1,0 +1,1 @@
+"""The training environment: vectorised simulation, randomization, rewards."""

@@ -1,0 +1,48 @@
+"""The history buffers of a world, by which MuJoCo delays targets and sensors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.quaternion import Array
+
+Ids = NDArray[np.int_]
+Whole = NDArray[np.integer[Any]]
+
+
+class Memory:
+    """Fills the buffers so that a robot's past is its present.
+
+    A buffer is two numbers of bookkeeping, its sample times, then its samples
+    (mjData.history).
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.exists = model.nhistory > 0
+        data = mujoco.MjData(model)
+        self._blank = data.history.copy()
+        each, one = np.arange(model.nu), np.ones(model.nu, dtype=int)
+        self._ctrl = _find_samples(model.actuator_historyadr, model.actuator_history, each, one)
+        self._sensors = _find_samples(
+            model.sensor_historyadr, model.sensor_history, model.sensor_adr, model.sensor_dim
+        )
+
+    def fill(self, history: Array, ids: Ids, ctrl: Array, sensordata: Array) -> None:
+        """Write what holds now as what always held, for some robots."""
+        rows = np.tile(self._blank, (len(ids), 1))
+        for (there, here), now in ((self._ctrl, ctrl), (self._sensors, sensordata)):
+            rows[:, there] = now[ids[:, None], here]
+        history[ids] = rows
+
+
+def _find_samples(starts: Whole, history: Whole, addresses: Whole, sizes: Whole) -> tuple[Ids, Ids]:
+    """Find where histories keep their samples, and where the values are that they sample."""
+    there, here = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
+    for start, samples, address, size in zip(starts, history[:, 0], addresses, sizes, strict=True):
+        there.append(start + 2 + samples + np.arange(samples * size))
+        here.append(address + np.tile(np.arange(size), samples))
+    return np.concatenate(there), np.concatenate(here)

@@ -1,0 +1,320 @@
+"""The training environment: many fallen robots that learn to rise."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import gymnasium
+import mujoco
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from humanoid_getup.policy.action import ActionSpec, next_target
+from humanoid_getup.policy.observation import (
+    Floats,
+    Mirror,
+    compute_torque_share,
+    list_terms,
+    mirror_of_observation,
+    observe,
+)
+from humanoid_getup.simulation.scene import load_scene
+from robots import Robot
+from robots.quaternion import Array
+from sim2real.environment.critic_observation import Known, list_critic_terms, observe_privileged
+from sim2real.environment.initial_states import StartPool, list_motion_starts, sample_stands
+from sim2real.environment.randomization import Randomisation
+from sim2real.environment.rewards import QUICK, Moment, Reward, score
+from sim2real.environment.training_world import LONGEST_DELAY, build_world
+from sim2real.environment.vectorized_simulation import Herd
+
+PHYSICS_STEP = 0.006  # s; judges take 0.002
+# s; the known motions rise in 1.6 to 4.6 s, so there is time for a second try and for a stand.
+EPISODE = 6.0
+# s of standing after which an episode has shown what it can: half of what a judge asks for,
+# since exploring shakes a stand that would be held.
+HELD = 1.5
+# Hard falls are drawn more often, so less than half of them standing is most of all falls.
+LIFT_EPISODES, LIFT_SUCCESS, LIFT_STEP = 200, 0.45, 0.05
+STANDS = 64  # postures that episodes of standing robots begin with
+FLOAT = np.float32
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnvOptions:
+    """What a training environment is made of."""
+
+    robots: int = 512
+    """How many rise side by side."""
+    randomisation: Randomisation | None = None
+    """``None`` for robots as described."""
+    rewards: tuple[Reward, ...] = QUICK
+    falls: float = 0.8
+    """Share of episodes that begin with a settled fall."""
+    motions: float = 0.1
+    """Share that begins somewhere along a known motion; the rest begins standing."""
+    lift: float = 0.0
+    """Largest share of its weight that a robot hangs by at first; fades with success."""
+    ends_early: float = 0.5
+    """Share of episodes that end once the robot has held its stand for ``HELD``."""
+    scene: str = "flat"
+    physics_step: float = PHYSICS_STEP
+    """[s]"""
+    threads: int = 0
+
+
+@dataclass(eq=False)
+class _Episodes:
+    """What is remembered of each robot's episode."""
+
+    age: NDArray[np.int_]
+    length: NDArray[np.int_]
+    held: NDArray[np.int_]
+    """Policy steps in a row that it stands."""
+    start: NDArray[np.int_]
+    """Row in the pool of falls; -1 for other starts."""
+    ends_early: NDArray[np.bool_]
+
+
+@dataclass(eq=False)
+class _Help:
+    """How far robots are lifted: less and less while most of them stand."""
+
+    lift: float
+    """Largest share of the weight."""
+    first: float
+    """Where it began."""
+    ended: int = 0
+    stood: int = 0
+
+    @property
+    def cost_share(self) -> float:
+        """Return the share of the costs that counts: they come as help goes."""
+        return 1.0 - self.lift / self.first if self.first else 1.0
+
+    def note(self, stood: NDArray[np.bool_]) -> None:
+        """Count episodes; every so many, see whether less help will do."""
+        self.ended += len(stood)
+        self.stood += int(stood.sum())
+        if self.ended < LIFT_EPISODES:
+            return
+        if self.stood > LIFT_SUCCESS * self.ended:
+            self.lift = max(self.lift - LIFT_STEP, 0.0)
+        self.ended = self.stood = 0
+
+
+def make_world(
+    robot: Robot, scene: str, delays: bool, physics_step: float = PHYSICS_STEP
+) -> mujoco.MjModel:
+    """Compile the world that training steps."""
+    longest = LONGEST_DELAY if delays else 0.0
+    return build_world(robot, load_scene(scene), physics_step, longest)
+
+
+class GetUpEnv(VectorEnv):
+    """Robots that begin fallen and are rewarded for standing up; a Gymnasium vector environment.
+
+    Actions are those of an :class:`ActionSpec`, from -1 to 1. Observations are what
+    :func:`humanoid_getup.policy.observation.observe` makes of the sensors; ``info["critic"]`` adds
+    what only a simulation knows. Episodes end by time alone, so all ends are truncations; the
+    robot that comes back in the same step already lies in its next start, and
+    ``info["final_obs"]`` is what it saw last.
+    """
+
+    metadata: ClassVar = {"autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(
+        self, robot: Robot, action: ActionSpec, pool: StartPool, options: EnvOptions
+    ) -> None:
+        """Build the robots.
+
+        Args:
+            robot: Robot.
+            action: What actions mean.
+            pool: Settled falls, as MuJoCo positions of ``make_world``'s model.
+            options: How many robots, how they differ, what they are rewarded for.
+        """
+        self.robot, self.action, self.options, self.pool = robot, action, options, pool
+        randomisation = options.randomisation
+        delays = randomisation is not None and randomisation.delay[1] > 0.0
+        model = make_world(robot, options.scene, delays, options.physics_step)
+        noise = randomisation.noise if randomisation else None
+        n = self.num_envs = options.robots
+        self.herd = Herd(
+            model,
+            robot,
+            n,
+            cycles=action.cycles,
+            pwm_limit=action.pwm_limit,
+            threads=options.threads,
+            noise=noise,
+        )
+        self._motions = list_motion_starts(robot, model)
+        self._stands = sample_stands(robot, model, STANDS, np.random.default_rng(0))
+        self.step_time = robot.control_period * action.cycles
+        self.terms = list_terms(robot, action)
+        self._critic_terms = list_critic_terms(robot)
+        size = sum(term.size for term in self.terms)
+        space = gymnasium.spaces.Box
+        self.single_observation_space = space(-np.inf, np.inf, (size,), FLOAT)
+        self.single_action_space = space(-1.0, 1.0, (action.size,), FLOAT)
+        self.observation_space = batch_space(self.single_observation_space, n)
+        self.action_space = batch_space(self.single_action_space, n)
+        self._help = _Help(options.lift, options.lift)
+        self._rng = np.random.default_rng(0)
+        self._target = np.zeros((n, robot.n))
+        self._last_action = np.zeros((n, action.size))
+        self._episodes = _Episodes(
+            age=np.zeros(n, dtype=int),
+            length=np.full(n, round(EPISODE / self.step_time)),
+            held=np.zeros(n, dtype=int),
+            start=np.full(n, -1),
+            ends_early=np.zeros(n, dtype=bool),
+        )
+
+    @property
+    def ages(self) -> NDArray[np.int_]:
+        """Return how many policy steps each episode has lasted; it may be written to."""
+        return self._episodes.age
+
+    @property
+    def longest(self) -> int:
+        """Return how many policy steps an episode lasts at most."""
+        return int(self._episodes.length[0])
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begin all episodes anew; a seed makes them what they are on every machine."""
+        del options
+        super().reset(seed=seed)
+        if seed is not None:
+            self._rng = self.np_random
+            self.pool.success[:] = 0.0
+            self._help = _Help(self.options.lift, self.options.lift)
+        self._begin(np.arange(self.num_envs))
+        observation = self._observe()
+        return observation, {"critic": self._observe_privileged(observation)}
+
+    def step(
+        self, actions: Array
+    ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Let a policy step pass."""
+        asked = np.asarray(actions, dtype=float)
+        action = np.clip(asked, -1.0, 1.0)
+        measured, gravity = self._sensed.joint_pos, self._sensed.gravity
+        following = next_target(self.action, self._target, measured, gravity, action)
+        self.herd.advance(self._target, following)
+        self._target = following
+        truth = self.herd.look()
+        self._sensed = self.herd.sense(self._rng if self.options.randomisation else None)
+        moment = Moment.of(self.robot, truth, self._sensed.joint_pos, asked, self._last_action)
+        self._last_action = action
+        reward, parts = score(self.options.rewards, moment, self._help.cost_share)
+        reward[self.herd.diverged] = 0.0
+        self._push()
+        ended, report = self._end(moment)
+        truncated = np.zeros(self.num_envs, dtype=bool)
+        truncated[ended] = True
+        if len(ended):
+            report |= {"final_obs": self._observe(), "_final_obs": truncated}
+            self._begin(ended)
+        observation = self._observe()
+        info = {
+            "critic": self._observe_privileged(observation),
+            "lift": self._help.lift,
+            "rewards": {name: float(part.mean()) for name, part in parts.items()},
+            **report,
+        }
+        nobody = np.zeros(self.num_envs, dtype=bool)
+        return observation, reward.astype(FLOAT), nobody, truncated, info
+
+    def _push(self) -> None:
+        randomisation = self.options.randomisation
+        if randomisation is None or not randomisation.push_speed:
+            return
+        pushed = self._rng.random(self.num_envs) < self.step_time / randomisation.push_interval
+        ids = np.flatnonzero(pushed)
+        speed = randomisation.push_speed
+        self.herd.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
+
+    def _end(self, moment: Moment) -> tuple[NDArray[np.int_], dict[str, Any]]:
+        """Find whose episode is over, and count how those from falls went."""
+        e = self._episodes
+        e.age += 1
+        e.held = np.where(moment.standing, e.held + 1, 0)
+        shown = e.held >= round(HELD / self.step_time)
+        shown &= ~self.herd.diverged
+        ended = np.flatnonzero((e.age >= e.length) | (shown & e.ends_early) | self.herd.diverged)
+        from_fall = ended[e.start[ended] >= 0]
+        self.pool.note(e.start[from_fall], shown[from_fall])
+        self._help.note(shown[from_fall])
+        return ended, {"falls": len(from_fall), "stood": int(shown[from_fall].sum())}
+
+    def _begin(self, ids: NDArray[np.int_]) -> None:
+        """Lay some robots down for their next episode."""
+        rng, o, count = self._rng, self.options, len(ids)
+        kind = rng.random(count)
+        start = np.where(kind < o.falls, self.pool.draw(count, rng), -1)
+        stands = self._stands[rng.integers(0, STANDS, count)]
+        qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], stands)
+        along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
+        qpos[along] = self._motions[rng.integers(0, max(len(self._motions), 1), along.sum())]
+        if o.randomisation:
+            drawn = o.randomisation.sample(self.robot, self.herd.model, count, rng)
+            self.herd.set_conditions(ids, drawn)
+        self.herd.place(ids, qpos)
+        self.herd.lift(ids, rng.uniform(0.0, self._help.lift, count))
+        layout = self.robot.layout(self.herd.model)
+        self._target[ids] = qpos[:, layout.qpos] + self.herd.conditions.joint_offset[ids]
+        self._last_action[ids] = 0.0
+        e = self._episodes
+        e.age[ids] = e.held[ids] = 0
+        e.start[ids] = start
+        e.ends_early[ids] = rng.random(count) < o.ends_early
+        self._sensed = self.herd.sense(rng if o.randomisation else None)
+
+    def _observe(self) -> Floats:
+        share = compute_torque_share(self.robot, self.action, self.herd.conditions.torque_limit)
+        return observe(self.robot, self._sensed, self._target, self._last_action, share)
+
+    def mirror_of_critic(self) -> Mirror:
+        """Return how left and right are exchanged in what critics see."""
+        seen = mirror_of_observation(self.robot, self.action)
+        privileged = (term.mirror for term in self._critic_terms)
+        return Mirror.of_parts(((seen.index, seen.sign), *privileged))
+
+    def save_state(self) -> dict[str, Any]:
+        """Return everything that the next steps depend on."""
+        return {
+            "herd": self.herd.save_state(),
+            "rng": self._rng.bit_generator.state,
+            "success": self.pool.success.copy(),
+            "help": copy.copy(self._help),
+            "target": self._target.copy(),
+            "last_action": self._last_action.copy(),
+            "sensed": self._sensed,
+            "episodes": copy.deepcopy(self._episodes),
+        }
+
+    def restore_state(self, state: dict[str, Any]) -> None:
+        """Go on from where :meth:`save_state` was called."""
+        self.herd.restore_state(state["herd"])
+        self._rng.bit_generator.state = state["rng"]
+        self.pool.success[:] = state["success"]
+        self._help = copy.copy(state["help"])
+        self._target, self._last_action = state["target"].copy(), state["last_action"].copy()
+        self._sensed = state["sensed"]
+        self._episodes = copy.deepcopy(state["episodes"])
+
+    def _observe_privileged(self, observation: Floats) -> Floats:
+        known = Known(
+            truth=self.herd.look(),
+            conditions=self.herd.conditions,
+            held=self._episodes.held * self.step_time,
+        )
+        return observe_privileged(self._critic_terms, observation, known)

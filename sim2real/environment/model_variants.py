@@ -1,0 +1,111 @@
+"""Other physics than a policy was trained in: what it must not lean on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from robots import Robot, quaternion
+
+MENAGERIE = {"kp": 21.1, "damping": 1.084, "armature": 0.045, "frictionloss": 0.03, "torque": 5.0}
+"""Servo figures of mujoco_menagerie's robotis_op3: N·m/rad, N·m·s/rad, kg·m², N·m, N·m."""
+PLAY_ARMATURE = 1e-4  # kg·m² of what lies behind a gear's free play, so that it has an inertia
+PLAY_DAMPING = 1e-3  # N·m·s/rad
+
+MENAGERIE_SERVOS = "menagerie servos"
+
+Change = Callable[[mujoco.MjSpec, Robot], None]
+"""Changes a world before it is compiled."""
+
+
+def fine_steps(spec: mujoco.MjSpec, _robot: Robot) -> None:
+    """Step physics by 1 ms."""
+    spec.option.timestep = 0.001
+
+
+def elliptic_cones(spec: mujoco.MjSpec, _robot: Robot) -> None:
+    """Use elliptic friction cones, which slide alike in every direction."""
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10.0
+
+
+def other_solver(spec: mujoco.MjSpec, _robot: Robot) -> None:
+    """Use conjugate gradients with few iterations, and the implicit integrator."""
+    spec.option.solver = mujoco.mjtSolver.mjSOL_CG
+    spec.option.iterations = 20
+    spec.option.ls_iterations = 10
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
+
+
+def soft_contacts(spec: mujoco.MjSpec, _robot: Robot) -> None:
+    """Make contacts five times as soft as the robots' own."""
+    for geom in spec.geoms:
+        geom.solref = [0.02, 1.0]
+
+
+def capsules(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Turn boxes into capsules of the same reach and mean thickness, but for the soles."""
+    soles = {spec.site(site).parent.name for site in robot.sole_sites}
+    for geom in spec.geoms:
+        if geom.type != mujoco.mjtGeom.mjGEOM_BOX or geom.parent.name in soles:
+            continue
+        half = np.array(geom.size)
+        along = int(np.argmax(half))
+        radius = float(np.mean(np.delete(half, along)))
+        turn = np.zeros(4)
+        mujoco.mju_quatZ2Vec(turn, np.eye(3)[along])
+        geom.quat = quaternion.multiply(np.array(geom.quat), turn)
+        geom.type = mujoco.mjtGeom.mjGEOM_CAPSULE
+        geom.size = [radius, max(float(half[along]) - radius, 0.001), 0.0]
+
+
+def menagerie_servos(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Give every joint the position servo of mujoco_menagerie's OP3."""
+    figures = MENAGERIE
+    for joint in robot.joints:
+        element = spec.joint(joint.name)
+        element.armature, element.frictionloss = figures["armature"], figures["frictionloss"]
+        element.damping[0] = figures["damping"]
+        servo = spec.actuator(joint.name)
+        servo.set_to_position(kp=figures["kp"])
+        servo.forcelimited = True
+        servo.forcerange[:] = [-figures["torque"], figures["torque"]]
+
+
+def free_play(angle: float) -> Change:
+    """Put free play between every gear and its link.
+
+    The play is a second hinge in each joint, free between two stops; the servo's encoder
+    and motor are on the near side of it.
+
+    Args:
+        angle: From one end to the other [rad].
+    """
+
+    def change(spec: mujoco.MjSpec, robot: Robot) -> None:
+        half = np.degrees(angle / 2) if spec.compiler.degree else angle / 2
+        for name in robot.joint_names:
+            joint = spec.joint(name)
+            loose = joint.parent.add_joint(name=f"{name}_play", axis=list(joint.axis))
+            loose.pos[:] = joint.pos
+            loose.limited = True
+            loose.range[:] = [-half, half]
+            # MuJoCo's own stops would give way by more than the play itself.
+            loose.solref_limit[:] = [0.004, 1.0]
+            loose.solimp_limit[:2] = [0.999, 0.999]
+            loose.armature = PLAY_ARMATURE
+            loose.damping[0] = PLAY_DAMPING
+
+    return change
+
+
+PHYSICS: dict[str, Change] = {
+    "1 ms steps": fine_steps,
+    "elliptic cones": elliptic_cones,
+    "other solver": other_solver,
+    "soft contacts": soft_contacts,
+    "capsules": capsules,
+    MENAGERIE_SERVOS: menagerie_servos,
+}

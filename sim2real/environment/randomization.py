@@ -1,0 +1,151 @@
+"""Randomisation: how far the robots of a training differ from the robot's description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.simulation.scene import Scene
+from robots import Robot
+from robots.quaternion import Array
+from sim2real.environment.conditions import Conditions, Noise
+
+Range = tuple[float, float]
+
+# A tick of the encoder is 0.0015 rad, a count of its speed 0.024 rad/s.
+NOISE = Noise(joint_pos=0.003, joint_vel=0.08, gyro=0.05, gravity=0.02)
+MOST_DELAY = 0.04  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class Randomisation:
+    """Ranges that conditions are drawn from, uniformly, at every start of an episode."""
+
+    mass: Range = (0.85, 1.15)
+    """Share of the whole mass."""
+    link_mass: Range = (0.95, 1.05)
+    """Share of each link's mass besides."""
+    com_shift: float = 0.01
+    """Either way and axis, of the torso's centre of mass [m]."""
+    friction: Range = (0.3, 1.2)
+    voltage: Range = (0.875, 1.05)
+    """Share of the nominal supply; of the OP3's 12 V, 10.5 to 12.6 V."""
+    torque_share: Range = (0.42, 1.0)
+    """Torque limit as a share of the servos' own; 0.42 is 1.7 N·m of the OP3's 4.1."""
+    full_torque: float = 0.35
+    """Share of episodes in which the servos have all their torque."""
+    pwm_limited: float = 0.5
+    """Share of episodes in which the torque limit is a PWM limit."""
+    weak_servo: Range = (0.55, 1.0)
+    """Strength of one servo..."""
+    weak_share: float = 0.15
+    """... in this share of episodes."""
+    strength: Range = (0.92, 1.08)
+    """Gain and torque of every servo: they differ from piece to piece."""
+    armature: Range = (0.7, 1.5)
+    heavy_armature: Range = (1.5, 20.0)
+    """Of the rotors where they are heavy: figures published for one servo differ by 18 times..."""
+    heavy_share: float = 0.2
+    """... in this share of episodes, spread evenly in its logarithm."""
+    friction_loss: Range = (0.3, 1.6)
+    delay: Range = (0.0, 0.06)
+    """Of targets and measurements together, shared out by chance, each at most 0.04 s [s]."""
+    joint_offset: float = 0.026
+    """Either way [rad]: 1.5 degrees of calibration left."""
+    backlash: Range = (0.0, 0.018)
+    """[rad]; the XM430's datasheet tells 0.25 degrees, worn gears have more."""
+    imu_tilt: float = 0.05
+    """Standard deviation of each axis [rad]: mounting, and what a filter errs in motion."""
+    gyro_bias: float = 0.03
+    """Standard deviation [rad/s]."""
+    push_interval: float = 2.5
+    """Mean time between pushes [s]."""
+    push_speed: float = 0.4
+    """Largest change of the torso's speed by a push, each axis [m/s]."""
+    noise: Noise = NOISE
+
+    def sample(
+        self, robot: Robot, model: mujoco.MjModel, n: int, rng: np.random.Generator
+    ) -> Conditions:
+        """Draw the conditions of ``n`` robots."""
+
+        def within(bounds: Range, *shape: int) -> Array:
+            return rng.uniform(*bounds, shape)
+
+        own = float(robot.max_torque.max())
+        share = np.where(rng.random(n) < self.full_torque, 1.0, within(self.torque_share, n))
+        strength = within(self.strength, n, robot.n)
+        weak = rng.random(n) < self.weak_share
+        which = rng.integers(0, robot.n, n)
+        strength[weak, which[weak]] *= within(self.weak_servo, int(weak.sum()))
+        heavy = rng.random(n) < self.heavy_share
+        armature = np.where(
+            heavy, np.exp(within(tuple(np.log(self.heavy_armature)), n)), within(self.armature, n)
+        )
+        delay, part = within(self.delay, n), rng.random(n)
+        body = within(self.mass, n, 1) * within(self.link_mass, n, model.nbody)
+        return Conditions(
+            mass=body,
+            com_shift=within((-self.com_shift, self.com_shift), n, 3),
+            friction=within(self.friction, n),
+            voltage=robot.supply_voltage * within(self.voltage, n),
+            torque_limit=own * share,
+            pwm_limited=rng.random(n) < self.pwm_limited,
+            strength=strength,
+            armature=armature,
+            friction_loss=within(self.friction_loss, n),
+            action_delay=np.minimum(delay * part, MOST_DELAY),
+            sensor_delay=np.minimum(delay * (1.0 - part), MOST_DELAY),
+            joint_offset=within((-self.joint_offset, self.joint_offset), n, robot.n),
+            backlash=within(self.backlash, n),
+            imu_tilt=rng.normal(0.0, self.imu_tilt, (n, 3)),
+            gyro_bias=rng.normal(0.0, self.gyro_bias, (n, 3)),
+        )
+
+
+ONE = (1.0, 1.0)
+TORQUE = Randomisation(
+    mass=ONE,
+    link_mass=ONE,
+    com_shift=0.0,
+    friction=(Scene.friction, Scene.friction),
+    voltage=ONE,
+    torque_share=(0.6, 1.0),
+    full_torque=0.7,
+    pwm_limited=0.0,
+    weak_share=0.0,
+    strength=ONE,
+    armature=ONE,
+    heavy_share=0.0,
+    friction_loss=ONE,
+    delay=(0.0, 0.0),
+    joint_offset=0.0,
+    backlash=(0.0, 0.0),
+    imu_tilt=0.0,
+    gyro_bias=0.0,
+    push_speed=0.0,
+    noise=Noise(),
+)
+MILD = Randomisation(
+    mass=(0.93, 1.07),
+    com_shift=0.005,
+    friction=(0.5, 1.0),
+    voltage=(0.94, 1.05),
+    full_torque=0.7,
+    weak_share=0.05,
+    armature=(0.8, 1.25),
+    heavy_share=0.1,
+    friction_loss=(0.6, 1.3),
+    delay=(0.0, 0.04),
+    joint_offset=0.013,
+    backlash=(0.0, 0.009),
+    imu_tilt=0.025,
+    gyro_bias=0.015,
+    push_speed=0.2,
+)
+"""About half of each range: for robots that have no strength to spare."""
+RANDOMISATIONS = {"none": None, "torque": TORQUE, "mild": MILD, "all": Randomisation()}
+"""What may differ, by name: nothing; torque limits, which a policy is told of; everything, by
+little or by much."""

@@ -1,0 +1,1 @@
+"""Training: PPO, checkpoints, export to ONNX."""

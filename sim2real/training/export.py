@@ -1,0 +1,218 @@
+"""Export: a trained policy as one ONNX file, its normaliser and its contract inside."""
+
+from __future__ import annotations
+
+import json
+import logging
+import tempfile
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
+
+from humanoid_getup.policy.contract import METADATA_KEY, Fact, PolicyContract
+from humanoid_getup.policy.observation import list_terms
+from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
+from robots import Robot
+from robots.validation import shown
+from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
+from sim2real.training.config import RECIPE, RECIPES, Recipe
+from sim2real.training.ppo import AVERAGE
+from sim2real.training.runner import build_config
+
+OPSET = 18
+SAMPLES = 1000  # observations on which torch and onnxruntime must agree
+PARITY = 1e-5  # of an action, whose numbers are from -1 to 1
+MOST_BYTES = 2_000_000
+
+
+class ExportError(ValueError):
+    """A training cannot be exported; the message is one line."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """What was trained, and where its checkpoint lies."""
+
+    folder: Path
+    robot: str
+    """Name of the robot."""
+    recipe: Recipe
+    seed: int
+    actions: tuple[str, ...]
+    """What each number of an action moves."""
+    parent: Mapping[str, Fact]
+    """What it began with: recipe, seed, iterations, checksum; empty for nothing."""
+
+    @staticmethod
+    def load(folder: Path) -> Training:
+        """Read what a training wrote down of itself.
+
+        Raises:
+            OSError: if its recipe cannot be read.
+            ExportError: if that is not one.
+        """
+        file = folder / RECIPE
+        try:
+            record = json.loads(file.read_text("utf-8"))
+            fields: dict[str, Any] = dict(record["recipe"])
+            fields["hidden"] = tuple(fields["hidden"])
+            return Training(
+                folder=folder,
+                robot=str(record["robot"]),
+                recipe=Recipe(**fields),
+                seed=int(record["seed"]),
+                actions=tuple(record["actions"]),
+                parent=dict(record["parent"] or {}),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            told = f"{type(error).__name__}: {error}"
+            raise ExportError(f"{file} is no recipe of a training: {told}") from error
+
+    @property
+    def provenance(self) -> dict[str, Fact]:
+        """Tell how the policy is made."""
+        named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
+        facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
+        about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}
+        about |= {f"parent.{key}": value for key, value in self.parent.items()}
+        return facts | {key: _as_fact(value) for key, value in about.items()}
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What an export came to."""
+
+    size: int
+    """Of the file [bytes]."""
+    iterations: int
+    """That the policy was trained for."""
+    difference: float
+    """Largest between the actions of torch and of onnxruntime."""
+
+
+def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
+    """Write the policy of a training's checkpoint, checked, or nothing at all.
+
+    Raises:
+        OSError: if a file cannot be read or written.
+        CheckpointError: if the checkpoint is spoilt.
+        ExportError: if the training is another robot's, the checkpoint is none of it or
+            holds what is no number, or what was written does not act like the checkpoint.
+    """
+    action = training.recipe.choose_actions(robot)
+    if training.robot != robot.name or training.actions != action.names:
+        raise ExportError(
+            f"{training.folder}: trained for robot '{training.robot}' with actions "
+            f"{', '.join(training.actions)}; allowed '{robot.name}' with {', '.join(action.names)}"
+        )
+    checkpoint = read_checkpoint(training.folder / CHECKPOINT)
+    size = sum(term.size for term in list_terms(robot, action))
+    actor = rebuild_actor(training, size, action.size, checkpoint[AVERAGE])
+    iterations = int(checkpoint["iter"]) + 1
+    provenance = training.provenance | {"iterations": iterations}
+    contract = PolicyContract.of(robot, action, robot.control_period, provenance)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=file.parent, prefix=".getup-") as scratch:
+        partial = Path(scratch, file.name)
+        _write(actor, contract, partial)
+        difference = _compare(actor, partial, robot)
+        bytes_written = partial.stat().st_size
+        if bytes_written > MOST_BYTES:
+            raise ExportError(f"the policy has {bytes_written} bytes, allowed {MOST_BYTES}")
+        partial.replace(file)
+    return Exported(bytes_written, iterations, difference)
+
+
+def rebuild_actor(
+    training: Training, observation_size: int, action_size: int, weights: dict[str, Any]
+) -> MLPModel:
+    """Build the trained actor without its environment.
+
+    Raises:
+        ExportError: if the weights are another network's, or no numbers.
+    """
+    config = build_config(training.recipe, training.seed)
+    actor_config = {key: value for key, value in config["actor"].items() if key != "class_name"}
+    example = TensorDict({"policy": torch.zeros(1, observation_size)}, batch_size=[1])
+    actor = MLPModel(example, config["obs_groups"], "actor", action_size, **actor_config)
+    file = training.folder / CHECKPOINT
+    try:
+        actor.load_state_dict(weights)
+    except RuntimeError as error:
+        told = " ".join(str(error).split())
+        raise ExportError(f"{file} does not fit robot and recipe: {told}") from error
+    bad = [name for name, value in actor.state_dict().items() if not torch.isfinite(value).all()]
+    if bad:
+        raise ExportError(f"{file} holds what is no number: {', '.join(bad)}")
+    return actor.eval()
+
+
+def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
+    network: Any = actor.as_onnx(verbose=False).to("cpu").eval()
+    (example,) = network.get_dummy_inputs()
+    with _quiet():
+        torch.onnx.export(
+            network,
+            (example.repeat(2, 1),),  # a batch of one would become fixed
+            str(file),
+            opset_version=OPSET,
+            input_names=network.input_names,
+            output_names=network.output_names,
+            dynamic_shapes={"x": {0: torch.export.Dim("robots")}},
+            external_data=False,
+            dynamo=True,
+        )
+    model = onnx.load(str(file))
+    for node in model.graph.node:
+        node.ClearField("metadata_props")  # stack traces, with this machine's paths
+    onnx.helper.set_model_props(model, {METADATA_KEY: contract.to_json()})
+    onnx.save(model, str(file))
+
+
+def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:
+    """Compare the file with what it was made from; return the largest difference.
+
+    Raises:
+        ExportError: if they differ, or the file cannot be run.
+    """
+    normaliser: Any = actor.obs_normalizer
+    noise = torch.randn(SAMPLES, actor.obs_dim, generator=torch.Generator().manual_seed(0))
+    seen = (normaliser.mean + noise * normaliser.std).numpy()
+    with torch.no_grad():
+        wanted = actor(TensorDict({"policy": torch.from_numpy(seen)}, batch_size=[SAMPLES])).numpy()
+    try:
+        OnnxPolicy.load(file, robot, robot.control_period)
+    except PolicyError as error:
+        raise ExportError(f"what was written cannot be run: {error}") from error
+    network = OnnxNetwork(file)
+    difference = float(np.abs(network(seen) - wanted).max())
+    if not difference <= PARITY:
+        raise ExportError(f"torch and onnxruntime differ by {difference:.1e}, allowed {PARITY:.0e}")
+    return difference
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what the exporter tells of its progress from the user."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with redirect_stdout(StringIO()), warnings.catch_warnings(action="ignore"):
+            yield
+    finally:
+        logger.setLevel(level)
+
+
+def _as_fact(value: object) -> Fact:
+    return value if isinstance(value, str | int | float | bool) else shown(value)

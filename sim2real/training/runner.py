@@ -1,0 +1,117 @@
+"""The runner: rsl-rl's PPO, its configuration, and a checkpoint that nothing is missing from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from rsl_rl.runners import OnPolicyRunner
+
+from sim2real.training.action_widening import widen
+from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
+from sim2real.training.config import RECIPE, STEPS, Recipe
+from sim2real.training.distributed import Rank
+from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
+
+
+class Runner(OnPolicyRunner):
+    """rsl-rl's runner, whose checkpoint holds all that a resumed training depends on."""
+
+    env: RslEnv
+
+    def __init__(
+        self, env: RslEnv, config: dict[str, Any], folder: Path, device: str, rank: Rank
+    ) -> None:
+        super().__init__(env, config, str(folder), device)
+        self._file, self._rank = folder / CHECKPOINT, rank
+        self.logger.git_status_repos = []  # the tree around a training is nobody's business
+
+    def save(self, path: str, infos: dict | None = None) -> None:
+        """Write the one checkpoint, in place of the last."""
+        del path, infos
+        state = self.alg.save() | {
+            "iter": self.current_learning_iteration,
+            "env": self.env.env.save_state(),
+            "observations": self.env.observations.cpu(),
+            "torch_rng": torch.get_rng_state(),
+            "cuda_rng": torch.cuda.get_rng_state(self.device) if self._on_gpu else None,
+            "timesteps": self.logger.tot_timesteps,
+            "time": self.logger.tot_time,
+        }
+        write_checkpoint(state, self._file)
+
+    def resume(self) -> None:
+        """Go on from the checkpoint as if nothing had happened.
+
+        Of several processes, only the first wrote down its robots; the others begin anew.
+        """
+        state = read_checkpoint(self._file, self.device)
+        self.alg.load(state, None, True)
+        self.current_learning_iteration = state["iter"] + 1
+        if not self._rank.leads:
+            return
+        self.env.env.restore_state(state["env"])
+        self.env.observations = state["observations"].to(self.device)
+        torch.set_rng_state(state["torch_rng"].cpu())
+        if self._on_gpu:
+            torch.cuda.set_rng_state(state["cuda_rng"].cpu(), self.device)
+        self.logger.tot_timesteps, self.logger.tot_time = state["timesteps"], state["time"]
+
+    def inherit(self, parent: Path) -> None:
+        """Begin with the networks of another training."""
+        state = read_checkpoint(parent / CHECKPOINT, self.device)
+        before = tuple(json.loads((parent / RECIPE).read_text("utf-8"))["actions"])
+        env = self.env.env
+        widened = widen(state, env.terms, before, env.action)
+        self.alg.load(widened, {"actor": True, "critic": True}, True)
+
+    @property
+    def _on_gpu(self) -> bool:
+        return self.device.startswith("cuda")
+
+
+def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
+    """Build rsl-rl's configuration: its own defaults where no reason stands beside a number."""
+    gaussian = {
+        "class_name": "GaussianDistribution",
+        "init_std": recipe.first_std,
+        "std_type": "log",
+        "std_range": (0.1, recipe.most_std),  # at least 0.1: what is sure of itself still explores
+    }
+    network = {
+        "class_name": "MLPModel",
+        "hidden_dims": list(recipe.hidden),
+        "activation": "elu",
+        "obs_normalization": True,
+    }
+    return {
+        "seed": seed,
+        "num_steps_per_env": STEPS,
+        "save_interval": 25,
+        "obs_groups": {"actor": ["policy"], "critic": ["critic"]},
+        "logger": "tensorboard",
+        "actor": network | {"distribution_cfg": gaussian},
+        "critic": dict(network),
+        "algorithm": {
+            "class_name": "sim2real.training.ppo:AveragingPPO",
+            "num_learning_epochs": 4,  # of four mini-batches, as what first learnt to rise
+            "num_mini_batches": 4,
+            "clip_param": 0.2,
+            "gamma": recipe.discount,
+            "lam": 0.95,
+            "value_loss_coef": 1.0,
+            "use_clipped_value_loss": False,  # clipped, returns near 30 are learnt slowly
+            "entropy_coef": recipe.entropy,
+            "learning_rate": 1e-3,
+            "schedule": "adaptive",  # the step size keeps to the desired KL divergence
+            "desired_kl": recipe.desired_kl,
+            "max_grad_norm": 1.0,
+            "symmetry_cfg": {
+                "data_augmentation_func": mirror_batch,
+                "use_data_augmentation": True,
+                "use_mirror_loss": False,
+            },
+        },
+    }

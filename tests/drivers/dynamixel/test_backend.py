@@ -1,0 +1,780 @@
+"""The backend on servos: what reaches them, what is believed, and what happens when they fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from memory_rig import Rig, split
+
+from drivers import Backend, Command
+from drivers.dynamixel.backend import DynamixelBackend, RebootError, Release
+from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.command_writer import Translator
+from drivers.dynamixel.control_table import HardwareError, OperatingMode
+from drivers.dynamixel.cyclic_read import MISSES, GroupKind
+from drivers.dynamixel.diagnostics import AuditError
+from drivers.dynamixel.port import PortError, SdkPort, SerialPort
+from drivers.dynamixel.protocol2 import HEADER, Instruction
+from drivers.errors import CommandError, NotConnectedError, SetupError
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.devices.quirks import Gap, Quirks
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from robots.servo import RAD_PER_TICK
+
+GOAL, TORQUE, PWM, WATCHDOG = 116, 64, 100, 98
+ONE_TICK = RAD_PER_TICK + 1e-9
+
+
+@pytest.fixture
+def rig(tiny):
+    with Rig(tiny) as rig:
+        yield rig
+
+
+@pytest.fixture
+def op3_rig(op3):
+    with Rig(op3) as rig:
+        yield rig
+
+
+def address_of(packet) -> int:
+    return int.from_bytes(packet.params[:2], "little")
+
+
+def writes_to(rig: Rig, address: int) -> list[int]:
+    """Say at which places of all that was sent a register was sync written."""
+    return [
+        place
+        for place, packet in enumerate(rig.port.sent)
+        if packet.instruction == Instruction.SYNC_WRITE and address_of(packet) == address
+    ]
+
+
+# Connecting --------------------------------------------------------------------------------
+
+
+def test_it_is_a_backend(tiny):
+    assert isinstance(Rig(tiny).backend, Backend)
+
+
+def test_connecting_powers_the_servos_sets_them_up_and_measures_them_limp(op3_rig):
+    rig = op3_rig
+    state = rig.backend.read()
+    assert state.joint_pos == pytest.approx(rig.true_angles(), abs=1e-12)
+    assert np.any(state.joint_pos)
+    assert state.joint_age.max() == 0.0 and state.imu_age == 0.0 and not state.alert.any()
+    assert state.voltage == pytest.approx(12.0) and np.all(state.temperature == 25.0)
+    assert rig.peek("torque_enable") == [0] * 20
+    assert rig.peek("return_delay_time") == [0] * 20
+    assert rig.backend.lines[0].group_kind is GroupKind.FAST
+
+
+def test_kept_registers_are_written_only_where_they_differ(rig):
+    assert rig.backend.eeprom_writes == 2, "return delay of two servos as shipped"
+    rig.servo("l_hip").poke("operating_mode", OperatingMode.VELOCITY)
+    rig.backend.close()
+    rig.backend.connect()
+    assert rig.backend.eeprom_writes == 3
+    assert rig.peek("operating_mode") == [OperatingMode.POSITION] * 2
+
+
+def test_registers_that_power_up_resets_are_always_set(tiny):
+    def spoil(virtual):
+        for servo in virtual.servos:
+            servo.poke("status_return_level", 0)
+            servo.poke("profile_velocity", 100)
+            servo.poke("position_p_gain", 50)
+
+    with Rig(tiny, prepare=spoil) as rig:
+        rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
+        assert rig.peek("status_return_level") == [2, 2]
+        assert rig.peek("profile_velocity") == [0, 0]
+        assert rig.peek("position_p_gain") == [800, 800]
+
+
+def test_all_that_is_wrong_is_told_at_once(op3):
+    def break_some(virtual):
+        virtual.servos[0].alive = False
+        virtual.servos[4].alive = False
+        virtual.servos[7].poke("drive_mode", 1)
+        virtual.servos[9].poke("secondary_id", 3)
+
+    rig = Rig(op3, prepare=break_some)
+    with pytest.raises(AuditError) as caught:
+        rig.backend.connect()
+    told = str(caught.value)
+    for words in ("'r_sho_pitch' (id 1)", "'r_el' (id 5)", "silent", "'l_hip_yaw'", "reversed"):
+        assert words in told
+    assert "'l_hip_roll' (id 10): also obeys the secondary id 3" in told
+    assert "\n" not in told
+    assert not rig.port.is_open, "a failed connection keeps the port"
+
+
+def test_a_robot_without_bus_or_imu_or_with_other_ports_is_refused(tiny):
+    with pytest.raises(SetupError, match="no servo bus"):
+        DynamixelBackend(replace(tiny, bus=None), {"main": "p"})
+    with pytest.raises(SetupError, match="no IMU"):
+        DynamixelBackend(replace(tiny, bus=replace(tiny.bus, board=None)), {"main": "p"})
+    with pytest.raises(SetupError, match="has the ports main; devices were named for: arms"):
+        DynamixelBackend(tiny, {"arms": "p"})
+
+
+def test_a_silent_board_is_named(tiny):
+    rig = Rig(tiny)
+    rig.virtual.board.alive = False
+    with pytest.raises(AuditError, match=r"board 'OpenCR' \(id 200\): silent"):
+        rig.backend.connect()
+
+
+def test_without_a_connection_it_refuses_to_work(tiny):
+    rig = Rig(tiny)
+    with pytest.raises(NotConnectedError):
+        rig.backend.read()
+    with pytest.raises(NotConnectedError):
+        rig.backend.write(Command.limp(2))
+
+
+# Moving ------------------------------------------------------------------------------------
+
+
+def test_torque_comes_on_at_the_present_position_with_the_watchdog_on(rig):
+    rig.backend.read()
+    rig.port.sent.clear()
+    rig.backend.write(Command.position(rig.robot, np.array([0.3, -0.3])))
+    (seed,) = rig.port.frames(Instruction.BULK_WRITE)
+    place = rig.port.sent.index(seed)
+    (torque,) = writes_to(rig, TORQUE)
+    assert max(writes_to(rig, PWM)) < place < torque < writes_to(rig, GOAL)[0]
+    rows = [seed.params[i : i + 9] for i in (0, 9)]
+    # id, address, length, ticks: l_hip stands at tick 2048, r_hip at 1000.
+    assert rows == [
+        bytes((1, GOAL, 0, 4, 0)) + (2048).to_bytes(4, "little"),
+        bytes((2, GOAL, 0, 4, 0)) + (1000).to_bytes(4, "little"),
+    ]
+    assert rig.peek("torque_enable") == [1, 1]
+    assert rig.peek("bus_watchdog") == [5, 5], "0.1 s in steps of 20 ms"
+
+
+def test_every_cycle_ends_with_one_write_of_all_goals(rig):
+    rig.turn()
+    for command in (Command.limp(2), Command.position(rig.robot, np.zeros(2)), None):
+        rig.port.sent.clear()
+        rig.turn(command)
+        assert writes_to(rig, GOAL) == [len(rig.port.sent) - 1]
+        assert len(rig.port.sent[-1].params) == 4 + 2 * 5
+
+
+def test_the_robot_goes_where_it_is_sent(rig):
+    target = np.array([0.2, -0.2])
+    state = rig.turn(Command.position(rig.robot, target), 60)
+    assert state.joint_pos == pytest.approx(target, abs=0.05)
+
+
+def test_gain_and_limit_reach_the_servos_and_are_told_as_they_are(rig):
+    command = Command(
+        joint_pos=np.array([0.1, -0.1]),
+        gain_scale=np.array([0.5, 1.0]),
+        torque_limit=np.array([1.0, 4.1]),
+        pwm_limit=np.array([0.5, 0.75]),
+    )
+    rig.turn(command)
+    assert rig.peek("position_p_gain") == [400, 800]
+    # 1.0 / 4.1 of 885 counts, and 0.75 of them, rounded down: whichever limit is lower.
+    assert rig.peek("goal_pwm") == [215, 663]
+    assert rig.sent.torque_limit == pytest.approx([215 / 885 * 4.1, 663 / 885 * 4.1])
+    assert rig.sent.pwm_limit == pytest.approx([215 / 885, 663 / 885])
+    assert rig.sent.joint_pos == pytest.approx(command.joint_pos, abs=0.5 * ONE_TICK)
+
+
+def test_gains_and_limits_are_sent_when_they_change_and_once_more(rig):
+    command = Command.position(rig.robot, np.zeros(2))
+    rig.turn(command, 4)
+    rig.port.sent.clear()
+    rig.turn(command, 20)
+    assert writes_to(rig, PWM) == []
+    rig.turn(replace(command, torque_limit=np.array([1.0, 2.0])), 6)
+    assert len(writes_to(rig, PWM)) == 2
+
+
+def test_a_limit_that_rounds_to_nothing_is_torque_off(rig):
+    command = replace(Command.position(rig.robot, np.zeros(2)), torque_limit=np.array([1e-4, 1.0]))
+    rig.turn(command)
+    assert rig.peek("torque_enable") == [0, 1]
+    assert rig.sent.torque_limit[0] == 0.0
+
+
+@settings(max_examples=200, deadline=None)
+@given(data=st.data())
+def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
+    numbers = st.floats(-1e6, 1e6)
+    pos = np.array(data.draw(st.lists(numbers, min_size=2, max_size=2)))
+    gain = np.array(data.draw(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2)))
+    torque = np.array(data.draw(st.lists(st.floats(0.0, 10.0), min_size=2, max_size=2)))
+    translator = Translator(tiny)
+    share = np.array(data.draw(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2)))
+    asked = Command(joint_pos=pos, gain_scale=gain, torque_limit=torque, pwm_limit=share)
+    orders = translator.to_orders(asked)
+    sent = translator.to_command(orders, asked)
+    assert np.all((orders.goal >= 0) & (orders.goal <= 4095))
+    assert np.all((orders.pwm >= 0) & (orders.pwm <= 885))
+    assert np.all((orders.p_gain >= 0) & (orders.p_gain <= 800))
+    assert np.all(sent.torque_limit <= torque)
+    assert np.all(sent.pwm_limit <= share)
+    inside = (pos >= tiny.lower) & (pos <= tiny.upper)
+    assert np.all(sent.joint_pos[inside] >= tiny.lower[inside])
+    assert np.all(sent.joint_pos[inside] <= tiny.upper[inside])
+    again = translator.to_orders(sent)
+    assert np.array_equal(again.goal, orders.goal)
+    assert np.array_equal(again.pwm, orders.pwm)
+    assert np.array_equal(again.p_gain, orders.p_gain)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_command_that_is_no_command_reaches_nobody(rig, bad):
+    rig.backend.read()
+    rig.port.sent.clear()
+    with pytest.raises(CommandError, match="targets"):
+        rig.backend.write(Command.position(rig.robot, np.array([bad, 0.0])))
+    with pytest.raises(CommandError, match="torque limits"):
+        rig.backend.write(replace(Command.limp(2), torque_limit=np.array([-1.0, 0.0])))
+    assert rig.port.sent == []
+
+
+def test_reading_again_before_the_next_write_is_the_same_measurement(rig):
+    first = rig.backend.read()
+    assert rig.backend.read() is first
+    rig.backend.write(Command.limp(2))
+    assert rig.backend.read().time == pytest.approx(first.time + rig.robot.control_period)
+
+
+def test_slow_values_of_every_servo_are_fresh_within_half_a_second(op3_rig):
+    rig = op3_rig
+    rig.turn(Command.limp(20))
+    for servo, temperature in zip(rig.virtual.servos, range(31, 51), strict=True):
+        rig.virtual.simulation.temperature[servo.id - 1] = temperature
+    rig.virtual.simulation.supply = 11.2
+    cycles = int(0.5 / rig.robot.control_period)
+    state = rig.turn(Command.limp(20), cycles)
+    assert state.temperature == pytest.approx(np.arange(31, 51), abs=1.0)
+    assert state.voltage == pytest.approx(11.2)
+
+
+def test_a_cycle_of_twenty_servos_and_the_imu_is_small(op3_rig):
+    rig = op3_rig
+    rig.turn(cycles=200)
+    sizes = []
+    for _ in range(60):
+        rig.turn()
+        sizes.append(rig.backend.cycle_bytes)
+    # 114 goals, 34 question, 288 positions: 436; the IMU and one slow value: at most 60 more.
+    assert np.median(sizes) <= 496
+    # Now and then all gains or all limits are sent again: 14 + 20 * 3 more.
+    assert max(sizes) <= 496 + 74
+    assert rig.backend.statistics["main"].lost == 30, "while a servo booted, nobody else"
+
+
+# Servos that fail ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("firmware", [46, 44])
+@pytest.mark.parametrize("gap", list(Gap))
+def test_a_silent_servo_costs_only_itself(op3, gap, firmware):
+    with Rig(op3, firmware=firmware, quirks=Quirks(sync_gap=gap, fast_gap=gap)) as rig:
+        rig.turn(cycles=3)
+        knee = op3.joint_names.index("r_knee")
+        others = np.arange(20) != knee
+        rig.servo("r_knee").alive = False
+        for missed in range(1, 30):
+            state = rig.turn(Command.limp(20))
+            assert state.joint_age[knee] == pytest.approx(missed * op3.control_period)
+            assert np.all(state.joint_age[others] == 0.0)
+            assert state.imu_age == 0.0
+            assert state.joint_pos[knee] != 0.0, "a value was made up"
+        assert rig.backend.lines[0].left_out == [13]
+        lost = rig.backend.statistics["main"].lost
+        rig.turn(Command.limp(20), 20)
+        assert rig.backend.statistics["main"].lost - lost <= 2, "it is still waited for"
+        rig.servo("r_knee").alive = True
+        assert rig.turn(Command.limp(20), 12).joint_age[knee] == 0.0
+
+
+def test_a_servo_whose_cable_had_a_gap_keeps_its_torque(rig):
+    rig.turn(cycles=3)
+    rig.servo("r_hip").alive = False
+    rig.turn(Command.position(rig.robot, np.zeros(2)), 6)
+    rig.servo("r_hip").alive = True
+    state = rig.turn(Command.position(rig.robot, np.zeros(2)), 14)
+    assert state.joint_age.max() == 0.0
+    assert rig.peek("torque_enable") == [1, 1]
+    assert rig.sent.torque_limit.all()
+
+
+def test_a_silent_bus_only_makes_values_older(rig):
+    before = rig.turn(cycles=3)
+    rig.port.spoil = lambda *_: []
+    state = rig.turn(Command.limp(2), 10)
+    assert state.joint_age == pytest.approx(np.full(2, 10 * rig.robot.control_period))
+    assert state.imu_age == pytest.approx(10 * rig.robot.control_period)
+    assert np.array_equal(state.joint_pos, before.joint_pos)
+    rig.port.spoil = lambda _, answers: answers
+    state = rig.turn(Command.limp(2), 15)
+    assert state.joint_age.max() == 0.0
+
+
+def test_a_servo_that_restarts_is_set_up_again_before_its_torque_comes_on(rig):
+    target = np.array([0.15, -0.15])
+    command = replace(Command.position(rig.robot, target), gain_scale=np.array([0.5, 0.5]))
+    rig.turn(command, 40)
+    rig.servo("r_hip").reboot()
+    seen_off = False
+    for _ in range(120):
+        rig.turn(command)
+        if rig.sent.torque_limit[1] == 0.0:
+            seen_off = True
+    assert seen_off, "nobody noticed"
+    assert rig.peek("torque_enable") == [1, 1]
+    assert rig.peek("position_p_gain") == [400, 400]
+    assert rig.peek("bus_watchdog") == [5, 5]
+
+
+def test_a_servo_that_restarted_begins_at_its_present_position(rig):
+    rig.turn(Command.position(rig.robot, np.zeros(2)), 5)
+    servo = rig.servo("l_hip")
+    servo.reboot()
+    rig.port.sent.clear()
+    place = 0
+    for _ in range(120):
+        present = servo.peek("present_position")
+        rig.turn(Command.position(rig.robot, np.zeros(2)))
+        if rig.port.frames(Instruction.BULK_WRITE):
+            place = int.from_bytes(rig.port.frames(Instruction.BULK_WRITE)[0].params[5:9], "little")
+            break
+    assert abs(place - present) <= 1
+
+
+def test_an_alert_is_seen_in_its_own_cycle_with_its_cause(rig):
+    rig.turn(cycles=3)
+    rig.servo("r_hip").trip(HardwareError.OVERLOAD)
+    state = rig.turn(Command.limp(2))
+    assert state.alert.tolist() == [0, HardwareError.OVERLOAD]
+
+
+def test_two_alerts_in_a_cycle_are_both_known_and_read_one_by_one(rig):
+    rig.turn(cycles=3)
+    rig.servo("l_hip").trip(HardwareError.OVERLOAD)
+    rig.servo("r_hip").trip(HardwareError.OVERHEATING)
+    assert sorted(rig.turn(Command.limp(2)).alert.tolist()) == [32, 128]
+    assert rig.turn(Command.limp(2)).alert.tolist() == [32, 4]
+
+
+def test_a_reboot_needs_a_limp_joint_and_forgets_the_overload(rig):
+    rig.turn(cycles=3)
+    with pytest.raises(RebootError, match=r"joint 'r_hip' \(id 2\): has torque; release it"):
+        rig.backend.reboot("r_hip")
+    rig.servo("r_hip").trip(HardwareError.OVERLOAD)
+    rig.turn(Command.limp(2), 2)
+    assert rig.servo("r_hip").peek("torque_enable") == 0
+    rig.backend.reboot("r_hip")
+    state = rig.turn(Command.limp(2))
+    assert not state.alert.any()
+    servo = rig.servo("r_hip")
+    assert servo.peek("goal_position") == pytest.approx(servo.peek("present_position"), abs=1)
+    assert servo.peek("torque_enable") == 0
+    rig.turn(cycles=3)
+    assert rig.peek("torque_enable") == [1, 1]
+
+
+def test_a_servo_that_never_comes_back_from_its_reboot_is_named(rig, monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.backend.BOOT_TIME", 0.0)
+    rig.turn(Command.limp(2))
+    rig.servo("r_hip").alive = False
+    with pytest.raises(RebootError, match="joint 'r_hip'"):
+        rig.backend.reboot("r_hip")
+
+
+def test_a_tripped_watchdog_is_cleared_and_the_goal_begins_at_the_present(rig):
+    rig.turn(cycles=3)
+    rig.virtual.body.advance(rig.virtual.body.time + 0.2)
+    assert rig.peek("bus_watchdog") == [-1, -1], "the test shows nothing"
+    rig.turn(cycles=8)
+    assert rig.peek("bus_watchdog") == [5, 5]
+    assert rig.peek("torque_enable") == [1, 1]
+
+
+def test_after_a_pause_longer_than_the_watchdog_goals_begin_anew_at_once(rig):
+    rig.turn(cycles=3)
+    rig.virtual.body.advance(rig.virtual.body.time + 0.2)
+    rig.clock.pass_period(0.2)
+    rig.turn()
+    assert rig.peek("bus_watchdog") == [5, 5]
+
+
+# Instructions that get lost -----------------------------------------------------------------
+
+
+def drop(rig: Rig, address: int, count: int) -> None:
+    """Let the next sync writes of a register reach nobody."""
+    handle, left = rig.port.chain.handle, [count]
+
+    def deaf(item, *, baud=None):
+        if item.instruction == Instruction.SYNC_WRITE and address_of(item) == address and left[0]:
+            left[0] -= 1
+            return []
+        return handle(item, baud=baud)
+
+    rig.port.chain.handle = deaf
+
+
+def test_torque_off_that_nobody_heard_is_said_again_in_the_next_cycle(rig):
+    rig.turn(cycles=3)
+    drop(rig, TORQUE, 1)
+    rig.turn(Command.limp(2))
+    assert rig.peek("torque_enable") == [1, 1], "the test shows nothing"
+    rig.turn(Command.limp(2))
+    assert rig.peek("torque_enable") == [0, 0]
+
+
+def test_torque_on_that_nobody_heard_is_said_again(rig):
+    drop(rig, TORQUE, 1)
+    rig.turn()
+    assert rig.peek("torque_enable") == [0, 0], "the test shows nothing"
+    rig.turn()
+    assert rig.peek("torque_enable") == [1, 1]
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_a_limit_that_nobody_heard_is_sent_again(rig, lost):
+    rig.turn(cycles=3)
+    drop(rig, PWM, lost)
+    command = replace(Command.position(rig.robot, np.zeros(2)), torque_limit=np.array([1.0, 1.0]))
+    rig.turn(command, 66)
+    assert rig.peek("goal_pwm") == [215, 215]
+
+
+# Answers that lie ----------------------------------------------------------------------------
+
+
+def test_an_answer_of_the_last_cycle_is_not_believed(rig):
+    kept: list[bytes] = []
+    this_cycle: list[np.ndarray] = []
+
+    def hold_back(packet, answers):
+        """Give each group read the answer to the one before it."""
+        if packet.instruction not in (Instruction.FAST_SYNC_READ, Instruction.SYNC_READ):
+            return answers
+        this_cycle.append(rig.true_angles())
+        rig.port.late, kept[:] = list(kept), answers
+        return []
+
+    rig.turn(Command.limp(2), 2)
+    rig.port.spoil = hold_back
+    believed = 0
+    for _ in range(20):
+        rig.turn(Command.position(rig.robot, np.array([0.3, -0.3])))
+        this_cycle.clear()
+        state = rig.backend.read()
+        for joint in np.flatnonzero(state.joint_age == 0.0):
+            assert state.joint_pos[joint] in [angles[joint] for angles in this_cycle]
+            believed += 1
+    assert believed, "the test shows nothing"
+    assert rig.backend.statistics["main"].stale > 0
+
+
+@pytest.mark.parametrize("firmware", [46, 44])
+@pytest.mark.parametrize("rate", [1e-4, 1e-3, 1e-2, 1e-1])
+def test_no_wrong_value_is_believed_on_a_noisy_wire(op3, rate, firmware):
+    rng = np.random.default_rng(7)
+
+    def flip(_, answers):
+        noisy = []
+        for answer in answers:
+            data = np.frombuffer(answer, np.uint8).copy()
+            hit = rng.random(len(data)) < rate
+            data[hit] ^= (1 << rng.integers(0, 8, hit.sum())).astype(np.uint8)
+            noisy.append(data.tobytes())
+        return noisy
+
+    with Rig(op3, firmware=firmware) as rig:
+        rig.port.spoil = flip
+        rig.port.body = None
+        truth = {0.0: rig.true_angles()}
+        believed = 0
+        rig.clock.pass_period(op3.control_period)
+        for _ in range(200):
+            angles = op3.standing.joint_pos + rng.normal(0.0, 0.1, 20)
+            for servo, joint, angle in zip(rig.virtual.servos, op3.joints, angles, strict=True):
+                servo.sense(
+                    ticks=float(joint.servo.to_ticks(angle)),
+                    velocity=0.0,
+                    current=0.0,
+                    pwm_share=0.0,
+                    voltage=12.0,
+                    temperature=25.0,
+                )
+            now = rig.clock.now()
+            truth[round(now, 6)] = rig.true_angles()
+            state = rig.turn(Command.limp(20))
+            believed += int((state.joint_age == 0.0).sum())
+            for i, age in enumerate(state.joint_age):
+                then = truth[round(state.time - age, 6)]
+                assert state.joint_pos[i] == pytest.approx(then[i], abs=1e-9)
+            assert np.all(state.temperature == 25.0) and state.voltage == pytest.approx(12.0)
+        assert believed > (1000 if rate < 0.05 else 0)
+
+
+def test_a_fast_read_that_fails_gives_way_to_a_plain_one_and_comes_back(rig, monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.cyclic_read.FAST_PAUSE", 20)
+    rig.turn(Command.limp(2), 2)
+    fast = Instruction.FAST_SYNC_READ
+    rig.port.spoil = lambda packet, answers: [] if packet.instruction == fast else answers
+    line = rig.backend.lines[0]
+    state = rig.turn(Command.limp(2), 40)
+    assert line.group_kind is GroupKind.SYNC
+    assert state.joint_age.max() == 0.0
+    rig.port.spoil = lambda _, answers: answers
+    rig.turn(Command.limp(2), 40)
+    assert line.group_kind is GroupKind.FAST
+
+
+def test_a_servo_that_does_not_join_fast_reads_makes_the_group_plain(op3_rig):
+    rig = op3_rig
+
+    def cut(packet, answers):
+        if packet.instruction != Instruction.FAST_SYNC_READ:
+            return answers
+        order = list(packet.params[4:])
+        return answers[: order.index(13)] if 13 in order else answers
+
+    rig.port.spoil = cut
+    for _ in range(100):
+        state = rig.turn(Command.limp(20))
+    assert rig.backend.lines[0].group_kind is GroupKind.SYNC
+    assert state.joint_age.max() == 0.0
+
+
+# IMU -----------------------------------------------------------------------------------------
+
+
+def test_orientation_follows_the_board(op3_rig):
+    rig = op3_rig
+    state = rig.turn(Command.limp(20), 250)
+    R = rig.virtual.simulation.data.site(op3_rig.robot.imu_site).xmat.reshape(3, 3)
+    up_b = R[2]  # the world's z axis, in the body's
+    w, x, y, z = state.orientation
+    told = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    assert told == pytest.approx(up_b, abs=0.05)
+
+
+def test_a_silent_board_makes_the_orientation_older_and_nothing_else(op3_rig):
+    rig = op3_rig
+    rig.turn(Command.limp(20), 3)
+    rig.virtual.board.alive = False
+    state = rig.turn(Command.limp(20), 10)
+    assert state.imu_age == pytest.approx(10 * rig.robot.control_period)
+    assert state.joint_age.max() == 0.0
+    rig.virtual.board.alive = True
+    assert rig.turn(Command.limp(20), 6).imu_age < 5 * rig.robot.control_period
+
+
+def test_an_imu_that_repeats_itself_while_joints_move_is_not_believed(op3_rig):
+    rig = op3_rig
+    rig.turn(Command.limp(20), 3)
+    rig.virtual.board.frozen = True
+    ages = [rig.turn(Command.limp(20)).imu_age for _ in range(60)]
+    assert max(ages) > 0.1
+
+
+def test_an_imu_at_rest_may_repeat_itself(rig):
+    for servo in rig.virtual.servos:
+        servo.poke("present_velocity", 0)
+    rig.port.body = None
+    assert rig.turn(Command.limp(2), 100).imu_age == 0.0
+
+
+# The port --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick_reopen(monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.servo_chain.REOPEN_EVERY", 0.0)
+
+
+def test_a_lost_port_raises_nothing_and_makes_everything_older(rig):
+    before = rig.turn(cycles=3)
+    rig.port.unplugged = True
+    state = rig.turn(cycles=10)
+    assert rig.backend.lost_ports == ["main"]
+    assert state.joint_age == pytest.approx(np.full(2, 10 * rig.robot.control_period))
+    assert np.array_equal(state.joint_pos, before.joint_pos)
+    assert rig.port.opened == 1, "it was opened again too soon"
+
+
+@pytest.mark.usefixtures("quick_reopen")
+def test_a_port_that_is_back_is_opened_but_torque_waits_until_it_is_asked_for_anew(rig):
+    rig.turn(cycles=3)
+    rig.port.unplugged = True
+    rig.turn(cycles=4)
+    rig.port.unplugged = False
+    state = rig.turn(cycles=40)
+    assert rig.backend.lost_ports == []
+    assert state.joint_age.max() == 0.0
+    assert rig.peek("torque_enable") == [0, 0]
+    assert not rig.sent.torque_limit.any()
+    rig.turn(Command.limp(2))
+    rig.turn(cycles=2)
+    assert rig.peek("torque_enable") == [1, 1]
+
+
+@pytest.mark.usefixtures("quick_reopen")
+def test_a_port_from_which_nothing_comes_any_more_is_opened_anew(rig, monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.servo_chain.MUTE_TIME", 0.0)
+    rig.turn(cycles=3)
+    rig.port.baud = 57_600  # somebody else changed it
+    reopen = rig.port.open
+
+    def open_at_its_speed():
+        rig.port.baud = 1_000_000
+        reopen()
+
+    rig.port.open = open_at_its_speed
+    state = rig.turn(cycles=40)
+    assert rig.port.opened >= 2
+    assert state.joint_age.max() == 0.0
+    assert rig.peek("torque_enable") == [0, 0], "nobody asked for it anew"
+
+
+def test_two_ports_are_asked_together_and_move_one_robot(op3):
+    robot = split(op3)
+    with Rig(robot) as rig:
+        order: list[str] = []
+        for name, port in rig.ports.items():
+
+            def note(data, name=name, write=port.write):
+                order.append(name)
+                write(data)
+
+            port.write = note
+        state = rig.turn()
+        assert order[:2] == ["left", "right"], "the second waits for the first's answers"
+        assert state.joint_pos == pytest.approx(rig.true_angles(), abs=0.2)
+        assert rig.turn(cycles=20).joint_age.max() == 0.0
+        assert rig.peek("torque_enable") == [1] * 20
+        rig.ports["left"].unplugged = True
+        state = rig.turn()
+        assert state.joint_age.max() > 0.0
+        assert np.all(state.joint_age[1::2] == 0.0), "one port's loss costs the other's servos"
+
+
+# Letting go -----------------------------------------------------------------------------------
+
+
+def test_closing_releases_everybody_and_twice_is_harmless(rig):
+    rig.turn(cycles=3)
+    rig.backend.close()
+    assert rig.peek("torque_enable") == [0, 0]
+    assert rig.peek("bus_watchdog") == [0, 0]
+    assert rig.backend.unreleased == ()
+    rig.backend.close()
+
+
+def test_closing_with_half_the_bus_dead_releases_the_rest_and_names_the_dead(op3_rig):
+    rig = op3_rig
+    rig.turn(cycles=3)
+    for servo in rig.virtual.servos[::2]:
+        servo.alive = False
+    rig.backend.close()
+    assert rig.peek("torque_enable")[1::2] == [0] * 10
+    assert rig.backend.unreleased == rig.robot.joint_names[::2]
+
+
+def test_closing_may_leave_the_robot_standing(tiny):
+    with Rig(tiny, release=Release.HOLD) as rig:
+        rig.turn(cycles=3)
+        rig.backend.close()
+        assert rig.peek("torque_enable") == [1, 1]
+        assert rig.peek("bus_watchdog") == [0, 0], "it would stop holding after a while"
+
+
+def test_closing_without_a_port_is_harmless(rig):
+    rig.turn(cycles=3)
+    rig.port.unplugged = True
+    rig.turn()
+    rig.backend.close()
+    assert rig.backend.unreleased == rig.robot.joint_names
+
+
+def test_no_frame_holds_a_header_inside(op3_rig):
+    rig = op3_rig
+    rig.turn(cycles=40)
+    assert len(rig.port.sent) > 100
+    assert all(HEADER[:3] not in packet.encode()[4:] for packet in rig.port.sent)
+    assert MISSES == 3
+
+
+# Over a real port ------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=[SerialPort, SdkPort])
+def plugged(request, tiny):
+    """Drive the tiny robot over a pseudo-terminal."""
+    virtual = VirtualRobot(Simulation(tiny), powered=True)
+    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+        backend = DynamixelBackend(
+            tiny, ports.paths, clock=CycleClock(), answer_margin=0.1, make_port=request.param
+        )
+        with backend:
+            yield backend, virtual, ports.main
+
+
+def hold_over(backend: DynamixelBackend, cycles: int):
+    for _ in range(cycles):
+        state = backend.read()
+        backend.write(Command.position(backend.robot, np.array([0.1, -0.1])))
+    return state
+
+
+def test_over_a_port_the_robot_goes_where_it_is_sent(plugged):
+    backend, _, _ = plugged
+    state = hold_over(backend, 60)
+    assert state.joint_pos == pytest.approx([0.1, -0.1], abs=0.05)
+    assert state.joint_age.max() == 0.0
+
+
+@pytest.mark.usefixtures("quick_reopen")
+def test_unplugged_under_torque_and_plugged_in_again_the_robot_is_limp(plugged):
+    backend, virtual, bus = plugged
+    before = hold_over(backend, 10)
+    bus.faults.unplug()
+    state = hold_over(backend, 10)
+    assert backend.lost_ports == ["main"]
+    assert state.joint_age.max() > 0.0
+    assert np.all(np.abs(state.joint_pos - before.joint_pos) < 0.1)
+    bus.faults.replug()
+    state = hold_over(backend, 30)
+    assert backend.lost_ports == []
+    assert state.joint_age.max() == 0.0
+    assert [servo.peek("torque_enable") for servo in virtual.servos] == [0, 0]
+    backend.write(Command.limp(2))
+    hold_over(backend, 3)
+    assert [servo.peek("torque_enable") for servo in virtual.servos] == [1, 1]
+
+
+def test_a_port_that_another_program_has_is_refused(plugged, tiny):
+    _, _, bus = plugged
+    with pytest.raises(PortError, match="in use by another program"):
+        DynamixelBackend(tiny, {"main": bus.path}).connect()
+
+
+def test_a_position_that_no_joint_can_have_reached_is_believed_only_when_told_again(rig):
+    before = rig.turn(Command.limp(2), 3)
+    servo = rig.servo("l_hip")
+    servo.sense(
+        ticks=3500.0, velocity=0.0, current=0.0, pwm_share=0.0, voltage=12.0, temperature=25.0
+    )
+    doubted = rig.backend.read()
+    assert doubted.joint_pos[0] == before.joint_pos[0]
+    assert doubted.joint_age[0] > 0.0
+    assert doubted.joint_age[1] == 0.0

@@ -1,0 +1,256 @@
+"""Questions on a bus find their answers, and only theirs."""
+
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.bus import Answers, DynamixelBus, Question, SyncWriter
+from drivers.dynamixel.port import PortLostError
+from drivers.dynamixel.protocol2 import (
+    FrameParser,
+    Instruction,
+    Packet,
+    Span,
+    Status,
+    encode_fast_status,
+)
+
+SPAN = Span(126, 10)
+
+
+class ScriptedPort:
+    """Gives back what a script says, one chunk a read."""
+
+    path, baud, is_open = "script", 1_000_000, True
+
+    def __init__(self, *answers: list[bytes]) -> None:
+        self.answers = list(answers)
+        self.chunks: list[bytes] = []
+        self.sent: list[bytes] = []
+        self.waits: list[float] = []
+        self.unread = 0
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+        self.chunks += self.answers.pop(0) if self.answers else []
+
+    def read(self, deadline: float) -> bytes:
+        self.waits.append(deadline - time.monotonic())
+        return self.chunks.pop(0) if self.chunks else b""
+
+    def flush(self) -> int:
+        count = sum(map(len, self.chunks)) + self.unread
+        self.chunks, self.unread = [], 0
+        return count
+
+
+def bus_with(*answers: list[bytes]) -> DynamixelBus:
+    return DynamixelBus(ScriptedPort(*answers), naps=False)
+
+
+def row(device: int, fill: int = 0, length: int = 10) -> Status:
+    return Status(device, 0, bytes([fill]) * length)
+
+
+def ask_group(bus: DynamixelBus, ids, *, fast: bool = False, length: int = 10) -> Answers:
+    question = Question.group(dict.fromkeys(ids, Span(126, length)), fast=fast)
+    bus.ask(question)
+    return bus.collect_group(question)
+
+
+# One device ----------------------------------------------------------------------------------
+
+
+def test_a_read_brings_the_registers():
+    bus = bus_with([Status(7, 0, b"\x01\x02").encode()])
+    assert bus.read(7, Span(64, 2)) == Status(7, 0, b"\x01\x02")
+    assert bus.port.sent == [protocol2.read(7, Span(64, 2))]
+
+
+def test_a_write_is_confirmed_or_refused_or_not_heard():
+    assert bus_with([Status(7).encode()]).write(7, 64, b"\x01") == Status(7)
+    refused = bus_with([Status(7, 7).encode()]).write(7, 0, b"\x01")
+    assert refused is not None and refused.number == 7
+    assert bus_with([]).write(7, 64, b"\x01") is None
+
+
+def test_a_silent_device_is_no_error_and_is_asked_as_often_as_wanted():
+    bus = bus_with()
+    assert bus.ping(3, tries=3) is None
+    assert len(bus.port.sent) == 3
+    assert bus.statistics.lost == 3 and bus.statistics.retries == 2
+
+
+def test_a_second_try_may_succeed_and_leaves_nothing_behind():
+    answer = row(3, 5).encode()
+    bus = bus_with([], [answer, answer])
+    assert bus.read(3, SPAN, tries=2) == row(3, 5)
+    assert bus.port.chunks == [], "the first try's late answer waits for the next question"
+
+
+def test_answers_of_others_and_of_other_lengths_are_not_taken():
+    bus = bus_with([row(4, 1).encode(), row(3, 2, 9).encode(), row(3, 3).encode()])
+    assert bus.read(3, SPAN) == row(3, 3)
+    assert bus.statistics.stale == 2
+
+
+def test_an_answer_to_an_earlier_question_is_thrown_away_before_the_next():
+    bus = bus_with([row(3, 2).encode()])
+    bus.port.unread = 21
+    assert bus.read(3, SPAN) == row(3, 2)
+    assert bus.statistics.stale == 1
+
+
+def test_echo_noise_and_damage_around_an_answer_do_not_matter():
+    good = row(3, 2).encode()
+    bad = bytearray(good)
+    bad[12] ^= 1
+    echo = protocol2.read(3, SPAN)
+    bus = bus_with([b"\xff\xff\x00", echo, bytes(bad), b"\x55\xff", good])
+    assert bus.read(3, SPAN) == row(3, 2)
+    assert bus.statistics.damaged == 1
+
+
+@settings(max_examples=300, deadline=None)
+@given(data=st.binary(min_size=10, max_size=10), cuts=st.lists(st.integers(1, 20), max_size=4))
+def test_stuffed_answers_come_out_as_they_went_in_however_they_are_cut(data, cuts):
+    frame = Status(3, 0, b"\xff\xff\xfd" + data[3:]).encode()
+    places = sorted({0, len(frame), *cuts})
+    chunks = [frame[a:b] for a, b in pairwise(places)]
+    told = bus_with(chunks).read(3, SPAN)
+    assert told is not None and told.data == b"\xff\xff\xfd" + data[3:]
+
+
+def test_a_deadline_is_the_time_on_the_wire_and_the_margin():
+    bus = bus_with()
+    bus.return_delay, bus.answer_margin = 0.001, 0.5
+    bus.send(bytes(1000))  # 10 ms at 1 Mbit/s, before the question can begin
+    bus.read(3, SPAN)
+    # 14 bytes of question, 21 of answer.
+    assert bus.port.waits[0] == pytest.approx(0.010 + 35e-5 / 10 * 10 + 0.001 + 0.5, abs=0.05)
+
+
+def test_a_lost_port_is_told():
+    bus = bus_with()
+
+    def lose(_):
+        raise PortLostError("script")
+
+    bus.port.read = lose
+    with pytest.raises(PortLostError):
+        bus.ping(1)
+
+
+# Groups -------------------------------------------------------------------------------------
+
+
+def test_the_question_fits_the_group():
+    same, other = Span(126, 10), Span(36, 10)
+    assert Question.group({1: same}).frame[7] == Instruction.READ
+    assert Question.group({1: same, 2: same}).frame[7] == Instruction.SYNC_READ
+    assert Question.group({1: same, 2: same}, fast=True).frame[7] == Instruction.FAST_SYNC_READ
+    assert Question.group({1: same, 2: other}).frame[7] == Instruction.BULK_READ
+
+
+def test_a_plain_group_gives_what_came_and_leaves_out_who_is_silent():
+    bus = bus_with([row(1, 1).encode() + row(3, 3).encode()])
+    told = ask_group(bus, (1, 2, 3))
+    assert told.devices.tolist() == [1, 3]
+    assert told.data[:, 0].tolist() == [1, 3]
+    assert bus.statistics.lost == 1
+
+
+def test_a_late_answer_between_others_is_overtaken_by_the_true_one():
+    frames = [row(1, 1), row(3, 99), row(2, 2), row(3, 3), row(4, 4)]
+    told = ask_group(bus_with([b"".join(f.encode() for f in frames)]), (1, 2, 3, 4))
+    assert told.devices.tolist() == [1, 2, 3, 4]
+    assert told.data[:, 0].tolist() == [1, 2, 3, 4]
+
+
+def test_a_fast_frame_gives_all_values_errors_included():
+    statuses = [Status(5, 0x80, bytes(range(10))), Status(2, 0, bytes(range(10, 20)))]
+    told = ask_group(bus_with([encode_fast_status(statuses)]), (5, 2), fast=True)
+    assert told.devices.tolist() == [5, 2]
+    assert told.errors.tolist() == [0x80, 0]
+    assert told.column(6, "<i4").tolist() == [0x09080706, 0x13121110]
+
+
+def test_a_fast_frame_of_another_order_is_an_old_one():
+    old = encode_fast_status([row(1, 9), row(2, 9)])
+    new = encode_fast_status([row(2, 2), row(1, 1)])
+    bus = bus_with([old, new])
+    told = ask_group(bus, (2, 1), fast=True)
+    assert told.data[:, 0].tolist() == [2, 1]
+    assert bus.statistics.stale == 1
+    assert not len(ask_group(bus_with([old]), (2, 1), fast=True).devices)
+
+
+def test_of_a_cut_fast_frame_the_answers_before_the_cut_are_kept():
+    frame = encode_fast_status([row(1, 1), row(2, 2), row(3, 3)])
+    told = ask_group(bus_with([frame[: 8 + 28]]), (1, 2, 3), fast=True)
+    assert told.devices.tolist() == [1, 2]
+    assert not told.is_cut, "who is silent may be blamed for it"
+
+
+def test_of_a_damaged_fast_frame_the_answers_before_the_damage_are_kept():
+    frame = bytearray(encode_fast_status([row(1, 1), row(2, 2), row(3, 3)]))
+    frame[8 + 14 + 5] ^= 4
+    told = ask_group(bus_with([bytes(frame)]), (1, 2, 3), fast=True)
+    assert told.devices.tolist() == [1]
+    assert told.is_cut
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    fill=st.lists(st.integers(0, 255), min_size=6, max_size=6),
+    flips=st.lists(st.tuples(st.integers(0, 91), st.integers(0, 7)), max_size=8),
+    before=st.binary(max_size=10),
+)
+def test_no_flipped_bits_make_a_wrong_value(fill, flips, before):
+    ids = range(1, 7)
+    frame = bytearray(encode_fast_status([row(i, f) for i, f in zip(ids, fill, strict=True)]))
+    for place, bit in flips:
+        frame[place] ^= 1 << bit
+    told = ask_group(bus_with([before + bytes(frame)]), ids, fast=True)
+    for device, data in zip(told.devices, told.data, strict=True):
+        assert data.tolist() == [fill[device - 1]] * 10
+
+
+@settings(max_examples=300, deadline=None)
+@given(junk=st.binary(max_size=400), fast=st.booleans())
+def test_junk_is_no_answer_and_no_error(junk, fast):
+    assert not len(ask_group(bus_with([junk]), (1, 2, 3), fast=fast).devices)
+
+
+def test_all_ids_are_pinged_at_once():
+    pongs = [Status(i, 0, b"\xfc\x03\x2e").encode() for i in (1, 4, 200)]
+    found = bus_with([b"".join(pongs)]).find()
+    assert sorted(found) == [1, 4, 200]
+    assert found[4].data == b"\xfc\x03\x2e"
+
+
+# Sync writes ---------------------------------------------------------------------------------
+
+
+@settings(max_examples=300, deadline=None)
+@given(values=st.lists(st.integers(-(2**31), 2**31 - 1), min_size=3, max_size=3))
+def test_a_sync_write_is_what_the_protocol_builds(values):
+    writer = SyncWriter(116, "<i4", [1, 20, 252])
+    rows = [value.to_bytes(4, "little", signed=True) for value in values]
+    expected = protocol2.sync_write(116, dict(zip((1, 20, 252), rows, strict=True)))
+    assert writer.encode(np.array(values)) == expected
+    some = np.array([True, False, True])
+    (packet,) = FrameParser().feed(writer.encode_some(some, np.array(values)))
+    assert isinstance(packet, Packet) and len(packet.params) == 4 + 2 * 5
+
+
+def test_a_sync_write_that_needs_stuffing_is_stuffed():
+    writer = SyncWriter(116, "<i4", [1])
+    (packet,) = FrameParser().feed(writer.encode(np.array([0xFDFFFF])))
+    assert isinstance(packet, Packet)
+    assert packet.params[5:] == b"\xff\xff\xfd\x00"

@@ -1,0 +1,146 @@
+"""The look at the bus before anything moves finds what is wrong, and changes nothing."""
+
+from dataclasses import replace
+
+import pytest
+from memory_rig import Rig
+
+from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.diagnostics import AuditError, Severity, audit, list_doubled_ids
+from drivers.dynamixel.protocol2 import Instruction
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+READING = (Instruction.PING, Instruction.READ)
+
+
+@pytest.fixture
+def rig(tiny):
+    rig = Rig(tiny)
+    rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
+    rig.virtual.body.advance(1.0)
+    rig.port.open()
+    return rig
+
+
+def look(rig: Rig):
+    bus = DynamixelBus(rig.port, naps=False)
+    return audit(bus, rig.robot.joints)
+
+
+def test_a_sound_bus_has_no_findings_and_tells_what_is_there(rig):
+    told = look(rig)
+    assert told.findings == ()
+    assert [servo.table.model for servo in told.servos] == ["XM430-W350"] * 2
+    assert [servo.firmware for servo in told.servos] == [46, 46]
+    assert told.servos[0].voltage == pytest.approx(12.0)
+    assert told.servos[0].temperature == 25.0
+    assert told.servos[1].angle == pytest.approx(rig.true_angles()[1])
+
+
+def test_looking_changes_nothing(rig):
+    look(rig)
+    assert rig.port.sent, "the test shows nothing"
+    assert all(packet.instruction in READING for packet in rig.port.sent)
+
+
+@pytest.mark.parametrize(
+    ("item", "value", "severity", "words"),
+    [
+        ("drive_mode", 1, Severity.ERROR, "drive mode is 1, reversed"),
+        ("secondary_id", 7, Severity.ERROR, "also obeys the secondary id 7"),
+        ("hardware_error_status", 36, Severity.FAULT, "overheating and overload"),
+        ("homing_offset", -300, Severity.WARNING, "homing offset is -300 ticks"),
+        ("pwm_limit", 400, Severity.WARNING, "PWM limit is 400 of 885"),
+        ("startup_configuration", 1, Severity.WARNING, "takes torque by itself"),
+        ("shutdown", 16, Severity.WARNING, "would not stop it"),
+    ],
+)
+def test_each_thing_that_is_wrong_is_told_with_a_remedy(rig, item, value, severity, words):
+    rig.servo("l_hip").poke(item, value)
+    (finding,) = look(rig).findings
+    assert finding.severity is severity
+    assert finding.device == "joint 'l_hip' (id 1)"
+    assert words in str(finding)
+    assert finding.remedy in str(finding)
+
+
+def feel(rig: Rig, ticks: float, voltage: float) -> None:
+    rig.servo("l_hip").sense(
+        ticks=ticks, velocity=0.0, current=0.0, pwm_share=0.0, voltage=voltage, temperature=25.0
+    )
+
+
+def test_a_flat_battery_is_told(rig):
+    feel(rig, 2048.0, 9.6)
+    (finding,) = look(rig).errors
+    assert "supply is 9.6 V, allowed 10.0 to 14.8 V; charge" in str(finding)
+
+
+def test_a_joint_that_stands_outside_its_range_is_told(rig):
+    feel(rig, 3500.0, 12.0)
+    (finding,) = look(rig).warnings
+    assert "stands at +2.23 rad, outside [-1.57, +1.05] rad" in str(finding)
+
+
+def test_an_old_firmware_is_refused(tiny):
+    rig = Rig(tiny, firmware=37)
+    rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
+    rig.virtual.body.advance(1.0)
+    rig.port.open()
+    told = look(rig)
+    assert len(told.errors) == 2
+    assert "firmware 37 has no bus watchdog, allowed 38 or newer" in str(told.errors[0])
+
+
+def test_a_silent_servo_among_others_is_named(rig):
+    rig.servo("r_hip").alive = False
+    (finding,) = look(rig).findings
+    assert str(finding).startswith("joint 'r_hip' (id 2): silent; check its cable")
+
+
+def test_a_bus_without_anybody_is_told_once(rig):
+    for servo in rig.virtual.servos:
+        servo.alive = False
+    (finding,) = look(rig).findings
+    assert "silent: joint 'l_hip' (id 1), joint 'r_hip' (id 2)" in finding.text
+    assert "power switch" in finding.remedy
+
+
+def test_servos_at_another_speed_are_found_there(rig):
+    for servo in rig.virtual.servos:
+        servo.poke("baud_rate", 1)
+    (finding,) = look(rig).findings
+    assert "talk at 57600 bit/s, not 1000000" in finding.text
+    assert rig.port.baud == 1_000_000, "the port is left at the wrong speed"
+
+
+def test_another_model_is_named(rig):
+    chain = rig.port.chain
+    chain.devices[0] = VirtualServo(1, "XL430-W250", baud=1_000_000)
+    (finding,) = look(rig).findings
+    assert "is a XL430-W250, allowed XM430-W350" in finding.text
+
+
+def test_two_servos_of_one_id_are_called_so(rig):
+    twin = VirtualServo(1, baud=1_000_000)
+    twin.poke("firmware_version", 45)
+    rig.port.chain.devices.append(twin)
+    (finding,) = look(rig).findings
+    assert finding.device == "joint 'l_hip' (id 1)"
+    assert "garbled, as by two servos of one id" in finding.text
+
+
+def test_two_joints_of_one_id_are_a_mistake_of_the_description(tiny):
+    servo = tiny.joints[0].servo
+    joints = (tiny.joints[0], replace(tiny.joints[1], servo=servo))
+    (finding,) = list_doubled_ids(replace(tiny, joints=joints))
+    assert finding.text == "belongs to l_hip and r_hip"
+    assert list_doubled_ids(tiny) == []
+
+
+def test_the_error_tells_everything_in_one_line(rig):
+    rig.servo("l_hip").poke("secondary_id", 7)
+    rig.servo("r_hip").poke("secondary_id", 8)
+    error = AuditError(look(rig).errors)
+    assert len(error.findings) == 2
+    assert "l_hip" in str(error) and "r_hip" in str(error) and "\n" not in str(error)

@@ -1,0 +1,194 @@
+"""A port works, or says in one line why it does not; it never hangs."""
+
+import errno
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+import serial
+
+from drivers.dynamixel.port import PortError, PortLostError, SdkPort, SerialPort, explain_refusal
+from drivers.virtual_bus.serving.pseudo_terminal import Wire
+
+PORTS = (SerialPort, SdkPort)
+
+
+@pytest.fixture
+def wire(tmp_path):
+    wire = Wire(tmp_path / "port")
+    yield wire
+    wire.close()
+
+
+@pytest.fixture(params=PORTS)
+def port(request, wire):
+    port = request.param(wire.path, 1_000_000)
+    port.open()
+    yield port
+    port.close()
+
+
+def soon(seconds: float = 2.0) -> float:
+    return time.monotonic() + seconds
+
+
+def read_all(wire: Wire, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        data += wire.read()
+    return data
+
+
+def test_bytes_pass_as_they_are_in_both_directions(port, wire):
+    every = bytes(range(256))
+    port.write(every)
+    assert read_all(wire, 256) == every
+    wire.write(every)
+    data = b""
+    while len(data) < 256:
+        data += port.read(soon())
+    assert data == every
+
+
+def test_a_read_gives_nothing_at_its_deadline(port):
+    before = time.monotonic()
+    assert port.read(before + 0.05) == b""
+    assert time.monotonic() >= before + 0.05
+    assert port.read(before - 1.0) == b"", "a deadline that has passed"
+
+
+def test_a_read_wakes_up_for_the_first_byte(port, wire):
+    threading.Timer(0.05, lambda: wire.write(b"x")).start()
+    assert port.read(soon(30.0)) == b"x"
+
+
+def test_a_flush_throws_away_what_came(port, wire):
+    assert port.flush() == 0
+    wire.write(b"late answer")
+    deadline = soon()
+    count = 0
+    while count < 11 and time.monotonic() < deadline:
+        count += port.flush()
+    assert count == 11
+    assert port.read(time.monotonic()) == b""
+
+
+def test_the_speed_is_set_and_can_be_changed(port, wire):
+    assert wire.baud == 1_000_000
+    port.set_baud(2_000_000)
+    assert (wire.baud, port.baud) == (2_000_000, 2_000_000)
+    assert port.is_open
+
+
+def test_opening_and_closing_twice_is_harmless(port):
+    port.open()
+    assert port.is_open
+    port.close()
+    port.close()
+    assert not port.is_open
+
+
+@pytest.mark.parametrize("kind", PORTS)
+def test_a_port_in_use_is_refused(port, wire, kind):
+    other = kind(wire.path, 1_000_000)
+    with pytest.raises(PortError, match="in use by another program"):
+        other.open()
+    port.close()
+    other.open()
+    other.close()
+
+
+@pytest.mark.parametrize("kind", PORTS)
+def test_a_missing_port_is_named(kind, tmp_path):
+    with pytest.raises(PortError, match=r"nothing: does not exist; plug the adapter in"):
+        kind(str(tmp_path / "nothing"), 1_000_000).open()
+
+
+@pytest.mark.parametrize("kind", PORTS)
+def test_a_file_that_is_no_port_is_named(kind, tmp_path):
+    path = tmp_path / "file"
+    path.write_text("")
+    with pytest.raises(PortError, match="is no serial port"):
+        kind(str(path), 1_000_000).open()
+
+
+def test_a_forbidden_port_names_the_group_to_join(tmp_path, monkeypatch):
+    path = tmp_path / "port"
+    path.write_text("")
+
+    def refuse(*_, **__):
+        raise serial.SerialException(errno.EACCES, "Permission denied")
+
+    class Group:
+        gr_name = "dialout"
+
+    monkeypatch.setattr("drivers.dynamixel.port.serial.Serial", refuse)
+    monkeypatch.setattr("drivers.dynamixel.port.grp.getgrgid", lambda _: Group)
+    with pytest.raises(PortError) as caught:
+        SerialPort(str(path), 1_000_000).open()
+    assert "join the group 'dialout' (sudo usermod -aG dialout $USER)" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("number", [errno.EBUSY, errno.EAGAIN])
+def test_both_ways_of_being_busy_are_the_same(number):
+    assert "in use" in explain_refusal("/dev/null", 57_600, OSError(number, "busy"))
+
+
+def test_a_speed_that_the_sdk_does_not_know_is_refused(wire):
+    with pytest.raises(PortError, match="4500000 bit/s is refused"):
+        SdkPort(wire.path, 4_500_000).open()
+
+
+def test_an_unplugged_port_is_lost_for_reading_and_for_writing(wire):
+    for action in (lambda port: port.read(soon()), lambda port: port.write(b"x" * 8)):
+        if not wire.plugged:
+            wire.plug()
+        port = SerialPort(wire.path, 1_000_000)
+        port.open()
+        wire.unplug()
+        with pytest.raises(PortLostError, match="lost; is the adapter still plugged in"):
+            for _ in range(10):
+                action(port)
+                time.sleep(0.01)
+        port.close()
+        assert not port.is_open
+
+
+def test_a_port_that_was_plugged_in_again_opens_under_its_old_path(wire):
+    port = SerialPort(wire.path, 1_000_000)
+    port.open()
+    wire.unplug()
+    port.close()
+    with pytest.raises(PortError):
+        port.open()
+    wire.plug()
+    port.open()
+    port.write(b"back")
+    assert read_all(wire, 4) == b"back"
+    port.close()
+
+
+def test_an_adapter_that_hangs_does_not_hang_the_writer(wire):
+    port = SerialPort(wire.path, 1_000_000)
+    port.open()
+    with pytest.raises(PortLostError):  # nobody reads: the queue is full at some point
+        for _ in range(100):
+            port.write(bytes(4096))
+    port.close()
+
+
+def test_no_descriptor_is_left_behind(wire):
+    def count() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    before = count()
+    for _ in range(20):
+        port = SerialPort(wire.path, 1_000_000)
+        port.open()
+        port.close()
+        with pytest.raises(PortError):
+            SerialPort(os.devnull + "x", 1_000_000).open()
+    assert count() == before

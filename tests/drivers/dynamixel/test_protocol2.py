@@ -1,0 +1,446 @@
+"""Protocol 2.0 against the published bytes, a bitwise CRC, and ROBOTIS' own encoder."""
+
+import itertools
+import random
+
+import pytest
+from dynamixel_sdk import Protocol2PacketHandler
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from drivers.dynamixel import protocol2 as p2
+from drivers.dynamixel.protocol2 import (
+    BROADCAST,
+    HEADER,
+    MAX_LENGTH,
+    PREFIX,
+    Damaged,
+    ErrorNumber,
+    FrameParser,
+    Instruction,
+    Packet,
+    Reset,
+    Span,
+    Status,
+)
+
+
+def hexed(text: str) -> bytes:
+    return bytes.fromhex(text.replace("|", " "))
+
+
+def bitwise_crc(data: bytes) -> int:
+    """Divide by x^16 + x^15 + x^2 + 1, bit by bit."""
+    crc = 0
+    for byte in data:
+        for bit in range(7, -1, -1):
+            carry = crc >> 15 ^ byte >> bit & 1
+            crc = (crc << 1 & 0xFFFF) ^ (0x8005 if carry else 0)
+    return crc
+
+
+def frames_in(stream: bytes) -> set[bytes]:
+    """Cut out everything in a stream that is a frame by header, length and CRC."""
+    found = set()
+    for start in range(len(stream)):
+        if stream[start : start + 4] == HEADER and len(stream) >= start + PREFIX:
+            length = int.from_bytes(stream[start + 5 : start + 7], "little")
+            frame = stream[start : start + PREFIX + length]
+            whole = 3 <= length <= MAX_LENGTH and len(frame) == PREFIX + length
+            if whole and bitwise_crc(frame[:-2]) == int.from_bytes(frame[-2:], "little"):
+                found.add(frame)
+    return found
+
+
+def contents(frame: bytes) -> Packet:
+    body = frame[PREFIX:-2]
+    is_fast = frame[4] == BROADCAST and body[0] == Instruction.STATUS
+    body = body if is_fast else body.replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
+    return Packet(frame[4], body[0], body[1:])
+
+
+# Published frames ---------------------------------------------------------------------------
+# From the e-manual's protocol pages; where a CRC there is a slip of print, the right one.
+
+POSITION, GOAL = Span(132, 4), 116
+REQUESTS = [
+    (p2.ping(1), "FFFFFD00 01 0300 01 194E"),
+    (p2.ping(), "FFFFFD00 FE 0300 01 3142"),
+    (p2.read(1, POSITION), "FFFFFD00 01 0700 02 84000400 1D15"),
+    (p2.write(1, GOAL, hexed("00020000")), "FFFFFD00 01 0900 03 7400 00020000 CA89"),
+    (p2.reg_write(1, 104, hexed("C8000000")), "FFFFFD00 01 0900 04 6800 C8000000 AE8E"),
+    (p2.action(1), "FFFFFD00 01 0300 05 02CE"),
+    (p2.factory_reset(1, Reset.ALL_BUT_ID), "FFFFFD00 01 0400 06 01 A1E6"),
+    (p2.reboot(1), "FFFFFD00 01 0300 08 2F4E"),
+    (p2.clear_turns(1), "FFFFFD00 01 0800 10 01 44584C22 B1DC"),
+    (p2.backup(1), "FFFFFD00 01 0800 20 01 4354524C 16F5"),
+    (p2.restore(1), "FFFFFD00 01 0800 20 02 4354524C 9EF5"),
+    (p2.sync_read([1, 2], POSITION), "FFFFFD00 FE 0900 82 84000400 0102 CEFA"),
+    (
+        p2.sync_write(GOAL, {1: hexed("96000000"), 2: hexed("AA000000")}),
+        "FFFFFD00 FE 1100 83 74000400 01 96000000 02 AA000000 8287",
+    ),
+    (
+        p2.sync_read([3, 7, 4], POSITION, fast=True),
+        "FFFFFD00 FE 0A00 8A 84000400 030704 20F2",
+    ),
+    (
+        p2.bulk_read({1: Span(144, 2), 2: Span(146, 1)}),
+        "FFFFFD00 FE 0D00 92 0190000200 0292000100 1A05",
+    ),
+    (
+        p2.bulk_write({1: (32, hexed("A000")), 2: (31, hexed("50"))}),
+        "FFFFFD00 FE 1000 93 0120000200 A000 021F000100 50 B768",
+    ),
+    (
+        p2.bulk_read({3: POSITION, 7: Span(124, 2), 4: Span(146, 1)}, fast=True),
+        "FFFFFD00 FE 1200 9A 0384000400 077C000200 0492000100 DA2D",
+    ),
+    (p2.write(1, 100, hexed("FFFFFDFF")), "FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074"),
+]
+STATUSES = [
+    (Status(1, 0, hexed("060426")), "FFFFFD00 01 0700 55 00 0604 26 655D"),
+    (Status(2, 0, hexed("060426")), "FFFFFD00 02 0700 55 00 0604 26 6F6D"),
+    (Status(1, 0, hexed("A6000000")), "FFFFFD00 01 0800 55 00 A6000000 8CC0"),
+    (Status(2, 0, hexed("1F080000")), "FFFFFD00 02 0800 55 00 1F080000 BABE"),
+    (Status(1), "FFFFFD00 01 0400 55 00 A10C"),
+]
+FAST = [
+    (
+        [
+            Status(3, 0, hexed("A6000000")),
+            Status(7, 0, hexed("1F080000")),
+            Status(4, 0, hexed("FF030000")),
+        ],
+        "FFFFFD00 FE 1900 55 | 00 03 A6000000 8408 | 00 07 1F080000 16CA | 00 04 FF030000 D19E",
+    ),
+    (
+        [Status(3, 0, hexed("A6000000")), Status(7, 0, hexed("A501")), Status(4, 0, hexed("1F"))],
+        "FFFFFD00 FE 1400 55 | 00 03 A6000000 67A4 | 00 07 A501 2474 | 00 04 1F D9C1",
+    ),
+]
+
+
+@pytest.mark.parametrize(("frame", "published"), REQUESTS)
+def test_a_request_is_the_published_bytes(frame: bytes, published: str):
+    assert frame == hexed(published)
+
+
+@pytest.mark.parametrize("published", [row[1] for row in REQUESTS])
+def test_published_bytes_are_taken_apart_and_put_together_again(published: str):
+    (packet,) = FrameParser().feed(hexed(published))
+    assert isinstance(packet, Packet)
+    assert packet == contents(hexed(published))
+    assert packet.encode() == hexed(published)
+
+
+@pytest.mark.parametrize(("status", "published"), STATUSES)
+def test_a_status_is_the_published_bytes_both_ways(status: Status, published: str):
+    assert status.encode() == hexed(published)
+    (packet,) = FrameParser().feed(hexed(published))
+    assert isinstance(packet, Packet)
+    assert Status.from_packet(packet) == status
+    assert status.frame_length == len(hexed(published))
+
+
+@pytest.mark.parametrize(("answers", "published"), FAST)
+def test_a_fast_status_is_the_published_bytes_both_ways(answers: list[Status], published: str):
+    assert p2.encode_fast_status(answers) == hexed(published)
+    assert p2.decode_fast_status(hexed(published), [len(a.data) for a in answers]) == answers
+
+
+def test_the_slips_of_print_are_no_valid_frames():
+    restore = "FFFFFD00 01 0800 20 02 4354524C 92F5"
+    bulk = "FFFFFD00 FE 1200 9A 0384000400 077C000200 0492000100 20F2"
+    for printed in (restore, bulk):
+        (damaged,) = FrameParser().feed(hexed(printed))
+        assert isinstance(damaged, Damaged)
+
+
+# CRC and stuffing ---------------------------------------------------------------------------
+
+
+@given(data=st.binary(max_size=300), cut=st.integers(0, 300))
+def test_the_crc_is_the_polynomial_division_and_can_be_continued(data: bytes, cut: int):
+    assert p2.crc16(data) == bitwise_crc(data)
+    assert p2.crc16(data[cut:], p2.crc16(data[:cut])) == p2.crc16(data)
+
+
+# Bytes of which runs are made, so that runs are common.
+tricky = st.lists(st.sampled_from([0xFF, 0xFD, 0x00, 0x55]), max_size=40).map(bytes)
+some_bytes = st.one_of(st.binary(max_size=40), tricky)
+ids = st.integers(0, p2.MAX_ID)
+instructions = st.sampled_from([i for i in Instruction if i != Instruction.STATUS])
+packets = st.builds(Packet, ids, instructions.map(int), some_bytes)
+statuses = st.builds(Status, ids, st.integers(0, 255), some_bytes)
+
+
+@given(body=some_bytes)
+def test_stuffing_can_be_undone_and_leaves_no_header(body: bytes):
+    stuffed = p2.stuff(body)
+    assert p2.unstuff(stuffed) == body
+    assert HEADER not in stuffed
+    assert len(stuffed) == len(body) + body.count(b"\xff\xff\xfd")
+
+
+@given(packet=packets)
+def test_a_packet_survives_the_wire(packet: Packet):
+    frame = packet.encode()
+    assert FrameParser().feed(frame) == [packet]
+    assert int.from_bytes(frame[5:7], "little") + PREFIX == len(frame)
+
+
+@given(status=statuses)
+def test_a_status_survives_the_wire(status: Status):
+    (packet,) = FrameParser().feed(status.encode())
+    assert isinstance(packet, Packet)
+    assert Status.from_packet(packet) == status
+
+
+def test_a_body_that_is_a_whole_frame_is_carried_as_data():
+    inner = p2.ping(7)
+    assert FrameParser().feed(p2.write(1, 224, inner)) == [
+        Packet(1, Instruction.WRITE, b"\xe0\x00" + inner)
+    ]
+
+
+def test_a_request_is_no_status():
+    with pytest.raises(ValueError, match="0x01 is not a status"):
+        Status.from_packet(Packet(1, Instruction.PING))
+    with pytest.raises(ValueError, match="not a status"):
+        Status.from_packet(Packet(1, Instruction.STATUS))
+
+
+def test_a_status_tells_alert_and_error_apart():
+    status = Status(1, p2.ALERT | ErrorNumber.DATA_RANGE)
+    assert status.alert
+    assert status.number == ErrorNumber.DATA_RANGE
+    assert not Status(1, ErrorNumber.ACCESS).alert
+
+
+class RecordingPort:
+    """A port of the SDK that keeps what is written."""
+
+    is_using = False
+
+    def __init__(self) -> None:
+        self.written = b""
+
+    def clearPort(self) -> None:
+        pass
+
+    def writePort(self, packet: list[int]) -> int:
+        self.written = bytes(packet)
+        return len(packet)
+
+
+@given(packet=packets)
+def test_frames_without_stuffing_are_those_of_the_dynamixel_sdk(packet: Packet):
+    body = bytes((packet.instruction,)) + packet.params
+    assume(b"\xff\xff\xfd" not in body)  # the SDK loses its own stuffing
+    length = len(body) + 2
+    port = RecordingPort()
+    blank = [0, 0, 0, 0, packet.id, length & 255, length >> 8, *body, 0, 0]
+    Protocol2PacketHandler().txPacket(port, blank)
+    assert packet.encode() == port.written
+
+
+# The parser ---------------------------------------------------------------------------------
+
+quiet_noise = st.binary(max_size=20).map(lambda data: data.replace(b"\xff", b"\xfe"))
+
+
+@given(parts=st.lists(st.tuples(quiet_noise, packets), max_size=6), seed=st.integers(0, 2**32))
+def test_frames_are_found_however_the_stream_is_cut_and_whatever_lies_between(
+    parts: list[tuple[bytes, Packet]], seed: int
+):
+    stream = b"".join(noise + packet.encode() for noise, packet in parts)
+    rng, parser, found = random.Random(seed), FrameParser(), []
+    while stream:
+        count = rng.choice([1, 1, 2, 5, 50, len(stream)])
+        found += parser.feed(stream[:count])
+        stream = stream[count:]
+    assert found == [packet for _, packet in parts]
+    assert parser.noise == sum(len(noise) for noise, _ in parts)
+    assert parser.pending == 0
+
+
+@given(packet=packets)
+def test_every_split_in_two_gives_the_packet_with_its_last_byte(packet: Packet):
+    frame = packet.encode()
+    for cut in range(1, len(frame)):
+        parser = FrameParser()
+        assert parser.feed(frame[:cut]) == []
+        assert parser.pending == cut
+        assert parser.feed(frame[cut:]) == [packet]
+
+
+@pytest.mark.parametrize(
+    "noise", ["FF", "FFFF", "FFFFFD", "FFFFFF", "FFFFFDFD", "00FFFFFD", "FDFD"]
+)
+def test_half_a_header_before_a_frame_does_not_hide_it(noise: str):
+    parser = FrameParser()
+    assert parser.feed(hexed(noise) + p2.ping(3)) == [Packet(3, Instruction.PING)]
+    assert parser.noise == len(hexed(noise))
+
+
+def test_a_stuffed_run_is_no_header():
+    assert FrameParser().feed(hexed("FFFFFDFD 01 0300 01 194E")) == []
+
+
+def test_a_header_with_an_impossible_id_or_length_is_noise():
+    for start in ("FD 0300", "FF 0300", "01 0200", "01 0000", "01 FFFF"):
+        parser = FrameParser()
+        assert parser.feed(HEADER + hexed(start) + p2.ping(3)) == [Packet(3, Instruction.PING)]
+        assert parser.noise == PREFIX
+
+
+def test_two_frames_in_one_feed_come_in_order():
+    both = Status(1, 0, b"\x01").encode() + Status(2, 0x80).encode()
+    assert FrameParser().feed(both) == [Packet(1, 0x55, b"\x00\x01"), Packet(2, 0x55, b"\x80")]
+
+
+@given(packet=packets, follower=packets, data=st.data())
+def test_a_cut_frame_is_forgotten_by_a_reset(packet: Packet, follower: Packet, data: st.DataObject):
+    frame, parser = packet.encode(), FrameParser()
+    cut = data.draw(st.integers(0, len(frame) - 1))
+    assert parser.feed(frame[:cut]) == []
+    parser.reset()
+    assert (parser.pending, parser.noise) == (0, cut)
+    assert parser.feed(follower.encode()) == [follower]
+
+
+def test_a_frame_inside_a_damaged_one_is_found():
+    inner = p2.ping(9)
+    outer = HEADER + bytes((1, 20, 0, Instruction.WRITE)) + inner + bytes(9)
+    damaged, packet = FrameParser().feed(outer)
+    assert isinstance(damaged, Damaged)
+    assert (damaged.id, damaged.instruction, damaged.frame) == (1, Instruction.WRITE, outer)
+    assert packet == Packet(9, Instruction.PING)
+
+
+def test_a_damaged_length_swallows_the_frames_behind_it_only_until_given_up():
+    frames = [Status(i, 0, bytes(10)).encode() for i in range(1, 6)]
+    stream = bytearray(b"".join(frames))
+    stream[6] ^= 0x08  # the first frame now claims 2048 bytes more
+    parser = FrameParser()
+    assert parser.feed(bytes(stream)) == []
+    found = parser.give_up()
+    assert [p.id for p in found if isinstance(p, Packet)] == [2, 3, 4, 5]
+    assert (parser.pending, parser.noise) == (0, len(frames[0]))
+
+
+@given(sent=st.lists(packets, min_size=1, max_size=4), data=st.data())
+def test_flipped_bits_never_make_a_packet_whose_crc_does_not_hold(
+    sent: list[Packet], data: st.DataObject
+):
+    stream = bytearray(b"".join(packet.encode() for packet in sent))
+    for bit in data.draw(st.lists(st.integers(0, 8 * len(stream) - 1), min_size=1, max_size=12)):
+        stream[bit // 8] ^= 1 << bit % 8
+    parser = FrameParser()
+    found = parser.feed(bytes(stream)) + parser.give_up()
+    valid = [contents(frame) for frame in frames_in(bytes(stream))]
+    assert all(packet in valid for packet in found if isinstance(packet, Packet))
+
+
+@given(packet=packets, data=st.data())
+def test_up_to_three_flipped_bits_of_a_body_are_always_noticed(packet: Packet, data: st.DataObject):
+    # The polynomial has the factor x + 1 and a period of 32767 bits.
+    frame = bytearray(packet.encode())
+    flipped = st.lists(
+        st.integers(8 * PREFIX, 8 * len(frame) - 1), min_size=1, max_size=3, unique=True
+    )
+    for bit in data.draw(flipped):
+        frame[bit // 8] ^= 1 << bit % 8
+    parser = FrameParser()
+    first = parser.feed(bytes(frame))[0]
+    assert first == Damaged(packet.id, frame[7], bytes(frame))
+    assert parser.damaged >= 1
+
+
+@given(noise=st.one_of(st.binary(max_size=300), tricky), chunk=st.integers(1, 50))
+def test_noise_alone_only_gives_what_an_oracle_finds_in_it(noise: bytes, chunk: int):
+    parser, found = FrameParser(), []
+    for i in range(0, len(noise), chunk):
+        found += parser.feed(noise[i : i + chunk])
+    found += parser.give_up()
+    valid = [contents(frame) for frame in frames_in(noise)]
+    assert all(packet in valid for packet in found if isinstance(packet, Packet))
+    assert parser.pending == 0
+
+
+def test_every_byte_is_either_noise_or_in_a_frame_or_pending():
+    rng, parser, fed, framed = random.Random(5), FrameParser(), 0, 0
+    for _ in range(300):
+        data = bytearray(Status(rng.randrange(253), 0, rng.randbytes(rng.randrange(30))).encode())
+        if rng.random() < 0.3:
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        fed += len(data)
+        found = parser.feed(bytes(data))
+        framed += sum(len(p.encode()) for p in found if isinstance(p, Packet))
+    assert framed > fed / 2
+    assert fed == framed + parser.noise + parser.pending
+
+
+# Fast answers -------------------------------------------------------------------------------
+
+fast_answers = st.lists(statuses, min_size=1, max_size=6)
+
+
+@given(answers=fast_answers)
+def test_a_fast_status_survives_the_wire_unstuffed(answers: list[Status]):
+    frame = p2.encode_fast_status(answers)
+    assert p2.decode_fast_status(frame, [len(a.data) for a in answers]) == answers
+    (packet,) = FrameParser().feed(frame)
+    assert isinstance(packet, Packet)
+    assert (packet.id, packet.instruction) == (BROADCAST, Instruction.STATUS)
+    assert packet.params == frame[PREFIX + 1 : -2]
+
+
+@given(answers=fast_answers)
+def test_each_part_of_a_fast_status_ends_with_the_crc_of_all_before_it(answers: list[Status]):
+    frame, end = p2.encode_fast_status(answers), PREFIX + 1
+    for answer in answers:
+        end += 4 + len(answer.data)
+        assert bitwise_crc(frame[: end - 2]) == int.from_bytes(frame[end - 2 : end], "little")
+    assert end == len(frame)
+
+
+@given(answers=fast_answers)
+def test_a_cut_fast_status_gives_the_parts_that_are_whole(answers: list[Status]):
+    frame = p2.encode_fast_status(answers)
+    lengths = [len(a.data) for a in answers]
+    ends = list(itertools.accumulate((4 + n for n in lengths), initial=PREFIX + 1))[1:]
+    for cut in range(len(frame) + 1):
+        whole = sum(end <= cut for end in ends)
+        assert p2.decode_fast_status(frame[:cut], lengths) == answers[:whole]
+
+
+@given(answers=fast_answers, data=st.data())
+def test_a_damaged_part_of_a_fast_status_hides_those_behind_it(
+    answers: list[Status], data: st.DataObject
+):
+    frame = bytearray(p2.encode_fast_status(answers))
+    bit = data.draw(st.integers(0, 8 * len(frame) - 1))
+    frame[bit // 8] ^= 1 << bit % 8
+    lengths = [len(a.data) for a in answers]
+    ends = list(itertools.accumulate((4 + n for n in lengths), initial=PREFIX + 1))[1:]
+    whole = sum(end <= bit // 8 for end in ends)
+    assert p2.decode_fast_status(bytes(frame), lengths) == answers[:whole]
+
+
+def test_a_fast_status_in_which_a_device_is_silent_ends_before_it():
+    answers = [Status(i, 0, bytes((i,)) * 10) for i in range(1, 21)]
+    frame = p2.encode_fast_status(answers)
+    assert len(frame) == 288
+    silent = frame[: 8 + 14 * 12] + frame[8 + 14 * 13 :]  # the thirteenth of twenty
+    assert p2.decode_fast_status(silent, [10] * 20) == answers[:12]
+    assert p2.decode_fast_status(b"", [10] * 20) == []
+
+
+def test_a_fast_status_of_another_length_is_the_answer_to_another_question():
+    frame = p2.encode_fast_status([Status(1, 0, bytes(4)), Status(2, 0, bytes(4))])
+    assert len(p2.decode_fast_status(frame, [4, 4])) == 2
+    assert p2.decode_fast_status(frame, [4]) == []
+    assert p2.decode_fast_status(frame, [4, 4, 4]) == []
+    assert p2.decode_fast_status(bytes(len(frame)), [4, 4]) == []  # zeros keep a CRC of 0

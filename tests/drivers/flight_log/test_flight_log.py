@@ -1,0 +1,340 @@
+"""A flight log gives back what was flown, bit for bit, whatever happens to program or disk."""
+
+import resource
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+import orjson
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from paths import REPOSITORY, TINY
+from recording_backend import still_state
+
+from drivers import ClipCounts, Command, Cycle
+from drivers.control_loop import Timing
+from drivers.flight_log.reader import Event, FlightRecord
+from drivers.flight_log.writer import FlightLog
+from robots import Posture, Robot, load_robot
+
+
+def make_cycle(robot: Robot, number: int, rng: np.random.Generator) -> Cycle:
+    n = robot.n
+    state = replace(
+        still_state(robot),
+        time=number * 0.008,
+        joint_pos=rng.normal(size=n),
+        gyro=rng.normal(size=3),
+        joint_age=rng.random(n),
+        alert=rng.integers(0, 64, n),
+        voltage=float(rng.normal(12.0)),
+    )
+    command = Command(
+        joint_pos=rng.normal(size=n),
+        gain_scale=rng.random(n),
+        torque_limit=rng.random(n),
+        pwm_limit=rng.random(n),
+    )
+    clips = ClipCounts(*rng.integers(0, 9, (5, n)))
+    timing = Timing(late=0.0, read=float(rng.random()), step=1e-300, write=0.1 + 0.2)
+    return Cycle(state, command, replace(command, joint_pos=-command.joint_pos), clips, timing)
+
+
+def make_flight(robot: Robot, count: int) -> list[Cycle]:
+    rng = np.random.default_rng(3)
+    return [make_cycle(robot, number, rng) for number in range(count)]
+
+
+def write_flight(path: Path, robot: Robot, cycles: list[Cycle]) -> None:
+    with FlightLog(path, robot) as log:
+        for cycle in cycles:
+            log.log(cycle)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot(TINY)
+
+
+@pytest.fixture(scope="module")
+def flight(robot) -> list[Cycle]:
+    return make_flight(robot, 1100)  # more than a pack of rows
+
+
+@pytest.fixture(scope="module")
+def logged(robot, flight, tmp_path_factory) -> Path:
+    """A log of several chunks."""
+    path = tmp_path_factory.mktemp("logged") / "flight.mcap"
+    write_flight(path, robot, flight)
+    return path
+
+
+def test_every_field_comes_back_bit_for_bit(logged, robot, flight):
+    record = FlightRecord.load(logged, robot)
+    assert record.cycles == len(flight)
+    for part in fields(Cycle):
+        parts = [getattr(cycle, part.name) for cycle in flight]
+        for one in fields(parts[0]):
+            flown = np.array([getattr(each, one.name) for each in parts])
+            read = record.tracks[part.name][one.name]
+            assert read.dtype == flown.dtype, (part.name, one.name)
+            np.testing.assert_array_equal(read, flown, strict=True)
+    assert not record.truncated
+
+
+def test_a_row_comes_back_as_the_type_that_it_was(logged, flight):
+    record = FlightRecord.load(logged)
+    state, command = record.measurement(7), record.command(7)
+    assert (state.time, state.voltage) == (flight[7].state.time, flight[7].state.voltage)
+    assert np.array_equal(state.alert, flight[7].state.alert)
+    assert np.array_equal(command.joint_pos, flight[7].sent.joint_pos)
+
+
+def test_a_log_of_before_there_were_pwm_limits_tells_of_none(logged, flight):
+    record = FlightRecord.load(logged)
+    columns = {name: v for name, v in record.sent.columns.items() if name != "pwm_limit"}
+    record = replace(record, tracks={"sent": replace(record.sent, columns=columns)})
+    assert np.array_equal(record.command(7).pwm_limit, np.ones(len(record.joint_names)))
+    assert np.array_equal(record.command(7).torque_limit, flight[7].sent.torque_limit)
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=2))
+def test_any_float_survives(tmp_path_factory, robot, values: list[float]):
+    path = tmp_path_factory.mktemp("floats") / "flight.mcap"
+    cycle = make_flight(robot, 1)[0]
+    state = replace(cycle.state, joint_pos=np.array(values))
+    write_flight(path, robot, [replace(cycle, state=state)])
+    read = FlightRecord.load(path).state["joint_pos"][0]
+    assert read.tobytes() == np.array(values).tobytes()  # tells -0.0 from 0.0
+
+
+def test_what_is_no_number_comes_back_as_nan(tmp_path, robot):
+    cycle = make_flight(robot, 1)[0]
+    asked = replace(cycle.asked, joint_pos=np.array([np.nan, np.inf]))
+    state = replace(cycle.state, time=np.nan)
+    write_flight(tmp_path / "f", robot, [replace(cycle, asked=asked, state=state)])
+    record = FlightRecord.load(tmp_path / "f")
+    assert np.isnan(record.asked["joint_pos"]).all()
+    assert np.isnan(record.time).all()
+
+
+def test_a_command_of_the_wrong_length_is_recorded_and_spoils_no_other(tmp_path, robot, flight):
+    cycles = flight[:2000]
+    bad = replace(cycles[5].asked, joint_pos=np.zeros(7))
+    write_flight(tmp_path / "f", robot, [*cycles[:5], replace(cycles[5], asked=bad), *cycles[6:]])
+    asked = FlightRecord.load(tmp_path / "f").asked["joint_pos"]
+    assert len(asked[5]) == 7
+    assert list(asked[4]) == cycles[4].asked.joint_pos.tolist()
+    assert list(asked[-1]) == cycles[-1].asked.joint_pos.tolist()
+
+
+def test_new_fields_of_a_cycle_are_recorded_without_being_named(tmp_path, robot, flight):
+    @dataclass(frozen=True)
+    class Richer(Cycle):
+        rates: Timing
+        lost: int
+        phase: str
+
+    cycles = [Richer(**vars(c), rates=c.timing, lost=3, phase="play") for c in flight[:4]]
+    write_flight(tmp_path / "f", robot, cycles)  # type: ignore[arg-type]
+    tracks = FlightRecord.load(tmp_path / "f").tracks
+    assert tracks["rates"]["write"].tolist() == [0.1 + 0.2] * 4
+    assert tracks["cycle"]["lost"].tolist() == [3] * 4
+    assert tracks["cycle"]["phase"].tolist() == ["play"] * 4
+
+
+def test_it_tells_whose_flight_it_was_and_what_happened(tmp_path, robot, flight):
+    start = Posture(
+        position=np.array([0.1, -0.2, 1 / 3]),
+        orientation=np.array([0.6, 0.8, 0.0, 0.0]),
+        joint_pos=np.array([2.9, 1e-17]),  # beyond the joints' range: a fallen robot may be
+    )
+    about = {"scene": "flat", "seed": 7, "speed": 0.1}
+    with FlightLog(tmp_path / "f", robot, about=about, start=start) as log:
+        log.event(0.0, "phase", "play")
+        for cycle in flight[:3]:
+            log.log(cycle)
+        log.event(0.024, "fault", "joint 'elbow' is hot \udcff")
+    record = FlightRecord.load(tmp_path / "f")
+    assert (record.robot, record.joint_names) == (robot.name, robot.joint_names)
+    assert (record.about, record.period) == (about, robot.control_period)
+    assert record.events == (
+        Event(0.0, "phase", "play", 0),
+        Event(0.024, "fault", "joint 'elbow' is hot ?", 3),
+    )
+    assert record.start is not None
+    for one in fields(Posture):
+        assert np.array_equal(getattr(record.start, one.name), getattr(start, one.name))
+
+
+def test_an_exception_is_the_last_event(tmp_path, robot, flight):
+    with pytest.raises(ZeroDivisionError), FlightLog(tmp_path / "f", robot) as log:
+        log.log(flight[2])
+        raise ZeroDivisionError("by none")
+    record = FlightRecord.load(tmp_path / "f")
+    assert not record.truncated
+    assert record.events == (Event(0.016, "exception", "ZeroDivisionError: by none", 1),)
+
+
+def test_a_log_without_a_cycle_is_a_log(tmp_path, robot):
+    with FlightLog(tmp_path / "f", robot):
+        pass
+    record = FlightRecord.load(tmp_path / "f", robot)
+    assert (record.cycles, len(record.time), record.events) == (0, 0, ())
+
+
+def test_other_programs_find_topics_schemas_and_an_index(logged):
+    with logged.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == 5 * 1100
+        assert len(summary.chunk_indexes) > 1
+        topics = {channel.topic: channel for channel in summary.channels.values()}
+        expected = {"/state", "/command_asked", "/command_sent", "/clips", "/timing"}
+        assert set(topics) == expected
+        for topic, channel in topics.items():
+            schema = summary.schemas[channel.schema_id]
+            assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema")
+            described = orjson.loads(schema.data)
+            assert described["type"] == "object"
+            _, _, message = next(iter(reader.iter_messages(topics=[topic])))
+            assert described["properties"].keys() == orjson.loads(message.data).keys()
+
+
+def test_earlier_logs_are_moved_and_not_written_over(tmp_path, robot, flight):
+    for count in (1, 2, 3):
+        write_flight(tmp_path / "f.mcap", robot, flight[:count])
+    names = ("f.mcap.1", "f.mcap.2", "f.mcap")
+    assert [FlightRecord.load(tmp_path / name).cycles for name in names] == [1, 2, 3]
+
+
+def test_closing_twice_and_logging_afterwards_are_harmless(tmp_path, robot, flight):
+    with FlightLog(tmp_path / "f", robot) as log:
+        log.log(flight[0])
+        log.close()
+        log.close()
+        log.log(flight[1])
+    assert FlightRecord.load(tmp_path / "f").cycles == 1
+
+
+def test_a_full_disk_stops_the_recording_and_not_the_robot(tmp_path, robot, flight):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with FlightLog(tmp_path / "f", robot) as log:
+        for cycle in flight[:200]:
+            log.log(cycle)
+        log.event(1.6, "phase", "on disk")
+        size = (tmp_path / "f").stat().st_size
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, hard))
+        try:
+            log.event(1.6, "phase", "no more room")
+            log.log(flight[200])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert log.fault == f"flight log {tmp_path / 'f'}: File too large, recording stopped"
+    record = FlightRecord.load(tmp_path / "f")
+    assert (record.cycles, record.truncated) == (200, True)
+    assert [event.text for event in record.events] == ["on disk"]
+
+
+KILLED = """
+import sys, os
+sys.path[:0] = [{tests!r}]
+from test_flight_log import *
+robot = load_robot(TINY)
+with FlightLog(Path({path!r}), robot, start=None) as log:
+    cycles = make_flight(robot, 300)
+    for cycle in cycles:
+        log.log(cycle)
+    log.event(2.4, "fault", "battery out")
+    for cycle in cycles[:3]:
+        log.log(cycle)
+    print("ready", flush=True)
+    signal.pause()
+"""
+
+
+def test_a_log_whose_program_was_killed_holds_all_but_the_last_chunk(tmp_path):
+    path = tmp_path / "f.mcap"
+    script = KILLED.format(tests=str(Path(__file__).parent), path=str(path))
+    command = [sys.executable, "-c", script]
+    with subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "ready\n"
+        program.send_signal(signal.SIGKILL)
+    record = FlightRecord.load(path)
+    assert record.truncated
+    assert 300 <= record.cycles <= 303
+    assert record.events[0].text == "battery out"
+    assert "cut off" in record.describe()
+
+
+def test_a_log_cut_anywhere_is_read_as_far_as_it_is_whole(logged, tmp_path, flight):
+    data = logged.read_bytes()
+    described = data.index(b"started") + 400  # the description is whole by then
+    counts = set()
+    for end in np.random.default_rng(5).integers(described, len(data), 40):
+        for tail in (b"", bytes(100), bytes(5000)):  # a power cut leaves zeros
+            (tmp_path / "cut").write_bytes(data[:end] + tail)
+            record = FlightRecord.load(tmp_path / "cut")
+            assert record.truncated
+            assert len(tail) <= record.lost_bytes <= end + len(tail)
+            flown = [cycle.state.time for cycle in flight[: record.cycles]]
+            assert record.time.tolist() == flown
+            counts.add(record.cycles)
+    assert len(counts) > 2
+
+
+def test_a_damaged_log_is_never_read_wrong(logged, tmp_path):
+    whole, data = FlightRecord.load(logged), logged.read_bytes()
+    rng = np.random.default_rng(6)
+    refused = 0
+    for _ in range(120):
+        spoiled = bytearray(data)
+        for at in rng.integers(0, len(data), rng.integers(1, 4)):
+            spoiled[at] ^= 1 << rng.integers(8)
+        (tmp_path / "spoiled").write_bytes(spoiled)
+        try:
+            record = FlightRecord.load(tmp_path / "spoiled")
+        except ValueError as error:
+            refused += 1
+            assert str(error).startswith(f"flight log {tmp_path / 'spoiled'}: ")
+            assert "\n" not in str(error)
+        else:  # it was the index at the end
+            assert np.array_equal(record.time, whole.time[: record.cycles])
+            assert np.array_equal(
+                record.sent["joint_pos"], whole.sent["joint_pos"][: record.cycles]
+            )
+    assert refused > 80
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (b"time,angle\n0.0,1.0\n", "not an MCAP file, allowed a log of FlightLog"),
+        (b"", "not an MCAP file, allowed a log of FlightLog"),
+        (b"\x89MCAP0\r\n", "damaged (it does not say which robot it is of)"),
+    ],
+)
+def test_what_is_no_flight_log_is_refused_in_one_line(tmp_path, content, fault):
+    path = tmp_path / "notes.txt"
+    path.write_bytes(content)
+    with pytest.raises(ValueError) as told:
+        FlightRecord.load(path)
+    assert str(told.value) == f"flight log {path}: {fault}"
+
+
+def test_a_missing_file_is_told(tmp_path):
+    with pytest.raises(ValueError, match=r"flight log .*gone: No such file or directory"):
+        FlightRecord.load(tmp_path / "gone")
+
+
+def test_another_robots_log_is_refused(logged, op3):
+    with pytest.raises(ValueError, match=r"it is of robot 'tiny', allowed 'op3'"):
+        FlightRecord.load(logged, op3)

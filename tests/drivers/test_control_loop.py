@@ -1,0 +1,170 @@
+"""The control loop, turned by small controllers."""
+
+import time
+
+import numpy as np
+import pytest
+from recording_backend import RecordingBackend
+
+from drivers import Command, DriverError, Ending, SafetyGuard, Twin, control_loop, run
+from drivers.control_loop import Pacer
+
+
+class Hold:
+    """Hold the robot where it is for some cycles."""
+
+    def __init__(self, robot, cycles=10**9, spoil=None):
+        self.robot, self.cycles, self.spoil = robot, cycles, spoil
+        self.steps = 0
+
+    @property
+    def done(self):
+        return self.steps >= self.cycles
+
+    def reset(self, state):
+        self.angles = state.joint_pos
+
+    def step(self, _state):
+        self.steps += 1
+        if self.spoil and self.steps == 3:
+            return self.spoil()
+        return Command.position(self.robot, self.angles)
+
+
+@pytest.fixture
+def backend(tiny):
+    return RecordingBackend(tiny)
+
+
+def test_it_turns_until_the_controller_is_done(tiny, backend):
+    report = run(Hold(tiny, cycles=7), SafetyGuard(backend), max_time=1.0)
+    assert report.ending is Ending.DONE
+    assert report.cycles == len(backend.received) == 7
+    assert report.duration == pytest.approx(7 * 0.008)
+    assert report.overruns == 0
+    assert not backend.connected
+
+
+def test_a_controller_that_is_done_at_once_moves_nothing(tiny, backend):
+    assert run(Hold(tiny, cycles=0), SafetyGuard(backend), max_time=1.0).cycles == 0
+    assert backend.received == []
+
+
+def test_it_stops_when_the_time_is_up(tiny, backend):
+    report = run(Hold(tiny), SafetyGuard(backend), max_time=1.0)
+    assert report.ending is Ending.TIMEOUT
+    assert report.cycles == 125  # 1 s at 8 ms
+    assert not backend.connected
+
+
+def test_a_guards_fault_ends_the_run_limp(tiny, backend):
+    controller = Hold(tiny, spoil=lambda: Command.position(tiny, np.full(2, np.nan)))
+    report = run(controller, SafetyGuard(backend), max_time=1.0)
+    assert report.ending is Ending.FAULT
+    assert "target is nan rad" in report.reason
+    assert report.cycles == 3
+    assert backend.received[-1].is_limp
+
+
+def test_a_broken_device_ends_the_run_with_its_own_words(tiny, backend):
+    def unplug():
+        raise DriverError("port gone")
+
+    report = run(Hold(tiny, spoil=unplug), SafetyGuard(backend), max_time=1.0)
+    assert (report.ending, report.reason, report.cycles) == (Ending.FAULT, "port gone", 2)
+    assert not backend.connected
+
+
+def test_an_interrupt_ends_the_run_closed(tiny, backend):
+    def interrupt():
+        raise KeyboardInterrupt
+
+    report = run(Hold(tiny, spoil=interrupt), SafetyGuard(backend), max_time=1.0)
+    assert report.ending is Ending.INTERRUPTED
+    assert report.cycles == 2
+    assert not backend.connected
+
+
+def test_a_controllers_bug_is_not_swallowed_but_leaves_the_robot_closed(tiny, backend):
+    def bug():
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run(Hold(tiny, spoil=bug), SafetyGuard(backend), max_time=1.0)
+    assert not backend.connected
+
+
+def test_each_cycle_can_be_seen(tiny):
+    twin, heights = Twin(tiny), []
+    run(
+        Hold(tiny, cycles=5),
+        SafetyGuard(twin),
+        max_time=1.0,
+        on_cycle=lambda cycle: heights.append((cycle.state.time, twin.truth.neck_height)),
+    )
+    assert [instant for instant, _ in heights] == pytest.approx([0.0, 0.008, 0.016, 0.024, 0.032])
+    assert [height for _, height in heights] == pytest.approx([0.15] * 5, abs=1e-3)
+
+
+class Clock:
+    """A clock that moves only when told, and sleeps without waiting."""
+
+    def __init__(self):
+        self.now = 100.0
+        self.woke = []
+
+    def __call__(self):
+        return self.now
+
+    def sleep(self, duration):
+        self.now += duration
+        self.woke.append(round(self.now - 100.0, 6))
+
+
+def test_the_pacer_keeps_absolute_deadlines_and_counts_overruns():
+    clock = Clock()
+    pacer = Pacer(0.01, clock, clock.sleep)
+    for work in (0.004, 0.009, 0.013, 0.001):
+        clock.now += work
+        pacer.wait()
+    # Two cycles in time wake at 10 and 20 ms; the third ends 3 ms late, at 33 ms: one
+    # overrun, and the next deadline is a whole period after it.
+    assert clock.woke == [0.01, 0.02, 0.043]
+    assert pacer.overruns == 1
+
+
+def test_realtime_takes_real_time(tiny, backend):
+    start = time.perf_counter()
+    report = run(Hold(tiny, cycles=10), SafetyGuard(backend), max_time=1.0, realtime=True)
+    assert time.perf_counter() - start >= 10 * 0.008 - 1e-3
+    assert report.cycles == 10
+
+
+def test_a_bare_backend_is_refused_before_it_moves(op3):
+    twin = Twin(op3)
+    with pytest.raises(TypeError, match="SafetyGuard"):
+        run(_Never(), twin, max_time=1.0)  # type: ignore[arg-type]
+    assert twin.truth.time == 0.0
+
+
+class _Never:
+    done = False
+
+    def reset(self, _state):
+        raise AssertionError("a bare backend must not be read")
+
+    def step(self, _state):
+        raise AssertionError("a bare backend must not be moved")
+
+
+def test_deadlines_count_from_the_end_of_connecting(tiny, backend, monkeypatch):
+    was_open: list[bool] = []
+
+    class Spy(Pacer):
+        def __init__(self, period: float) -> None:
+            was_open.append(backend.connected)
+            super().__init__(period)
+
+    monkeypatch.setattr(control_loop, "Pacer", Spy)
+    run(Hold(tiny, cycles=2), SafetyGuard(backend), max_time=1.0, realtime=True)
+    assert was_open == [True]

@@ -1,0 +1,66 @@
+"""A key pressed on a terminal stops the robot; no terminal, no key."""
+
+import contextlib
+import os
+import termios
+import threading
+
+import pytest
+
+from drivers.stop_key import LOST, PRESSED, StopKey
+
+
+class Heard:
+    def __init__(self) -> None:
+        self.reasons: list[str] = []
+        self.event = threading.Event()
+
+    def __call__(self, reason: str) -> None:
+        self.reasons.append(reason)
+        self.event.set()
+
+
+@pytest.fixture
+def terminal():
+    master, slave = os.openpty()
+    yield master, slave
+    for descriptor in (master, slave):
+        with contextlib.suppress(OSError):  # a test closed it
+            os.close(descriptor)
+
+
+def test_any_key_stops_without_waiting_for_enter(terminal):
+    master, slave = terminal
+    heard = Heard()
+    with StopKey(heard, slave) as key:
+        assert key.is_watching
+        os.write(master, b" ")
+        assert heard.event.wait(5.0)
+    assert heard.reasons == [PRESSED]
+
+
+def test_a_terminal_that_goes_away_stops_too(terminal):
+    master, slave = terminal
+    heard = Heard()
+    with StopKey(heard, slave):
+        os.close(master)
+        assert heard.event.wait(5.0)
+    assert heard.reasons == [LOST]
+
+
+def test_no_key_no_stop_and_the_terminal_is_as_before(terminal):
+    _, slave = terminal
+    before = termios.tcgetattr(slave)
+    heard = Heard()
+    with StopKey(heard, slave):
+        assert termios.tcgetattr(slave) != before
+    assert termios.tcgetattr(slave) == before
+    assert heard.reasons == []
+
+
+def test_without_a_terminal_there_is_nothing_to_watch():
+    reader, writer = os.pipe()
+    with StopKey(Heard(), reader) as key:
+        assert not key.is_watching
+    os.close(reader)
+    os.close(writer)

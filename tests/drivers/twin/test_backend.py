@@ -1,0 +1,219 @@
+"""The twin's physics and sensors, beyond what every backend promises."""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import Command, Ending, SafetyGuard, Twin, run
+from drivers.errors import ModelError
+from drivers.servo_units import ServoUnits
+from drivers.twin.servo_model import SensorNoise
+from drivers.twin.simulation import build_flat_world
+from robots import Posture, quaternion
+
+
+class Hold:
+    """Hold one command."""
+
+    done = False
+
+    def __init__(self, command):
+        self.command = command
+
+    def reset(self, state):
+        pass
+
+    def step(self, _state):
+        return self.command
+
+
+def play(twin, command, cycles):
+    with twin:
+        for _ in range(cycles):
+            twin.read()
+            twin.write(command)
+        return twin.read()
+
+
+def test_a_period_is_bit_for_bit_four_plain_physics_steps(op3):
+    target = ServoUnits(op3).round_goal(op3.standing.joint_pos + 0.1)
+    twin = Twin(op3)
+    play(twin, Command.position(op3, target), 100)
+
+    model = build_flat_world(op3)
+    data, layout = mujoco.MjData(model), op3.layout(model)
+    data.qpos[layout.root_qpos :][:3] = op3.standing.position
+    data.qpos[layout.root_qpos + 3 :][:4] = op3.standing.orientation
+    data.qpos[layout.qpos] = op3.standing.joint_pos
+    data.ctrl[:] = target
+    mujoco.mj_step(model, data, nstep=400)
+    assert np.array_equal(twin.data.qpos, data.qpos)
+
+
+def test_a_limp_robot_falls_as_if_it_had_no_motors(op3):
+    twin = Twin(op3)
+    play(twin, Command.limp(op3.n), 60)
+
+    model = build_flat_world(op3)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    data, layout = mujoco.MjData(model), op3.layout(model)
+    data.qpos[layout.root_qpos :][:3] = op3.standing.position
+    data.qpos[layout.root_qpos + 3 :][:4] = op3.standing.orientation
+    data.qpos[layout.qpos] = op3.standing.joint_pos
+    mujoco.mj_step(model, data, nstep=240)
+    assert np.array_equal(twin.data.qpos, data.qpos)
+
+
+def test_the_model_it_is_given_stays_as_it_is(tiny):
+    model = build_flat_world(tiny)
+    ranges, gains = model.actuator_forcerange.copy(), model.actuator_gainprm.copy()
+    twin = Twin(tiny, model, voltage=11.0)
+    play(twin, Command.position(tiny, np.zeros(2), torque_limit=1.0), 2)
+    assert np.array_equal(model.actuator_forcerange, ranges)
+    assert np.array_equal(model.actuator_gainprm, gains)
+
+
+def test_a_placed_robot_is_at_rest_and_its_clock_at_zero(tiny):
+    twin = Twin(tiny)
+    play(twin, Command.position(tiny, np.array([0.5, -0.5])), 30)
+    posture = Posture(
+        position=np.array([0.1, 0.2, 0.5]),
+        orientation=quaternion.from_yaw(0.7),
+        joint_pos=np.array([0.3, -0.2]),
+    )
+    twin.place(posture)
+    with twin:
+        state = twin.read()
+    assert state.time == 0.0
+    assert np.array_equal(twin.truth.posture.joint_pos, posture.joint_pos)
+    assert np.array_equal(twin.truth.posture.position, posture.position)
+    assert np.all(state.joint_vel == 0.0)
+    assert state.orientation == pytest.approx(quaternion.IDENTITY), "a robot does not know its yaw"
+
+
+@given(angles=st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2))
+def test_encoders_read_what_the_servos_ticks_say(tiny, angles):
+    by_servo = [
+        joint.servo.to_rad(joint.servo.to_ticks(angle))
+        for joint, angle in zip(tiny.joints, angles, strict=True)
+    ]
+    assert ServoUnits(tiny).quantise(np.array(angles)) == pytest.approx(by_servo, abs=1e-12)
+
+
+def test_sensors_have_the_resolution_of_the_real_ones(op3):
+    twin = Twin(op3)
+    state = play(twin, Command.position(op3, op3.standing.joint_pos + 0.2), 10)
+    steps = {
+        "joint_pos": 2.0 * math.pi / 4096,
+        "joint_vel": 0.229 * 2.0 * math.pi / 60.0,
+        "joint_current": 2.69e-3,
+        "gyro": math.radians(1.0 / 16.4),
+        "temperature": 1.0,
+    }
+    for name, step in steps.items():
+        counts = getattr(state, name) / step
+        assert np.any(counts != 0.0), name
+        assert counts == pytest.approx(np.rint(counts), abs=1e-6), name
+
+
+def test_gyro_is_the_mean_turn_rate_in_the_imu_frame(tiny):
+    twin = Twin(tiny)
+    twin.place(
+        Posture(
+            position=np.array([0.0, 0.0, 5.0]),
+            orientation=quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.5),
+            joint_pos=np.zeros(2),
+        )
+    )
+    spin = twin.data.qvel[3:6]  # root frame
+    spin[:] = [0.5, 1.0, -2.0]
+    before = twin.truth.posture.orientation
+    state = play(twin, Command.position(tiny, np.zeros(2)), 1)
+    turned = quaternion.angle_between(before, twin.truth.posture.orientation)
+    assert np.linalg.norm(state.gyro) * 0.008 == pytest.approx(turned, rel=2e-3)
+    assert state.gyro == pytest.approx(spin, abs=0.05)
+
+
+def test_noise_comes_from_the_seed_alone(tiny):
+    noise = SensorNoise(joint_pos=0.01, joint_vel=0.1, joint_current=0.01, gyro=0.01)
+
+    def measure(seed):
+        twin = Twin(tiny, noise=noise, rng=np.random.default_rng(seed))
+        return play(twin, Command.position(tiny, np.zeros(2)), 3)
+
+    first, again, other = measure(1), measure(1), measure(2)
+    for name in ("joint_pos", "joint_vel", "joint_current", "gyro"):
+        assert np.array_equal(getattr(first, name), getattr(again, name)), name
+        assert not np.array_equal(getattr(first, name), getattr(other, name)), name
+
+
+def test_a_lower_supply_makes_slower_servos(tiny):
+    def swing(voltage):
+        twin = Twin(tiny, voltage=voltage)
+        twin.place(
+            Posture(
+                position=np.array([0.0, 0.0, 5.0]),
+                orientation=quaternion.IDENTITY,
+                joint_pos=np.full(2, -1.0),
+            )
+        )
+        return play(twin, Command.position(tiny, np.full(2, 1.0)), 12).joint_vel.mean()
+
+    # No load but the servo's own friction: speed goes with voltage, less the loss
+    # 0.105 N·m of 4.1 N·m stall, about 0.12 rad/s.
+    fast, slow = swing(12.0), swing(10.0)
+    assert (slow + 0.12) / (fast + 0.12) == pytest.approx(10.0 / 12.0, rel=0.03)
+
+
+def test_the_supply_sags_under_load_and_recovers(op3):
+    twin = Twin(op3, supply_resistance=0.2)
+    assert play(twin, Command.limp(op3.n), 1).voltage == pytest.approx(12.0)
+    loaded = play(twin, Command.position(op3, op3.standing.joint_pos + 0.3), 5).voltage
+    assert 9.0 < loaded < 11.9
+    assert play(twin, Command.limp(op3.n), 5).voltage == pytest.approx(12.0)
+
+
+def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
+    twin = Twin(tiny)
+    twin.model.jnt_range[1:] = [[0.0, 0.001]] * 2  # legs that cannot move
+    report = run(Hold(Command.position(tiny, np.full(2, 1.0))), SafetyGuard(twin), max_time=200.0)
+    assert report.ending is Ending.FAULT
+    assert "°C" in report.reason
+    # 2.3 A through 12 V / 2.3 A are 27.6 W; 50 K times 41 J/K of them take 74 s. Cooling
+    # adds some, and from 65 °C on the guard takes torque away.
+    assert 90.0 < report.duration < 300.0
+    assert report.clips.torque.min() > 0
+
+
+def test_released_joints_obey_nothing_while_others_hold(tiny):
+    twin = Twin(tiny)
+    command = replace(
+        Command.position(tiny, np.array([0.4, 0.4])), torque_limit=np.array([0.0, 4.1])
+    )
+    play(twin, command, 40)
+    assert twin.truth.joint_torque[0] == 0.0
+    assert twin.truth.joint_torque[1] != 0.0
+
+
+@pytest.mark.parametrize(("period", "words"), [(0.005, "not a multiple"), (0.0, "not a multiple")])
+def test_a_period_must_fit_the_physics(tiny, period, words):
+    with pytest.raises(ModelError, match=words):
+        Twin(tiny, period=period)
+
+
+def test_physics_must_be_fine_enough(tiny):
+    model = build_flat_world(tiny)
+    model.opt.timestep = 0.004
+    with pytest.raises(ModelError, match=r"0\.004 s, allowed 0\.002 s"):
+        Twin(tiny, model)
+
+
+def test_a_model_without_the_robots_servos_is_refused(tiny):
+    bare = mujoco.MjModel.from_xml_path(str(tiny.model_file))
+    with pytest.raises(ModelError, match="no servo for: l_hip, r_hip"):
+        Twin(tiny, bare)

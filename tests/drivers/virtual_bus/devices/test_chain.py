@@ -1,0 +1,455 @@
+"""Several devices on one wire: the bytes they answer, in which order, and when."""
+
+import pytest
+from wire_talk import feel, read, read_answers, request, talk
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import (
+    ALERT,
+    BROADCAST,
+    Damaged,
+    ErrorNumber,
+    FrameParser,
+    Instruction,
+    Packet,
+    Reset,
+    Span,
+    Status,
+    decode_fast_status,
+)
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+POSITION = Span(132, 4)
+OK_FROM_1 = bytes.fromhex("FFFFFD00 01 0400 55 00 A10C")
+
+
+def servos(*ids: int, quirks: Quirks | None = None, **settings: int) -> Chain:
+    chain = Chain([VirtualServo(i, quirks=quirks, **settings) for i in ids], quirks)
+    for device in chain.devices:
+        device.poke("return_delay_time", 0)
+    return chain
+
+
+def servo(chain: Chain, servo_id: int) -> VirtualServo:
+    device = chain.device(servo_id)
+    assert isinstance(device, VirtualServo)
+    return device
+
+
+def place(chain: Chain, **ticks: float) -> None:
+    for name, position in ticks.items():
+        feel(servo(chain, int(name[1:])), ticks=position)
+
+
+# The manual's examples, byte for byte -------------------------------------------------------
+
+
+def test_ping_as_in_the_manual():
+    chain = servos(1, 2, firmware=38)
+    for device in chain.devices:
+        device.poke("model_number", 1030)  # the manual's XM430-W210
+    one = bytes.fromhex("FFFFFD00 01 0700 55 00 0604 26 655D")
+    two = bytes.fromhex("FFFFFD00 02 0700 55 00 0604 26 6F6D")
+    assert talk(chain, bytes.fromhex("FFFFFD00 01 0300 01 194E")) == one
+    assert talk(chain, bytes.fromhex("FFFFFD00 FE 0300 01 3142")) == one + two
+
+
+def test_read_and_write_as_in_the_manual():
+    chain = servos(1)
+    place(chain, _1=166)
+    assert talk(chain, bytes.fromhex("FFFFFD00 01 0700 02 84000400 1D15")) == bytes.fromhex(
+        "FFFFFD00 01 0800 55 00 A6000000 8CC0"
+    )
+    frame = bytes.fromhex("FFFFFD00 01 0900 03 7400 00020000 CA89")
+    assert talk(chain, frame) == OK_FROM_1
+    assert read(chain.device(1), "goal_position") == 512
+
+
+def test_reg_write_and_action_as_in_the_manual():
+    chain = servos(1)
+    assert talk(chain, bytes.fromhex("FFFFFD00 01 0900 04 6800 C8000000 AE8E")) == OK_FROM_1
+    assert talk(chain, bytes.fromhex("FFFFFD00 01 0300 05 02CE")) == OK_FROM_1
+    assert read(chain.device(1), "goal_velocity") == 200
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        "FFFFFD00 01 0400 06 01 A1E6",  # factory reset
+        "FFFFFD00 01 0300 08 2F4E",  # reboot
+        "FFFFFD00 01 0800 10 014458 4C22 B1DC",  # clear
+        "FFFFFD00 01 0800 20 01 4354524C 16F5",  # backup
+    ],
+)
+def test_upkeep_as_in_the_manual(frame: str):
+    assert talk(servos(1), bytes.fromhex(frame)) == OK_FROM_1
+
+
+def test_backup_and_restore_as_in_the_manual():
+    chain = servos(1)
+    talk(chain, bytes.fromhex("FFFFFD00 01 0800 20 01 4354524C 16F5"))
+    # The manual prints this one with a CRC that does not match.
+    assert talk(chain, bytes.fromhex("FFFFFD00 01 0800 20 02 4354524C 9EF5")) == OK_FROM_1
+
+
+def test_sync_read_and_write_as_in_the_manual():
+    chain = servos(1, 2)
+    place(chain, _1=166, _2=2079)
+    assert talk(chain, bytes.fromhex("FFFFFD00 FE 0900 82 84000400 0102 CEFA")) == bytes.fromhex(
+        "FFFFFD00 01 0800 55 00 A6000000 8CC0 FFFFFD00 02 0800 55 00 1F080000 BABE"
+    )
+    frame = "FFFFFD00 FE 1100 83 74000400 01 96000000 02 AA000000 8287"
+    assert talk(chain, bytes.fromhex(frame)) == b""
+    assert [read(device, "goal_position") for device in chain.devices] == [150, 170]
+
+
+def test_bulk_read_and_write_as_in_the_manual():
+    chain = servos(1, 2)
+    feel(servo(chain, 1), voltage=11.9)
+    feel(servo(chain, 2), temperature=36.0)
+    back = talk(chain, bytes.fromhex("FFFFFD00 FE 0D00 92 0190000200 0292000100 1A05"))
+    assert back == Status(1, 0, b"\x77\0").encode() + Status(2, 0, b"\x24").encode()
+    frame = "FFFFFD00 FE 1000 93 0120000200 A000 021F000100 50 B768"
+    assert talk(chain, bytes.fromhex(frame)) == b""
+    assert read(chain.device(1), "max_voltage_limit") == 160
+    assert read(chain.device(2), "temperature_limit") == 80
+
+
+def test_fast_sync_read_as_in_the_manual():
+    chain = servos(3, 4, 7)
+    place(chain, _3=166, _7=2079, _4=1023)
+    frame = "FFFFFD00 FE 0A00 8A 84000400 030704 20F2"
+    assert talk(chain, bytes.fromhex(frame)) == bytes.fromhex(
+        "FFFFFD00 FE 1900 55 00 03 A6000000 8408 00 07 1F080000 16CA 00 04 FF030000 D19E"
+    )
+
+
+def test_fast_bulk_read_as_in_the_manual():
+    chain = servos(3, 4, 7)
+    place(chain, _3=166)
+    feel(servo(chain, 7), pwm_share=421 / 885)
+    feel(servo(chain, 4), temperature=31.0)
+    frame = "FFFFFD00 FE 1200 9A 0384000400 077C000200 0492000100 DA2D"
+    assert talk(chain, bytes.fromhex(frame)) == bytes.fromhex(
+        "FFFFFD00 FE 1400 55 00 03 A6000000 67A4 00 07 A501 2474 00 04 1F D9C1"
+    )
+
+
+def test_a_stuffed_write_is_understood():
+    chain = servos(1)
+    frame = bytes.fromhex("FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074")
+    assert talk(chain, frame) == OK_FROM_1
+    assert (read(chain.device(1), "goal_pwm"), read(chain.device(1), "goal_current")) == (-1, -3)
+
+
+# Order and time -----------------------------------------------------------------------------
+
+
+def test_group_answers_come_in_the_order_of_the_list():
+    chain = servos(*range(1, 6))
+    for order in ([1, 2, 3, 4, 5], [4, 1, 5, 3, 2]):
+        for frame in (
+            protocol2.sync_read(order, POSITION),
+            protocol2.bulk_read(dict.fromkeys(order, POSITION)),
+            protocol2.sync_read(order, POSITION, fast=True),
+            protocol2.bulk_read(dict.fromkeys(order, POSITION), fast=True),
+        ):
+            assert [answer.device for answer in chain.handle(request(frame))] == order
+
+
+def test_each_answer_waits_its_own_return_delay():
+    chain = servos(1, 2, 3)
+    for device, delay in zip(chain.devices, (250, 0, 100), strict=True):
+        device.poke("return_delay_time", delay)
+    delays = [a.delay for a in chain.handle(request(protocol2.sync_read([1, 2, 3], POSITION)))]
+    assert delays == pytest.approx([500e-6, 0.0, 200e-6])
+    fast = request(protocol2.sync_read([1, 2, 3], POSITION, fast=True))
+    assert [a.delay for a in chain.handle(fast)] == pytest.approx([500e-6, 0.0, 0.0])
+    chain.quirks = Quirks(fast_pieces_wait=True)
+    assert [a.delay for a in chain.handle(fast)] == pytest.approx([500e-6, 0.0, 200e-6])
+
+
+def test_a_changed_delay_counts_from_the_next_answer_on():
+    chain = servos(1)
+    frame = request(protocol2.write(1, 9, b"\xfa"))
+    assert [chain.handle(frame)[0].delay for _ in range(2)] == [0.0, 500e-6]
+
+
+def test_all_answer_a_broadcast_ping_in_order_of_id_each_in_its_slot():
+    chain = servos(9, 3, 200, baud=1_000_000)
+    answers = chain.handle(request(protocol2.ping()))
+    assert [answer.device for answer in answers] == [3, 9, 200]
+    begins, now = [], 0.0
+    for answer in answers:
+        now += answer.delay
+        begins.append(now)
+        now += len(answer.data) * 10 / 1_000_000
+    assert begins == pytest.approx([0.009, 0.027, 0.6])
+
+
+# Everything to everyone ---------------------------------------------------------------------
+
+
+def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
+    def tell(frame: bytes) -> Chain:
+        chain = servos(1, 2)
+        for device in chain.devices:
+            device.poke("position_p_gain", 5)
+        assert chain.handle(request(frame)) == []
+        return chain
+
+    def look(chain: Chain, name: str) -> list[int]:
+        return [device.peek(name) for device in chain.devices]
+
+    everyone = BROADCAST
+    assert look(tell(protocol2.write(everyone, 65, b"\1")), "led") == [1, 1]
+    chain = tell(protocol2.reg_write(everyone, 65, b"\1"))
+    assert look(chain, "led") == [0, 0]
+    assert chain.handle(request(protocol2.action())) == []
+    assert look(chain, "led") == [1, 1]
+    assert look(tell(protocol2.reboot(everyone)), "position_p_gain") == [800, 800]
+    tell(protocol2.clear_turns(everyone))
+    assert look(tell(protocol2.backup(everyone)), "backup_ready") == [1, 1]
+    reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD)
+    assert look(tell(reset), "return_delay_time") == [250, 250]
+
+
+def test_a_read_of_everyone_and_unknown_instructions_are_not_done():
+    chain = servos(1, 2)
+    assert chain.handle(request(protocol2.read(BROADCAST, POSITION))) == []
+    for instruction in (0x00, 0x33, 0xFF, Instruction.STATUS):
+        assert chain.handle(Packet(BROADCAST, instruction, b"\1\2\3\4\5\6")) == []
+
+
+def test_new_firmware_refuses_to_reset_all_ids_at_once():
+    reset = request(protocol2.factory_reset(BROADCAST, Reset.ALL))
+    new, old = servos(3, 4, firmware=42), servos(3, 4, firmware=41)
+    new.handle(reset)
+    old.handle(reset)
+    assert [device.id for device in new.devices] == [3, 4]
+    assert [device.id for device in old.devices] == [1, 1]
+
+
+def test_a_group_instruction_to_one_id_is_no_instruction():
+    chain = servos(1)
+    for kind in (0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A):
+        (status,) = read_answers(chain.handle(Packet(1, kind, b"\x84\0\4\0\1")))
+        assert status.number == ErrorNumber.INSTRUCTION
+
+
+def test_another_devices_answer_is_not_an_instruction():
+    assert servos(1).handle(Packet(1, Instruction.STATUS, b"\0\1\2")) == []
+
+
+# Group writes -------------------------------------------------------------------------------
+
+
+def test_a_sync_write_refused_by_one_servo_is_done_by_the_others():
+    chain = servos(1, 2, 3)
+    rows = {i: ticks.to_bytes(4, "little") for i, ticks in {1: 100, 2: 5000, 3: 300}.items()}
+    chain.handle(request(protocol2.sync_write(116, rows)))
+    assert [read(device, "goal_position") for device in chain.devices] == [100, 2048, 300]
+
+
+def test_in_group_writes_an_id_counts_once_and_a_cut_row_not_at_all():
+    chain = servos(1, 2)
+    chain.handle(Packet(BROADCAST, Instruction.SYNC_WRITE, b"\x41\0\1\0" + b"\1\1\1\0\2"))
+    assert [read(device, "led") for device in chain.devices] == [1, 0]
+    chain = servos(1, 2)
+    rows = b"\1\x41\0\1\0\1" + b"\1\x41\0\1\0\0" + b"\2\x41\0\1\0"
+    chain.handle(Packet(BROADCAST, Instruction.BULK_WRITE, rows))
+    assert [read(device, "led") for device in chain.devices] == [1, 0]
+
+
+def test_a_secondary_id_gathers_servos_for_silent_writes():
+    chain = servos(1, 2, 3)
+    for servo_id in (1, 2):
+        chain.device(servo_id).poke("secondary_id", 50)
+    chain.device(3).poke("secondary_id", 1)
+    assert chain.handle(request(protocol2.write(50, 65, b"\1"))) == []
+    assert [read(device, "led") for device in chain.devices] == [1, 1, 0]
+    (answer,) = chain.handle(request(protocol2.write(1, 68, b"\2")))
+    assert answer.device == 1  # its own id: it answers, and 3 obeys beside it
+    chain.handle(request(protocol2.sync_write(65, {50: b"\0", 1: b"\1"})))
+    assert [read(device, "led") for device in chain.devices] == [1, 0, 1]
+    assert chain.handle(request(protocol2.sync_read([50], POSITION))) == []
+    assert chain.handle(request(protocol2.write(50, 9, b"\7"))) == []
+    assert [read(device, "return_delay_time") for device in chain.devices] == [0, 0, 0]
+
+
+# Group reads --------------------------------------------------------------------------------
+
+
+def test_a_group_read_outside_the_table_gives_error_7_and_no_data():
+    chain = servos(1, 2)
+    answers = chain.handle(request(protocol2.sync_read([1, 2], Span(660, 4))))
+    assert read_answers(answers) == [Status(i, ErrorNumber.ACCESS) for i in (1, 2)]
+
+
+def test_an_alert_shows_in_every_kind_of_read():
+    chain = servos(1, 2)
+    servo(chain, 2).trip(32)
+    slow = read_answers(chain.handle(request(protocol2.sync_read([1, 2], POSITION))))
+    assert [status.error for status in slow] == [0, ALERT]
+    frame = talk(chain, protocol2.sync_read([1, 2], POSITION, fast=True))
+    assert [status.error for status in decode_fast_status(frame, [4, 4])] == [0, ALERT]
+
+
+def test_a_failed_part_of_a_fast_read_keeps_the_frame_whole():
+    chain = servos(1, 2)
+    spans = {1: Span(661, 4), 2: POSITION}
+    frame = talk(chain, protocol2.bulk_read(spans, fast=True))
+    one, two = decode_fast_status(frame, [4, 4])
+    assert (one.number, one.data) == (ErrorNumber.ACCESS, bytes(4))
+    assert (two.number, two.data) == (0, b"\0\x08\0\0")
+
+
+def test_fast_reads_are_never_stuffed():
+    chain = servos(1)
+    feel(servo(chain, 1), current=-2.69e-3, velocity=-3 * 0.0239808)  # counts -1 and -3
+    span = Span(126, 10)
+    frame = talk(chain, protocol2.sync_read([1], span, fast=True))
+    assert b"\xff\xff\xfd\xff" in frame[8:]
+    assert decode_fast_status(frame, [10])[0].data[:6] == b"\xff\xff\xfd\xff\xff\xff"
+    slow = talk(chain, protocol2.sync_read([1], span))
+    assert b"\xff\xff\xfd\xfd" in slow[8:]
+
+
+def test_a_fast_read_longer_than_any_frame_is_not_answered():
+    chain = servos(*range(1, 21))
+    frame = protocol2.sync_read(range(1, 21), Span(0, 300), fast=True)
+    assert chain.handle(request(frame)) == []
+
+
+DEAD = pytest.mark.parametrize(
+    "die",
+    [
+        lambda chain: setattr(chain.device(2), "alive", False),
+        lambda chain: setattr(chain.device(2), "powered", False),
+        lambda chain: chain.device(2).reboot(),
+        lambda chain: chain.device(2).poke("status_return_level", 0),
+        lambda chain: chain.device(2).poke("id", 99),
+    ],
+    ids=["cable", "power", "reboot", "return level", "id"],
+)
+
+
+@DEAD
+def test_a_silent_member_costs_a_sync_read_its_slot_or_all_that_follows(die):
+    frames = (
+        protocol2.sync_read([1, 2, 3], POSITION),
+        protocol2.bulk_read(dict.fromkeys([1, 2, 3], POSITION)),
+    )
+    for frame in frames:
+        chain = servos(1, 2, 3, baud=1_000_000)
+        die(chain)
+        one, three = chain.handle(request(frame))
+        assert (one.device, three.device) == (1, 3)
+        assert three.delay == pytest.approx(15 * 10e-6)  # the 15 bytes that did not come
+        chain.quirks = Quirks(sync_gap=Gap.CHAIN_BREAKS)
+        assert [answer.device for answer in chain.handle(request(frame))] == [1]
+
+
+@DEAD
+def test_a_silent_member_breaks_a_fast_frame(die):
+    frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True)
+    chain = servos(1, 2, 3)
+    whole = talk(chain, frame)
+    die(chain)
+    assert talk(chain, frame) == whole[:16]
+    chain.quirks = Quirks(fast_gap=Gap.SLOT_STAYS_EMPTY)
+    cut = talk(chain, frame)
+    assert len(cut) == len(whole) - 8
+    # Its length does not hold, but each piece tells whose it is.
+    assert [status.id for status in decode_fast_status(cut, [4, 4, 4])] == [1, 3]
+
+
+def test_without_its_first_member_a_fast_frame_has_no_header():
+    chain = servos(1, 2, 3)
+    servo(chain, 1).alive = False
+    frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True)
+    assert talk(chain, frame) == b""
+    chain.quirks = Quirks(fast_gap=Gap.SLOT_STAYS_EMPTY)
+    assert FrameParser().feed(talk(chain, frame)) == []
+
+
+def test_a_model_without_fast_reads_breaks_them():
+    chain = Chain([VirtualServo(1), VirtualServo(2, "2XC430-W250"), VirtualServo(3, firmware=44)])
+    for order in ([1, 2], [1, 3]):
+        frame = protocol2.sync_read(order, POSITION, fast=True)
+        assert [answer.device for answer in chain.handle(request(frame))] == [1]
+        frame = protocol2.sync_read(order, POSITION)
+        assert [answer.device for answer in chain.handle(request(frame))] == order
+
+
+# What goes wrong on a wire ------------------------------------------------------------------
+
+
+def test_a_broken_instruction_is_passed_over_in_silence_or_answered_with_error_3():
+    broken = Damaged(2, Instruction.WRITE, b"")
+    chain = servos(1, 2)
+    assert chain.handle(broken) == []
+    chain.quirks = Quirks(bad_crc=BadCrc.ANSWERED)
+    assert read_answers(chain.handle(broken)) == [Status(2, ErrorNumber.CRC)]
+    assert chain.handle(Damaged(BROADCAST, Instruction.WRITE, b"")) == []
+
+
+def test_two_servos_of_one_id_garble_each_other():
+    chain = servos(1, 2, 2)
+    assert [status.id for status in read_answers(chain.handle(request(protocol2.ping(1))))] == [1]
+    for frame in (
+        protocol2.ping(2),
+        protocol2.read(2, POSITION),
+        protocol2.sync_read([2], POSITION),
+        protocol2.sync_read([2], POSITION, fast=True),
+    ):
+        (answer,) = chain.handle(request(frame))
+        assert not any(isinstance(item, Packet) for item in FrameParser().feed(answer.data))
+    chain.handle(request(protocol2.write(2, 65, b"\1")))
+    assert [device.peek("led") for device in chain.devices] == [0, 1, 1]
+
+
+def test_servos_at_another_speed_do_not_hear():
+    slow, quick = VirtualServo(1, baud=57_600), VirtualServo(2, baud=2_000_000)
+    chain = Chain([slow, quick])
+    ping = request(protocol2.ping())
+    heard = {
+        rate: [a.device for a in chain.handle(ping, baud=rate)] for rate in (57_600, 2_000_000)
+    }
+    assert heard == {57_600: [1], 2_000_000: [2]}
+    assert chain.handle(ping, baud=1_000_000) == []
+    assert len(chain.handle(ping)) == 2
+    chain.handle(request(protocol2.write(1, 8, b"\4")), baud=57_600)
+    assert len(chain.handle(ping, baud=2_000_000)) == 2
+
+
+def test_what_feeds_a_watchdog_is_a_quirk():
+    for feeding, trips in ((Feeding.ANY_INSTRUCTION, False), (Feeding.OWN_INSTRUCTION, True)):
+        chain = servos(1, 2, quirks=Quirks(feeding=feeding))
+        for device in chain.devices:
+            device.poke("torque_enable", 1)
+            device.poke("bus_watchdog", 5)
+        for i in range(1, 20):
+            chain.advance(0.05 * i)
+            chain.handle(request(protocol2.sync_read([1], POSITION)))
+        assert chain.device(1).peek("bus_watchdog") == 5
+        assert (chain.device(2).peek("bus_watchdog") == -1) == trips
+
+
+def test_a_cut_cable_trips_the_watchdog_behind_it():
+    chain = servos(1, 2)
+    for device in chain.devices:
+        device.poke("torque_enable", 1)
+        device.poke("bus_watchdog", 5)
+    servo(chain, 2).alive = False
+    for i in range(1, 20):
+        chain.advance(0.05 * i)
+        chain.handle(request(protocol2.ping()))
+    assert [device.peek("bus_watchdog") for device in chain.devices] == [5, -1]
+
+
+def test_a_device_that_is_not_there_is_named_with_those_that_are():
+    with pytest.raises(LookupError, match=r"no device of id 7 on the wire: there are 1, 2"):
+        servos(1, 2).device(7)

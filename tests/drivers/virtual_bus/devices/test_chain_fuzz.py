@@ -1,0 +1,174 @@
+"""Whatever comes over the wire: nothing is raised, and no register leaves its range."""
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from wire_talk import feel
+
+from drivers.dynamixel.control_table import HardwareError
+from drivers.dynamixel.protocol2 import BROADCAST, Damaged, FrameParser, Instruction, Packet
+from drivers.virtual_bus.devices.board import VirtualBoard
+from drivers.virtual_bus.devices.chain import Answer, Chain
+from drivers.virtual_bus.devices.device import VirtualDevice
+from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks, Undefined
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+IDS = (1, 2, 3, 3, 200)
+TRIPPED = -1
+
+quirks = st.builds(
+    Quirks,
+    sync_gap=st.sampled_from(Gap),
+    fast_gap=st.sampled_from(Gap),
+    bad_crc=st.sampled_from(BadCrc),
+    feeding=st.sampled_from(Feeding),
+    undefined=st.sampled_from(Undefined),
+    fast_pieces_wait=st.booleans(),
+    torque_on_seeds_goal=st.booleans(),
+    voltage_error_clears=st.booleans(),
+    reboot_time=st.just(0.02),
+)
+ids = st.sampled_from([*IDS, 9, 252, 253, BROADCAST, BROADCAST, 255])
+raw = st.builds(
+    Packet,
+    ids,
+    st.one_of(st.sampled_from(Instruction), st.integers(0, 255)),
+    st.binary(max_size=40),
+)
+
+
+@st.composite
+def spans(draw: st.DrawFn) -> bytes:
+    """Start of a read or write: somewhere that means something, mostly."""
+    start = draw(
+        st.sampled_from([6, 7, 10, 11, 20, 36, 48, 63, 64, 68, 98, 100, 112, 116, 168, 224])
+    )
+    address = draw(st.one_of(st.just(start), st.integers(0, 700)))
+    length = draw(st.one_of(st.sampled_from([1, 2, 4, 10]), st.integers(0, 0xFFFF)))
+    return address.to_bytes(2, "little") + length.to_bytes(2, "little")
+
+
+@st.composite
+def apt(draw: st.DrawFn) -> Packet:
+    """A packet that is nearly right, so that it gets past the first checks."""
+    instruction = draw(st.sampled_from(list(Instruction)))
+    span, device = draw(spans()), draw(ids)
+    some = bytes(draw(st.lists(ids, max_size=6)))
+    size = min(int.from_bytes(span[2:], "little"), 300)
+    filler = draw(st.sampled_from([b"\x00", b"\x01", b"\x04", b"\x7f", b"\xff"]))
+    if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
+        return Packet(BROADCAST, instruction, span + some)
+    if instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
+        return Packet(BROADCAST, instruction, b"".join(bytes((i,)) + span for i in some))
+    if instruction is Instruction.SYNC_WRITE:
+        rows = b"".join(bytes((i,)) + filler * size for i in some)
+        return Packet(BROADCAST, instruction, span + rows)
+    if instruction is Instruction.BULK_WRITE:
+        rows = b"".join(bytes((i,)) + span + filler * size for i in some)
+        return Packet(BROADCAST, instruction, rows)
+    if instruction in (Instruction.WRITE, Instruction.REG_WRITE):
+        return Packet(device, instruction, span[:2] + filler * size)
+    if instruction is Instruction.READ:
+        return Packet(device, instruction, span)
+    known = [b"", b"\x01", b"\x02", b"\xff", b"\x01DXL\x22", b"\x01CTRL", b"\x02CTRL"]
+    return Packet(device, instruction, draw(st.sampled_from(known)))
+
+
+damaged = st.builds(Damaged, ids, st.integers(0, 255), st.binary(max_size=20))
+events = st.lists(st.one_of(raw, apt(), apt(), damaged, st.floats(0.0, 2.0)), max_size=25)
+
+
+def build(choice: Quirks) -> Chain:
+    models = ("XM430-W350", "XL430-W250", "XC330-T288", "XM540-W270")
+    devices: list[VirtualDevice] = [
+        VirtualServo(i, model, quirks=choice) for i, model in zip(IDS, models, strict=False)
+    ]
+    return Chain([*devices, VirtualBoard(quirks=choice)], choice)
+
+
+def check_registers(chain: Chain) -> None:
+    for device in chain.devices:
+        for item in device.table:
+            value = device.peek(item.name)
+            if item.lower is None or item.upper is None:
+                continue
+            tripped = item.name == "bus_watchdog" and value == TRIPPED
+            assert tripped or item.lower <= value <= item.upper, (item.name, value)
+        if isinstance(device, VirtualServo):
+            check_servo(device)
+
+
+def check_servo(servo: VirtualServo) -> None:
+    assert servo.peek("operating_mode") in servo.table.modes
+    for quantity in ("pwm", "current", "velocity"):
+        if f"goal_{quantity}" in servo.table:
+            assert abs(servo.peek(f"goal_{quantity}")) <= servo.peek(f"{quantity}_limit")
+    drive = servo.drive()
+    assert drive.torque_on == bool(servo.peek("torque_enable"))
+    assert drive.mode == servo.peek("operating_mode")
+    assert 0.0 <= drive.pwm_limit <= 1.0 and -1.0 <= drive.goal_pwm <= 1.0
+
+
+def check_answers(answers: list[Answer]) -> None:
+    for answer in answers:
+        assert answer.data and answer.delay >= 0.0
+
+
+@settings(max_examples=400, deadline=None)
+@given(choice=quirks, happenings=events)
+@example(Quirks(), [Packet(BROADCAST, Instruction.FAST_SYNC_READ, b"\0\0\xff\xff\1\2\3")])
+@example(Quirks(), [Packet(1, Instruction.READ, b"\xff\xff\xff\xff")])
+@example(Quirks(), [Packet(BROADCAST, Instruction.SYNC_WRITE, b"\0\0\0\0\1\2\3")])
+def test_no_packet_breaks_the_bus(choice: Quirks, happenings: list[Packet | Damaged | float]):
+    chain, now = build(choice), 0.0
+    for happening in happenings:
+        if isinstance(happening, float):
+            now += happening
+            chain.advance(now)
+        else:
+            check_answers(chain.handle(happening))
+    check_registers(chain)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    choice=quirks,
+    happenings=events,
+    physics=st.lists(
+        st.tuples(st.floats(-1e6, 1e6), st.floats(-50, 50), st.floats(0, 20), st.floats(-40, 300)),
+        min_size=1,
+        max_size=5,
+    ),
+    error=st.sampled_from(HardwareError),
+)
+def test_nor_does_it_with_any_physics_or_fault_behind_it(choice, happenings, physics, error):
+    chain, now = build(choice), 0.0
+    for i, happening in enumerate(happenings):
+        ticks, velocity, voltage, temperature = physics[i % len(physics)]
+        for device in chain.devices:
+            if isinstance(device, VirtualServo):
+                feel(
+                    device,
+                    ticks=ticks,
+                    velocity=velocity,
+                    current=velocity,
+                    pwm_share=velocity,
+                    voltage=voltage,
+                    temperature=temperature,
+                )
+                if i == 3:
+                    device.trip(error)
+        now += 0.01
+        chain.advance(now)
+        if not isinstance(happening, float):
+            check_answers(chain.handle(happening))
+    check_registers(chain)
+
+
+@settings(max_examples=200, deadline=None)
+@given(pieces=st.lists(st.one_of(st.binary(max_size=60), raw.map(Packet.encode)), max_size=8))
+def test_nor_does_any_stream_of_bytes(pieces: list[bytes]):
+    chain, parser = build(Quirks()), FrameParser()
+    for piece in pieces:
+        for item in parser.feed(piece):
+            check_answers(chain.handle(item))
+    check_registers(chain)

@@ -1,0 +1,119 @@
+"""Profiles: every trajectory ends at its goal, and on the way keeps what was asked of it."""
+
+import itertools
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from drivers.virtual_bus.devices.profile import (
+    Shape,
+    Trajectory,
+    approach,
+    plan_by_time,
+    plan_by_velocity,
+    plan_step,
+)
+
+ticks = st.floats(-4096.0, 4096.0)
+speeds = st.floats(-2000.0, 2000.0)
+START = 5.0
+
+
+def sample(path: Trajectory, count: int = 200) -> list[tuple[float, float, float]]:
+    """Time, position and velocity from start to end."""
+    times = [START + (path.end - START) * i / count for i in range(count + 1)]
+    return [(t, *path.at(t)) for t in times]
+
+
+@given(position=ticks, velocity=speeds, goal=ticks, top=st.floats(10, 3000), a=st.floats(50, 2e4))
+def test_a_trajectory_by_velocity_ends_at_rest_at_its_goal(position, velocity, goal, top, a):
+    path = plan_by_velocity(START, position, velocity, goal, top, a)
+    assert path.at(path.end) == (goal, 0.0)
+    assert path.at(path.end + 100.0) == (goal, 0.0)
+    where, speed = path.at(path.end - 1e-6)
+    assert where == pytest.approx(goal, abs=0.05)
+    assert abs(speed) <= a * 1e-5 + 1e-6
+
+
+@given(position=ticks, velocity=speeds, goal=ticks, top=st.floats(10, 3000), a=st.floats(50, 2e4))
+def test_it_starts_where_and_as_fast_as_the_last_one_was(position, velocity, goal, top, a):
+    assume(abs(goal - position) > 1e-3)
+    path = plan_by_velocity(START, position, velocity, goal, top, a)
+    where, speed = path.at(START)
+    assert where == pytest.approx(position)
+    assert speed == pytest.approx(velocity)
+
+
+@given(position=ticks, velocity=speeds, goal=ticks, top=st.floats(10, 3000), a=st.floats(50, 2e4))
+def test_it_never_goes_faster_or_changes_faster_than_allowed(position, velocity, goal, top, a):
+    path = plan_by_velocity(START, position, velocity, goal, top, a)
+    assume(path.end > START)
+    points = sample(path)
+    step = points[1][0] - points[0][0]
+    fastest = max(top, abs(velocity))
+    for (_, x0, v0), (_, x1, v1) in itertools.pairwise(points):
+        assert abs(v1) <= fastest * (1 + 1e-9)
+        assert abs(v1 - v0) <= a * step * (1 + 1e-6) + 1e-6
+        # Velocity is the slope of position: within a step it is between its ends, or bends once.
+        assert abs((x1 - x0) - 0.5 * (v0 + v1) * step) <= a * step * step + 1e-6
+
+
+@given(goal=st.floats(1.0, 4096.0), top=st.integers(1, 500), a=st.integers(1, 500))
+def test_the_ramp_lasts_64_ms_times_velocity_over_acceleration(goal: float, top: int, a: int):
+    """The e-manual's t1 = 64 V / A [ms], V and A in counts of 0.229 rpm and 214.577 rev/min²."""
+    v, acceleration = top * 0.229 * 4096 / 60, a * 214.577 * 4096 / 3600
+    path = plan_by_velocity(0.0, 0.0, 0.0, goal, v, acceleration)
+    if path.shape is Shape.TRAPEZOID:
+        assert path.speed_up == pytest.approx(0.064 * top / a, rel=1e-3)
+        assert path.end == pytest.approx(goal / v + path.speed_up)  # a trapezoid's area
+    else:
+        assert path.shape is Shape.TRIANGLE
+        assert path.end == pytest.approx(2.0 * (goal / acceleration) ** 0.5)
+
+
+@given(position=ticks, goal=ticks, total=st.floats(0.01, 30.0), share=st.floats(0.0, 1.0))
+def test_a_trajectory_by_time_arrives_on_time(position, goal, total, share):
+    path = plan_by_time(START, position, 0.0, goal, total, share * total)
+    assert path.end == pytest.approx(START + total)
+    assert path.at(path.end - 1e-9)[0] == pytest.approx(goal, abs=0.01)
+    middle = path.at(START + 0.5 * total)[0]
+    assert middle == pytest.approx(0.5 * (position + goal), abs=0.01)  # symmetric from rest
+    expected = Shape.RECTANGLE if share == 0 else None
+    assert expected is None or path.shape is expected
+
+
+def test_a_ramp_of_more_than_half_the_time_counts_as_half():
+    path = plan_by_time(0.0, 0.0, 0.0, 1000.0, 2.0, 5.0)
+    assert (path.speed_up, path.hold, path.slow_down) == (1.0, 0.0, 1.0)
+    assert path.shape is Shape.TRIANGLE
+
+
+def test_without_acceleration_the_profile_is_a_rectangle():
+    path = plan_by_velocity(0.0, 100.0, 0.0, -100.0, 50.0, 0.0)
+    assert (path.shape, path.end) == (Shape.RECTANGLE, 4.0)
+    assert path.at(1.0) == (50.0, -50.0)
+
+
+def test_without_velocity_there_is_no_profile():
+    for path in (
+        plan_by_velocity(1.0, 0.0, 0.0, 9.0, 0.0, 5.0),
+        plan_by_time(1.0, 0.0, 0.0, 9.0, 0.0, 5.0),
+        plan_step(1.0, 9.0),
+    ):
+        assert path.shape is Shape.STEP
+        assert path.at(1.0) == (9.0, 0.0)
+
+
+def test_a_goal_too_near_to_stop_at_is_passed_and_come_back_to():
+    path = plan_by_velocity(0.0, 0.0, 100.0, 10.0, 200.0, 100.0)  # stops after 50 at best
+    farthest = max(path.at(0.01 * i)[0] for i in range(1000))
+    assert farthest == pytest.approx(50.0, abs=0.1)
+    assert path.at(path.end) == (10.0, 0.0)
+
+
+@given(value=ticks, goal=ticks, step=st.floats(0.0, 100.0))
+def test_an_approach_takes_one_step_at_most_and_never_overshoots(value, goal, step):
+    reached = approach(value, goal, step)
+    assert abs(reached - value) <= step + 1e-9
+    assert min(value, goal) <= reached <= max(value, goal)

@@ -1,0 +1,244 @@
+"""A virtual servo's protection: hardware errors, shutdown, bus watchdog."""
+
+import pytest
+from wire_talk import feel, read, write
+
+from drivers.dynamixel.control_table import HardwareError, OperatingMode
+from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
+from drivers.virtual_bus.devices.protection import STALL_CURRENTS, Overload
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+DEFAULT_SHUTDOWN = HardwareError.OVERHEATING | HardwareError.SHOCK | HardwareError.OVERLOAD
+STALL = STALL_CURRENTS["XM430-W350"]
+ALL_ERRORS = [HardwareError(1 << bit) for bit in (0, 2, 3, 4, 5)]
+
+
+def powered(**registers: int) -> VirtualServo:
+    servo = VirtualServo(1)
+    for name, value in registers.items():
+        assert write(servo, name, value) == 0
+    assert write(servo, "torque_enable", 1) == 0
+    return servo
+
+
+# Hardware errors ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", ALL_ERRORS)
+def test_an_error_alerts_and_shuts_down_only_by_its_shutdown_bit(error: HardwareError):
+    servo = powered()
+    servo.trip(error)
+    assert read(servo, "hardware_error_status") == error
+    status = servo.handle(Instruction.PING)
+    assert status is not None and status.error == ALERT
+    assert servo.drive().torque_on == (not error & DEFAULT_SHUTDOWN)
+    assert read(servo, "torque_enable") == int(not error & DEFAULT_SHUTDOWN)
+
+
+@pytest.mark.parametrize("error", ALL_ERRORS)
+def test_after_a_shutdown_only_a_reboot_brings_torque_back(error: HardwareError):
+    servo = powered(shutdown=int(error))
+    feel(servo, ticks=1500.0)
+    servo.trip(error)
+    assert write(servo, "torque_enable", 1) == ALERT
+    assert read(servo, "torque_enable") == 0 and not servo.torque_on
+    assert write(servo, "shutdown", 0) == ALERT  # too late
+    assert write(servo, "torque_enable", 1) == ALERT
+    assert not servo.torque_on
+    status = servo.handle(Instruction.REBOOT)
+    assert status is not None and status.error == ALERT
+    servo.advance(1.0)
+    assert read(servo, "hardware_error_status") == 0
+    assert write(servo, "torque_enable", 1) == 0
+    assert servo.drive().torque_on and servo.drive().target_ticks == 1500.0
+
+
+def test_the_answer_to_a_refused_torque_on_is_a_quirk():
+    servo = VirtualServo(1, quirks=Quirks(locked_torque_error=ErrorNumber.RESULT_FAIL))
+    servo.trip(HardwareError.OVERLOAD)
+    assert write(servo, "torque_enable", 1) == ALERT | ErrorNumber.RESULT_FAIL
+    assert write(servo, "torque_enable", 0) == ALERT
+
+
+def test_errors_add_up_and_an_alert_comes_beside_an_error_number():
+    servo = powered()
+    servo.trip(HardwareError.ENCODER)
+    servo.trip(HardwareError.OVERLOAD)
+    assert read(servo, "hardware_error_status") == 8 | 32
+    assert write(servo, "present_position", 0) == ALERT | ErrorNumber.ACCESS
+
+
+def test_heat_trips_above_the_limit_and_again_after_a_reboot_while_hot():
+    servo = powered()
+    feel(servo, temperature=80.0)
+    assert servo.torque_on
+    feel(servo, temperature=80.6)
+    assert not servo.torque_on
+    assert read(servo, "hardware_error_status") == HardwareError.OVERHEATING
+    feel(servo, temperature=30.0)
+    assert read(servo, "hardware_error_status") == HardwareError.OVERHEATING
+    servo.reboot()
+    servo.advance(1.0)
+    feel(servo, temperature=90.0)
+    assert read(servo, "hardware_error_status") == HardwareError.OVERHEATING
+
+
+@pytest.mark.parametrize("voltage", [9.4, 16.1])
+def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
+    servo = powered()
+    feel(servo, voltage=voltage)
+    assert read(servo, "hardware_error_status") == HardwareError.VOLTAGE
+    assert servo.torque_on  # voltage is not in the default shutdown mask
+    feel(servo, voltage=12.0)
+    assert read(servo, "hardware_error_status") == 0
+
+
+def test_a_voltage_error_stays_by_quirk():
+    servo = VirtualServo(1, quirks=Quirks(voltage_error_clears=False))
+    feel(servo, voltage=9.0)
+    feel(servo, voltage=12.0)
+    assert read(servo, "hardware_error_status") == HardwareError.VOLTAGE
+
+
+def test_a_shutdown_by_voltage_stays_shut_when_the_bit_goes():
+    servo = powered(shutdown=1)
+    feel(servo, voltage=9.0)
+    feel(servo, voltage=12.0)
+    assert read(servo, "hardware_error_status") == 0
+    assert write(servo, "torque_enable", 1) == 0
+    assert not servo.torque_on
+
+
+# Overload -----------------------------------------------------------------------------------
+
+
+def time_to_trip(current: float, quirks: Quirks | None = None, longest: float = 60.0) -> float:
+    """Seconds of a steady current until overload, ``inf`` for never."""
+    servo = VirtualServo(1, quirks=quirks)
+    write(servo, "torque_enable", 1)
+    feel(servo, current=current)
+    step = 0.01
+    for i in range(1, round(longest / step)):
+        servo.advance(i * step)
+        if servo.peek("hardware_error_status") & HardwareError.OVERLOAD:
+            assert not servo.torque_on
+            return i * step
+    return float("inf")
+
+
+def test_stall_trips_after_a_few_seconds_either_way_round():
+    # 3 s * -ln(1 - 0.8²) = 3.065 s
+    assert time_to_trip(STALL) == pytest.approx(3.07, abs=0.011)
+    assert time_to_trip(-STALL) == pytest.approx(3.07, abs=0.011)
+
+
+def test_the_larger_the_load_the_sooner_it_trips_and_a_bearable_one_never_does():
+    times = [time_to_trip(share * STALL) for share in (1.5, 1.2, 1.0, 0.9, 0.82)]
+    assert times == sorted(times) and times[-1] < 20.0
+    assert time_to_trip(0.79 * STALL) == float("inf")
+
+
+def test_the_overload_curve_is_a_quirk():
+    assert time_to_trip(STALL, Quirks(overload_time=1.0)) == pytest.approx(1.03, abs=0.011)
+    assert time_to_trip(0.5 * STALL, Quirks(overload_share=0.4)) < 4.0
+
+
+def test_overload_does_not_depend_on_how_time_is_cut():
+    coarse, fine = Overload(2.0, Quirks()), Overload(2.0, Quirks())
+    coarse.advance(1.0, 1.0)
+    for _ in range(1000):
+        fine.advance(1.0, 0.001)
+    assert coarse.heat == pytest.approx(fine.heat)
+
+
+def test_a_reboot_forgets_the_load_so_far():
+    servo = powered()
+    feel(servo, current=STALL)
+    for i in range(400):
+        servo.advance(0.01 * i)
+    assert servo.peek("hardware_error_status") == HardwareError.OVERLOAD
+    servo.reboot()
+    servo.advance(5.0)
+    servo.advance(5.5)
+    assert servo.peek("hardware_error_status") == 0
+
+
+# Bus watchdog -------------------------------------------------------------------------------
+
+
+def test_silence_trips_the_watchdog_and_motion_stops_where_it_is():
+    servo = powered(profile_velocity=50, profile_acceleration=5)
+    write(servo, "bus_watchdog", 5)  # 100 ms
+    write(servo, "goal_position", 3500)
+    servo.advance(0.1)
+    feel(servo, ticks=2100.0, velocity=0.5)
+    assert servo.peek("bus_watchdog") == 5 and servo.has_profile
+    servo.advance(0.101)
+    assert read(servo, "bus_watchdog") == -1
+    assert not servo.has_profile and servo.torque_on
+    assert servo.drive().target_ticks == read(servo, "goal_position") == 2100
+    assert read(servo, "profile_velocity") == read(servo, "profile_acceleration") == 0
+
+
+def test_traffic_keeps_the_watchdog_quiet():
+    servo = powered(bus_watchdog=5)
+    for i in range(1, 50):
+        servo.advance(0.09 * i)
+        servo.hear()
+    assert read(servo, "bus_watchdog") == 5
+
+
+def test_goals_are_refused_until_the_watchdog_is_cleared():
+    servo = powered(bus_watchdog=1)
+    servo.advance(0.1)
+    for name in ("goal_pwm", "goal_current", "goal_velocity", "goal_position"):
+        assert write(servo, name, 0) == ErrorNumber.DATA_RANGE
+    assert write(servo, "bus_watchdog", 5) == ErrorNumber.DATA_RANGE
+    assert servo.drive().target_ticks == 2048.0
+    assert write(servo, "bus_watchdog", 0) == 0
+    assert write(servo, "goal_position", 2100) == 0
+    assert servo.drive().target_ticks == 2100.0
+
+
+def test_the_watchdog_counts_only_under_torque():
+    servo = VirtualServo(1)
+    write(servo, "bus_watchdog", 1)
+    servo.advance(10.0)
+    assert read(servo, "bus_watchdog") == 1
+    write(servo, "torque_enable", 1)
+    servo.advance(10.01)
+    assert servo.peek("bus_watchdog") == 1
+    servo.advance(10.03)
+    assert servo.peek("bus_watchdog") == -1
+
+
+@pytest.mark.parametrize(
+    ("mode", "goal", "value"),
+    [
+        (OperatingMode.CURRENT, "goal_current", 100),
+        (OperatingMode.VELOCITY, "goal_velocity", 100),
+        (OperatingMode.PWM, "goal_pwm", 100),
+    ],
+)
+def test_in_the_other_modes_the_watchdog_stops_the_motor(mode: int, goal: str, value: int):
+    servo = powered(operating_mode=mode)
+    write(servo, goal, value)
+    write(servo, "bus_watchdog", 1)
+    servo.advance(1.0)
+    drive = servo.drive()
+    asked = {
+        "goal_current": drive.goal_current,
+        "goal_velocity": drive.goal_velocity,
+        "goal_pwm": drive.goal_pwm,
+    }
+    assert asked[goal] == read(servo, goal) == 0
+    assert drive.torque_on
+
+
+def test_a_reboot_clears_the_watchdog():
+    servo = powered(bus_watchdog=1)
+    servo.advance(1.0)
+    servo.reboot()
+    servo.advance(2.0)
+    assert read(servo, "bus_watchdog") == 0

@@ -1,0 +1,483 @@
+"""Faults on demand: each does what its name says, is counted, and comes again from its seed."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+import serial
+from fake_devices import FakeAnswer, FakeDevices
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import Damaged, FrameParser, Packet, Span, Status
+from drivers.virtual_bus.serving.fault_injector import FaultCounts, FaultError
+from drivers.virtual_bus.serving.fault_schedule import KINDS, Schedule, ScheduleError
+from drivers.virtual_bus.serving.interfaces import StillBody
+from drivers.virtual_bus.serving.lock_step import QUIET
+from drivers.virtual_bus.serving.server import Pace, VirtualBus
+from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
+
+IDS = (1, 2, 3)
+PERIOD = 0.008  # s
+STATUS = Status(2, 0, bytes(range(10)))
+ANSWER = FakeAnswer(2, 0.0, STATUS.encode())
+GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4)))
+REQUESTS = (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO)
+ANSWERS = tuple(fault for fault in LineFault if fault not in REQUESTS)
+
+
+def line_faults(seed: int = 0) -> LineFaults:
+    return LineFaults(np.random.default_rng(seed))
+
+
+def bytes_of(sendings) -> bytes:
+    return b"".join(sending.data for sending in sendings)
+
+
+class WarmBody(StillBody):
+    """A table whose servos can be heated and whose battery can sag."""
+
+    def __init__(self, devices) -> None:
+        super().__init__(devices, PERIOD)
+        self.done: list[tuple[str, float]] = []
+
+    def heat(self, servo_id: int, temperature: float) -> None:
+        if servo_id == 3:
+            raise ValueError("3 is not in list")
+        self.done.append(("heat", temperature))
+
+    def sag(self, voltage: float) -> None:
+        self.done.append(("sag", voltage))
+
+
+@pytest.fixture
+def devices():
+    return FakeDevices(IDS)
+
+
+@pytest.fixture
+def bus(devices: FakeDevices):
+    with VirtualBus(devices, WarmBody(devices), pace=Pace.LOCK_STEP) as bus:
+        yield bus
+
+
+@pytest.fixture
+def port(bus: VirtualBus):
+    with serial.Serial(bus.path, 1_000_000, timeout=0.05) as port:
+        yield port
+
+
+def ask(port: serial.Serial, request: bytes, count: int = 1000) -> bytes:
+    port.write(request)
+    return port.read(count)
+
+
+# Bytes -------------------------------------------------------------------------------------
+
+
+def test_without_faults_nothing_changes_and_no_chance_is_drawn():
+    rng = np.random.default_rng(5)
+    line = LineFaults(rng)
+    assert bytes_of(line.disturb_answer(ANSWER)) == ANSWER.data
+    assert line.disturb_request(Packet(1, 1)) == [Packet(1, 1)]
+    assert not line.echoes()
+    assert rng.random() == np.random.default_rng(5).random()
+
+
+@pytest.mark.parametrize("fault", ANSWERS)
+def test_an_order_takes_so_many_answers_of_its_device_only(fault: LineFault):
+    line = line_faults()
+    line.order(fault, 2, count=3)
+    other = FakeAnswer(7, 0.0, Status(7).encode())
+    for _ in range(5):
+        assert bytes_of(line.disturb_answer(other)) == other.data
+    hit = [line.disturb_answer(ANSWER) for _ in range(3)]
+    assert line.counts[fault.value] == 3
+    plain = line.disturb_answer(ANSWER)
+    assert bytes_of(plain) == ANSWER.data
+    assert all(sendings != plain for sendings in hit)
+
+
+def test_each_mishap_is_what_its_name_says():
+    def strike(fault: LineFault):
+        line = line_faults(1)
+        line.order(fault)
+        return line.disturb_answer(ANSWER)
+
+    data = ANSWER.data
+    assert strike(LineFault.LOSE) == []
+    assert bytes_of(strike(LineFault.DUPLICATE)) == data + data
+    assert data.startswith(bytes_of(strike(LineFault.CUT)))
+    assert len(bytes_of(strike(LineFault.CUT))) < len(data)
+    assert bytes_of(strike(LineFault.NOISE)).endswith(data)
+    first, second = strike(LineFault.SPLIT)
+    assert first.data + second.data == data
+    assert (first.hold, second.hold) == (0.0, LineFaults.split_pause)
+    (late,) = strike(LineFault.LATE)
+    assert (late.data, late.hold) == (data, LineFaults.late_by)
+    (packet,) = FrameParser().feed(bytes_of(strike(LineFault.WRONG_ID)))
+    assert isinstance(packet, Packet)
+    assert Status.from_packet(packet) == Status(3, 0, STATUS.data)
+    flipped = int.from_bytes(bytes_of(strike(LineFault.FLIP)), "big")
+    assert (flipped ^ int.from_bytes(data, "big")).bit_count() == 1
+
+
+@given(device=st.integers(0, 252), data=st.binary(max_size=20))
+def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: bytes):
+    line = line_faults()
+    line.order(LineFault.WRONG_ID)
+    answer = FakeAnswer(device, 0.0, Status(device, 0, data).encode())
+    (packet,) = FrameParser().feed(bytes_of(line.disturb_answer(answer)))
+    assert isinstance(packet, Packet)
+    assert packet.id != device
+    assert Status.from_packet(packet).data == data
+
+
+def test_a_part_of_a_fast_answer_gets_a_wrong_id_too():
+    frame = protocol2.encode_fast_status([Status(1, 0, b"\x10\x20"), Status(2, 0, b"\x30\x40")])
+    line = line_faults()
+    line.order(LineFault.WRONG_ID)
+    piece = bytes_of(line.disturb_answer(FakeAnswer(2, 0.0, frame[14:])))
+    assert piece == frame[14:15] + b"\x03" + frame[16:]
+
+
+def test_flips_come_at_their_rate():
+    line = line_faults()
+    line.set_rate(LineFault.FLIP, 0.01)
+    data = bytes(200_000)
+    flipped = bytes_of(line.disturb_answer(FakeAnswer(1, 0.0, data)))
+    hit = [byte for byte in flipped if byte]
+    assert 1800 < len(hit) < 2200  # 2000 expected, standard deviation 44
+    assert all(byte.bit_count() == 1 for byte in hit)
+    assert len(set(hit)) == 8
+
+
+@pytest.mark.parametrize("fault", ANSWERS)
+def test_answers_are_hit_at_their_rate_and_every_hit_is_counted(fault: LineFault):
+    line = line_faults()
+    line.set_rate(fault, 0.02 if fault is LineFault.FLIP else 0.3)
+    plain = line_faults().disturb_answer(ANSWER)
+    hit = sum(line.disturb_answer(ANSWER) != plain for _ in range(1000))
+    assert line.counts[fault.value] == hit
+    assert 240 < hit < 400  # flips: 1 - 0.98**21 = 0.346; else 0.3
+
+
+def test_a_damaged_request_is_heard_as_damaged():
+    line = line_faults()
+    line.order(LineFault.FLIP_REQUEST)
+    packet = Packet(1, protocol2.Instruction.WRITE, bytes(40))
+    (heard,) = line.disturb_request(packet)
+    assert isinstance(heard, Damaged)
+    assert line.disturb_request(packet) == [packet]
+
+
+def test_the_same_seed_brings_the_same_faults():
+    def play(seed: int) -> list[bytes]:
+        line = line_faults(seed)
+        for fault in LineFault:
+            line.set_rate(fault, 0.2)
+        return [bytes_of(line.disturb_answer(ANSWER)) for _ in range(50)]
+
+    assert play(1) == play(1)
+    assert play(1) != play(2)
+
+
+def test_a_rate_is_a_share():
+    with pytest.raises(ValueError, match=r"rate of lose: 1\.5, allowed 0 to 1"):
+        line_faults().set_rate(LineFault.LOSE, 1.5)
+
+
+def test_clearing_ends_all_mishaps():
+    line = line_faults()
+    line.set_rate(LineFault.LOSE, 1.0)
+    line.order(LineFault.FLIP, count=100)
+    line.clear()
+    assert bytes_of(line.disturb_answer(ANSWER)) == ANSWER.data
+
+
+# On the bus --------------------------------------------------------------------------------
+
+
+def test_a_lost_answer_lets_the_client_wait_and_is_counted(bus: VirtualBus, port: serial.Serial):
+    bus.faults.order(LineFault.LOSE, 2)
+    assert ask(port, protocol2.ping(2)) == b""
+    assert ask(port, protocol2.ping(2), 14)[4] == 2
+    assert bus.time == pytest.approx(QUIET)
+    assert bus.faults.counts == FaultCounts(lose=1)
+
+
+def test_one_lost_answer_of_a_group_costs_no_other(bus: VirtualBus, port: serial.Serial):
+    bus.faults.order(LineFault.LOSE, 2)
+    frames = FrameParser().feed(ask(port, protocol2.sync_read(IDS, Span(132, 4))))
+    assert [frame.id for frame in frames] == [1, 3]
+
+
+def test_a_late_answer_comes_with_the_next_cycle(bus: VirtualBus, port: serial.Serial):
+    bus.faults.set_times(late_by=0.015)  # longer than a client waits for
+    bus.faults.order(LineFault.LATE, 1)
+    assert ask(port, protocol2.read(1, Span(10, 1))) == b""
+    late = ask(port, GOALS + protocol2.read(2, Span(20, 1)), 24)
+    assert late == Status(1, 0, b"\x0a").encode() + Status(2, 0, b"\x14").encode()
+
+
+def test_what_comes_behind_a_late_answer_is_late_too(bus: VirtualBus, port: serial.Serial):
+    bus.faults.set_times(late_by=0.015)
+    bus.faults.order(LineFault.LATE, 2)
+    request = protocol2.sync_read(IDS, Span(10, 1))
+    assert [frame.id for frame in FrameParser().feed(ask(port, request))] == [1]
+    rest = ask(port, GOALS, 24)
+    assert [frame.id for frame in FrameParser().feed(rest)] == [2, 3]
+
+
+def test_a_split_answer_is_whole_in_the_end(bus: VirtualBus, port: serial.Serial):
+    bus.faults.order(LineFault.SPLIT, 1)
+    assert ask(port, protocol2.read(1, Span(10, 1)), 12) == Status(1, 0, b"\x0a").encode()
+
+
+def test_an_echo_precedes_the_answer(bus: VirtualBus, port: serial.Serial):
+    bus.faults.order(LineFault.ECHO)
+    request = protocol2.ping(1)
+    assert ask(port, request, len(request) + 14)[: len(request)] == request
+    assert bus.faults.counts.echo == 1
+
+
+def test_a_lost_sync_write_still_ends_the_cycle(bus, port, devices: FakeDevices):
+    bus.faults.order(LineFault.LOSE_REQUEST)
+    assert len(ask(port, GOALS + protocol2.ping(1), 14)) == 14
+    assert bus.time == pytest.approx(PERIOD)
+    assert devices.device(1).memory[116] == 116  # not written
+
+
+def test_a_dead_device_is_silent_until_it_is_revived(bus: VirtualBus, port: serial.Serial):
+    bus.faults.kill(2)
+    assert ask(port, protocol2.ping(2)) == b""
+    assert len(ask(port, protocol2.ping(1), 14)) == 14
+    bus.faults.revive(2)
+    assert len(ask(port, protocol2.ping(2), 14)) == 14
+    assert bus.faults.counts == FaultCounts(kill=1, revive=1)
+
+
+def test_a_silent_bus_hears_and_says_nothing(bus, port, devices: FakeDevices):
+    bus.faults.silence()
+    assert ask(port, GOALS + protocol2.ping(1)) == b""
+    assert devices.heard == []
+    bus.faults.silence(False)
+    assert len(ask(port, protocol2.ping(1), 14)) == 14
+    assert bus.faults.counts == FaultCounts(silence=1, silenced=2)
+
+
+def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevices):
+    bus.faults.reboot(1)
+    bus.faults.trip(2, 32)
+    bus.faults.heat(1, 85.0)
+    bus.faults.sag(9.5)
+    assert (devices.device(1).rebooted, devices.device(2).errors) == (1, 32)
+    assert isinstance(bus.body, WarmBody)
+    assert bus.body.done == [("heat", 85.0), ("sag", 9.5)]
+    assert bus.faults.counts == FaultCounts(reboot=1, trip=1, heat=1, sag=1)
+    assert bus.faults.counts.total == 4
+
+
+def test_two_devices_of_one_id_break_together(devices: FakeDevices):
+    devices.devices[1].id = 1
+    with VirtualBus(devices, pace=Pace.LOCK_STEP) as bus:
+        bus.faults.kill(1)
+    assert [device.alive for device in devices.devices] == [False, False, True]
+
+
+def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
+    with pytest.raises(FaultError, match="'kill' of id 9 cannot happen here, allowed ids 1, 2, 3"):
+        bus.faults.kill(9)
+    with pytest.raises(FaultError, match=r"'heat' of id 3 .* allowed servos"):
+        bus.faults.heat(3, 80.0)
+    with pytest.raises(FaultError, match="allowed a bus with an IMU"):
+        bus.faults.freeze_imu()
+    assert len(ask(port, protocol2.ping(1), 14)) == 14
+    assert bus.faults.counts == FaultCounts()
+
+
+def test_every_imu_freezes(devices: FakeDevices):
+    board = devices.devices[2]
+    board.frozen = False  # type: ignore[attr-defined]
+    with VirtualBus(devices, pace=Pace.LOCK_STEP) as bus:
+        bus.faults.freeze_imu()
+        assert board.frozen is True  # type: ignore[attr-defined]
+        bus.faults.freeze_imu(False)
+        assert board.frozen is False  # type: ignore[attr-defined]
+    assert not hasattr(devices.devices[0], "frozen")
+
+
+def test_pulling_the_plug_is_a_fault(bus: VirtualBus, port: serial.Serial):
+    bus.faults.unplug()
+    assert not os.path.lexists(bus.path)
+    with pytest.raises((OSError, serial.SerialException)):
+        port.write(b"?")
+    bus.faults.replug()
+    with serial.Serial(bus.path, 1_000_000, timeout=5.0) as again:
+        assert len(ask(again, protocol2.ping(1), 14)) == 14
+    assert bus.faults.counts == FaultCounts(unplug=1, replug=1)
+
+
+# Schedules ---------------------------------------------------------------------------------
+
+
+def write(tmp_path, text: str):
+    file = tmp_path / "faults.toml"
+    file.write_text(text)
+    return file
+
+
+def test_a_scheduled_fault_comes_and_goes_at_its_bus_time(tmp_path, devices: FakeDevices):
+    file = write(tmp_path, '[[fault]]\nat = 0.02\nkind = "kill"\nid = 2\nfor = 0.02\n')
+    alive = []
+    schedule = Schedule.from_file(file, IDS)
+    with (
+        VirtualBus(devices, pace=Pace.LOCK_STEP, schedule=schedule) as bus,
+        serial.Serial(bus.path, 1_000_000, timeout=5.0) as port,
+    ):
+        for _ in range(6):
+            ask(port, GOALS + protocol2.ping(1), 14)
+            alive.append(devices.device(2).alive)
+    assert alive == [True, True, False, False, True, True]  # periods end at 8, 16, 24 ms ...
+
+
+def test_a_scheduled_unplugging_ends_by_itself(tmp_path, devices: FakeDevices):
+    file = write(tmp_path, '[[fault]]\nat = 0.008\nkind = "unplug"\nfor = 0.05\n')
+    schedule = Schedule.from_file(file)
+    with VirtualBus(devices, pace=Pace.LOCK_STEP, schedule=schedule) as bus:
+        with serial.Serial(bus.path, 1_000_000) as port:
+            port.write(GOALS)
+            end = time.monotonic() + 10.0
+            while bus.faults.counts.replug == 0:
+                assert time.monotonic() < end
+                time.sleep(0.001)
+        with serial.Serial(bus.path, 1_000_000, timeout=5.0) as port:
+            assert len(ask(port, protocol2.ping(1), 14)) == 14
+        assert bus.faults.counts == FaultCounts(unplug=1, replug=1)
+        assert bus.time >= 0.058
+
+
+ONE_OF_EACH = {
+    "kill": "id = 1",
+    "revive": "id = 1",
+    "reboot": "id = 1",
+    "trip": 'id = 1\nerror = "overload"',
+    "heat": "id = 1\ntemperature = 85.0",
+    "sag": "voltage = 9.5",
+    "freeze_imu": "for = 1",
+    "silence": "for = 0.5",
+    "unplug": "for = 0.5",
+    "replug": "",
+    "late": "rate = 0.1\nseconds = 0.01\nfor = 2",
+    "split": "id = 2\ncount = 3\nseconds = 0.001",
+} | {
+    fault.value: "rate = 0.01"
+    for fault in LineFault
+    if fault not in (LineFault.LATE, LineFault.SPLIT)
+}
+
+
+def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevices):
+    assert ONE_OF_EACH.keys() == KINDS.keys()
+    text = "".join(
+        f'[[fault]]\nat = 0.001\nkind = "{kind}"\n{rest}\n' for kind, rest in ONE_OF_EACH.items()
+    )
+    devices.devices[2].frozen = False  # type: ignore[attr-defined]
+    schedule = Schedule.from_file(write(tmp_path, text), IDS)
+    bus = VirtualBus(devices, WarmBody(devices), pace=Pace.REAL_TIME, schedule=schedule)
+    with bus:
+        end = time.monotonic() + 10.0
+        while bus.faults.counts.replug < 2:
+            assert time.monotonic() < end
+            time.sleep(0.001)
+    made = FaultCounts(
+        kill=1, revive=1, reboot=1, trip=1, heat=1, sag=1, freeze_imu=1, silence=1, unplug=1
+    )
+    assert bus.faults.counts == FaultCounts(**(vars(made) | {"replug": 2}))
+
+
+def test_entries_are_done_in_the_order_of_their_times(tmp_path):
+    text = "".join(f'[[fault]]\nat = {at}\nkind = "sag"\nvoltage = 9\n' for at in (3, 1, 2.5))
+    assert [f.at for f in Schedule.from_file(write(tmp_path, text)).faults] == [1, 2.5, 3]
+
+
+def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
+    file = write(
+        tmp_path,
+        """
+        [other]
+        [[fault]]
+        at = -1
+        kind = "kill"
+        id = 300
+        [[fault]]
+        kind = "melt"
+        [[fault]]
+        at = 1
+        kind = "trip"
+        id = 9
+        error = "fire"
+        colour = "red"
+        [[fault]]
+        at = 1
+        kind = "flip"
+        rate = 2
+        [[fault]]
+        at = 1
+        kind = "lose"
+        rate = 0.5
+        count = 0
+        [[fault]]
+        at = nan
+        kind = "sag"
+        [[fault]]
+        at = 1
+        kind = "lose"
+        for = 1
+        [[fault]]
+        at = true
+        kind = 5
+        """,
+    )
+    with pytest.raises(ScheduleError) as caught:
+        Schedule.from_file(file, IDS)
+    told = str(caught.value)
+    assert "\n" not in told
+    assert told.startswith(f"{file}: unknown table 'other', allowed fault; fault 1: kill: at is -1")
+    for part in (
+        "fault 1: kill: at is -1, allowed a number from 0 to 1e+06 s",
+        "fault 1: kill: id is 300, allowed an integer from 0 to 252",
+        "fault 2: kind is 'melt', allowed lose_request,",
+        "fault 3: trip: id is 9, allowed 1, 2, 3",
+        "fault 3: trip: error is 'fire', allowed voltage, overheating, encoder, shock, overload",
+        "fault 3: trip: unknown field 'colour', allowed kind, at, id, error",
+        "fault 4: flip: rate is 2, allowed a number from 0 to 1",
+        "fault 5: lose: count is 0, allowed an integer from 1 to",
+        "fault 5: lose: has a rate and also a count or an id, allowed one or the other",
+        "fault 6: sag: at is nan",
+        "fault 6: sag: voltage is missing, allowed a number from 0 to 30 V",
+        "fault 7: lose: has a time to last and no rate, allowed a rate",
+        "fault 8: kind is 5, allowed",
+    ):
+        assert part in told
+    assert len(caught.value.faults) == 14
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("fault = 3", r"fault is 3, allowed \[\[fault\]\] tables"),
+        ("fault = [1]", "fault 1: is 1, allowed a table"),
+        ("[[fault]", "not TOML"),
+    ],
+)
+def test_a_file_that_is_no_schedule_says_so(tmp_path, text: str, told: str):
+    with pytest.raises(ScheduleError, match=told):
+        Schedule.from_file(write(tmp_path, text))
+
+
+def test_a_missing_schedule_names_its_file(tmp_path):
+    with pytest.raises(ScheduleError, match=r"faults\.toml: No such file"):
+        Schedule.from_file(tmp_path / "faults.toml")

@@ -1,0 +1,237 @@
+"""The virtual port is a serial port to its clients, and survives all that they do to it."""
+
+import fcntl
+import os
+import select
+import signal
+import subprocess
+import sys
+import termios
+from itertools import pairwise
+
+import pytest
+import serial
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import Instruction, Packet, Span
+from drivers.virtual_bus.serving.instruction_reader import LONGEST_GAP, Listener
+from drivers.virtual_bus.serving.interfaces import WireStatistics
+from drivers.virtual_bus.serving.pseudo_terminal import Wire, WireError
+
+BYTE = 1e-5  # s on the wire at 1 Mbps
+TIOCGEXCL = 0x80045440
+HOLD_PORT = """
+import fcntl, os, sys, termios, time
+port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+fcntl.ioctl(port, termios.TIOCEXCL)
+print("open", flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def wire():
+    wire = Wire()
+    yield wire
+    wire.close()
+
+
+def open_port(wire: Wire) -> int:
+    return os.open(wire.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+
+
+def read_all(end: int, count: int) -> bytes:
+    data = b""
+    while len(data) < count and select.select([end], [], [], 5.0)[0]:
+        data += os.read(end, count - len(data))
+    return data
+
+
+def test_every_byte_passes_unchanged_both_ways(wire: Wire):
+    everything = bytes(range(256)) * 4
+    client = open_port(wire)
+    os.write(client, everything)
+    assert read_all(wire.fileno(), 1024) == everything
+    assert wire.write(everything) == 1024
+    assert read_all(client, 1024) == everything
+    assert wire.read() == b""  # no echo
+    os.close(client)
+
+
+@pytest.mark.parametrize("baud", [57600, 1_000_000, 4_500_000, 1_234_567])
+def test_the_wire_knows_the_rate_that_its_client_set(wire: Wire, baud: int):
+    with serial.Serial(wire.path, baud):
+        assert wire.baud == baud
+
+
+def test_a_client_that_never_reads_loses_bytes_and_blocks_nobody(wire: Wire):
+    client = open_port(wire)
+    taken = [wire.write(bytes(1000)) for _ in range(1000)]
+    assert taken[0] == 1000
+    assert taken[-1] == 0
+    os.close(client)
+
+
+def test_a_flush_by_the_client_discards_answers(wire: Wire):
+    with serial.Serial(wire.path, 1_000_000, timeout=0.0) as client:
+        wire.write(b"old")
+        select.select([client], [], [], 5.0)
+        client.reset_input_buffer()
+        wire.write(b"new")
+        assert read_all(client.fileno(), 3) == b"new"
+
+
+def test_an_unplugged_port_is_an_error_to_its_client_and_no_path_any_more(wire: Wire):
+    client = open_port(wire)
+    wire.unplug()
+    with pytest.raises(OSError):
+        os.write(client, b"?")
+    assert not os.path.lexists(wire.path)
+    assert (wire.read(), wire.write(b"!"), wire.baud, wire.plugged) == (b"", 0, 0, False)
+    os.close(client)
+
+
+def test_a_replugged_port_has_the_old_path_and_a_new_line(wire: Wire):
+    path, old = wire.path, open_port(wire)
+    wire.unplug()
+    wire.plug()
+    client = open_port(wire)
+    wire.write(b"hello")
+    assert wire.path == path
+    assert read_all(client, 5) == b"hello"
+    with pytest.raises(OSError):
+        os.write(old, b"?")
+    for end in (old, client):
+        os.close(end)
+
+
+def test_a_killed_client_leaves_no_lock_and_no_answers_behind(wire: Wire):
+    command = [sys.executable, "-c", HOLD_PORT, wire.path]
+    client = subprocess.Popen(command, stdout=subprocess.PIPE)
+    assert client.stdout is not None
+    assert client.stdout.readline() == b"open\n"
+    wire.write(b"unread")
+    assert not wire.tidy()  # it is somebody's
+    port = open_port(wire) if os.geteuid() == 0 else None  # only root sees past the lock
+    if port is not None:
+        assert any(fcntl.ioctl(port, TIOCGEXCL, bytes(4)))
+        os.close(port)
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    assert wire.tidy()
+    port = open_port(wire)
+    assert not any(fcntl.ioctl(port, TIOCGEXCL, bytes(4)))
+    assert not select.select([port], [], [], 0.0)[0]
+    os.close(port)
+    client.stdout.close()
+
+
+def test_a_port_left_in_another_mode_is_raw_again_for_the_next_client(wire: Wire):
+    client = open_port(wire)
+    mode = termios.tcgetattr(client)
+    mode[3] |= termios.ECHO | termios.ICANON
+    termios.tcsetattr(client, termios.TCSANOW, mode)
+    os.close(client)
+    wire.tidy()
+    client = open_port(wire)
+    assert not termios.tcgetattr(client)[3] & (termios.ECHO | termios.ICANON)
+    os.close(client)
+
+
+def test_a_link_replaces_a_stale_one_but_no_file(tmp_path):
+    link, file = tmp_path / "port", tmp_path / "notes"
+    link.symlink_to("/dev/pts/no-such")
+    file.write_text("mine")
+    wire = Wire(link)
+    assert wire.path == str(link)
+    assert link.is_char_device()
+    wire.close()
+    assert not os.path.lexists(link)
+    with pytest.raises(WireError, match="a file is there, name another path"):
+        Wire(file)
+    assert file.read_text() == "mine"
+    with pytest.raises(WireError, match="no folder"):
+        Wire(tmp_path / "missing" / "port")
+
+
+def test_closing_removes_the_folder_and_may_be_repeated():
+    wire = Wire()
+    folder = wire.link.parent
+    wire.close()
+    wire.close()
+    assert not folder.exists()
+
+
+# Hearing -----------------------------------------------------------------------------------
+
+FRAMES = st.lists(
+    st.builds(
+        lambda device, params: Packet(device, Instruction.WRITE, params),
+        st.integers(0, 252),
+        st.lists(st.sampled_from([0x00, 0xFD, 0xFF, 7]), max_size=12).map(bytes),
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(packets=FRAMES, cuts=st.lists(st.integers(0, 120), max_size=4))
+def test_each_instruction_is_as_long_as_its_frame_however_bytes_arrive(packets, cuts):
+    stream = b"".join(packet.encode() for packet in packets)
+    statistics = WireStatistics()
+    listener = Listener(statistics, timed=True)
+    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    pieces = [stream[a:b] for a, b in pairwise(edges)]
+    heard = [r for piece in pieces for r in listener.hear(piece, 0.0, 1_000_000, BYTE)]
+    assert [request.item for request in heard] == packets
+    assert [request.size for request in heard] == [len(p.encode()) for p in packets]
+    assert (statistics.unstuffed, statistics.noise) == (0, 0)
+    assert statistics.bytes_in == len(stream)
+
+
+def test_noise_before_an_instruction_takes_its_time_on_the_wire():
+    listener = Listener(WireStatistics(), timed=True)
+    (request,) = listener.hear(b"\x00" * 5 + protocol2.ping(1), 0.0, 1_000_000, BYTE)
+    assert request.size == 15
+
+
+def test_an_unstuffed_instruction_is_heard_and_noted():
+    statistics = WireStatistics()
+    listener = Listener(statistics, timed=True)
+    # As dynamixel-sdk 4.1.0 sends it: the CRC matches the raw bytes, nothing is stuffed.
+    raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
+    (request,) = listener.hear(raw, 0.0, 1_000_000, BYTE)
+    assert request.item == Packet(1, Instruction.WRITE, b"\x74\x00\xff\xff\xfd")
+    assert request.unstuffed
+    assert statistics.unstuffed == 1
+
+
+def test_a_gap_inside_an_instruction_breaks_it_off():
+    frame = protocol2.read(1, Span(132, 4))
+    for gap, heard in ((LONGEST_GAP * 0.9, 1), (LONGEST_GAP * 1.1, 0)):
+        statistics = WireStatistics()
+        listener = Listener(statistics, timed=True)
+        listener.hear(frame[:5], 0.0, 1_000_000, BYTE)
+        found = listener.hear(frame[5:], 5 * BYTE + gap, 1_000_000, BYTE)
+        assert len(found) == heard
+        assert statistics.broken_off == 1 - heard
+
+
+def test_without_time_an_instruction_ends_where_the_next_begins():
+    statistics = WireStatistics()
+    listener = Listener(statistics, timed=False)
+    listener.hear(protocol2.read(1, Span(132, 4))[:5], 0.0, 1_000_000, 0.0)
+    (request,) = listener.hear(protocol2.ping(2), 0.0, 1_000_000, 0.0)
+    assert request.item == Packet(2, Instruction.PING)
+    assert statistics.broken_off == 1
+
+
+def test_a_damaged_instruction_is_counted():
+    statistics = WireStatistics()
+    frame = bytearray(protocol2.ping(1))
+    frame[-1] ^= 1
+    found = Listener(statistics, timed=True).hear(bytes(frame), 0.0, 1_000_000, BYTE)
+    assert len(found) == statistics.damaged == 1
+    assert statistics.packets == 0

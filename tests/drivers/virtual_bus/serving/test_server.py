@@ -1,0 +1,338 @@
+"""The virtual bus answers in time, keeps time with its client, and always ends cleanly."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+import serial
+from fake_devices import FakeDevices
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import Instruction, Packet, Span, Status
+from drivers.virtual_bus.serving.interfaces import StillBody
+from drivers.virtual_bus.serving.lock_step import QUIET
+from drivers.virtual_bus.serving.server import Pace, VirtualBus, VirtualBusError
+
+IDS = (1, 2, 3)
+PERIOD = 0.008  # s, of a bus without physics
+GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4)))
+PING_HEAD = b"\xff\xff\xfd\x00"
+
+
+@pytest.fixture
+def devices():
+    return FakeDevices(IDS)
+
+
+@pytest.fixture
+def bus(devices: FakeDevices):
+    with VirtualBus(devices, pace=Pace.LOCK_STEP) as bus:
+        yield bus
+
+
+def connect(bus: VirtualBus, baud: int = 1_000_000, timeout: float = 5.0) -> serial.Serial:
+    return serial.Serial(bus.path, baud, timeout=timeout)
+
+
+def ask(port: serial.Serial, request: bytes, count: int) -> bytes:
+    port.write(request)
+    return port.read(count)
+
+
+def wait_until(condition) -> None:
+    end = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+# Lock-step ---------------------------------------------------------------------------------
+
+
+def test_a_read_is_answered_and_takes_no_bus_time(bus: VirtualBus):
+    with connect(bus) as port:
+        answer = ask(port, protocol2.read(2, Span(132, 4)), 15)
+    assert answer == Status(2, 0, bytes((132, 133, 134, 135))).encode()
+    assert bus.time == 0.0
+
+
+def test_each_sync_write_of_goals_passes_one_period(bus: VirtualBus, devices: FakeDevices):
+    with connect(bus) as port:
+        for _ in range(5):
+            port.write(GOALS)
+        ask(port, protocol2.ping(1), 14)
+    assert bus.time == pytest.approx(5 * PERIOD)
+    assert devices.now == bus.time
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        protocol2.bulk_write({1: (116, bytes(4))}),
+        protocol2.sync_write(64, {1: b"\x01"}),
+        protocol2.write(0xFE, 116, bytes(4)),
+        protocol2.write(1, 116, bytes(4)),
+        protocol2.sync_write(112, {1: bytes(4)}),
+    ],
+)
+def test_nothing_else_passes_time(bus: VirtualBus, request_: bytes):
+    with connect(bus) as port:
+        port.write(request_)
+        port.write(protocol2.ping(3))
+        wait_until(lambda: bus.statistics.packets == 2)
+    assert bus.time == 0.0
+
+
+def test_a_longer_sync_write_over_the_goals_passes_a_period(bus: VirtualBus):
+    with connect(bus) as port:
+        port.write(protocol2.sync_write(100, {1: bytes(20)}))
+        ask(port, protocol2.ping(1), 14)
+    assert bus.time == pytest.approx(PERIOD)
+
+
+def test_a_client_that_waits_in_vain_lets_time_pass(bus: VirtualBus):
+    with connect(bus) as port:
+        port.write(protocol2.ping(99) + protocol2.sync_read([99], Span(132, 4)))
+        ask(port, protocol2.ping(1), 14)
+    assert bus.time == pytest.approx(2 * QUIET)
+    assert bus.statistics.unanswered == 2
+
+
+def test_the_same_requests_give_the_same_bytes_and_time():
+    def play() -> tuple[bytes, float]:
+        with VirtualBus(FakeDevices(IDS), pace=Pace.LOCK_STEP) as bus, connect(bus) as port:
+            read = protocol2.sync_read(IDS, Span(126, 10), fast=True)
+            answers = [ask(port, GOALS + read, 50) for _ in range(20)]
+            return b"".join(answers), bus.time
+
+    first, second = play(), play()
+    assert first == second
+    assert len(first[0]) == 1000
+
+
+# Real time ---------------------------------------------------------------------------------
+
+
+def test_bytes_take_their_time_on_the_wire():
+    # 34 + 14 bytes at 9600 bit/s, ten bits each, and a return delay of 20 ms: 70 ms at least.
+    devices = FakeDevices(range(1, 21), delay=0.02, baud=9600)
+    with VirtualBus(devices) as bus, connect(bus, 9600) as port:
+        start = time.monotonic()
+        answer = ask(port, protocol2.sync_read(range(1, 21), Span(132, 4)), 15)
+        assert time.monotonic() - start >= 34 * 10 / 9600 + 0.02 + 15 * 10 / 9600
+    assert answer == Status(1, 0, bytes((132, 133, 134, 135))).encode()
+
+
+def test_answers_follow_each_other_by_return_delay_and_bytes():
+    devices = FakeDevices(IDS, delay=0.01)
+    with VirtualBus(devices) as bus, connect(bus) as port:
+        start = time.monotonic()
+        assert len(ask(port, protocol2.sync_read(IDS, Span(132, 4)), 45)) == 45
+        assert time.monotonic() - start >= 3 * 0.01 + (17 + 45) * 1e-5
+
+
+def test_an_instruction_waits_for_the_bytes_before_it():
+    with VirtualBus(FakeDevices(IDS, baud=57600)) as bus, connect(bus, 57600) as port:
+        start = time.monotonic()
+        ask(port, GOALS * 10 + protocol2.ping(1), 14)
+        assert time.monotonic() - start >= (len(GOALS) * 10 + 10 + 14) * 10 / 57600
+
+
+def test_the_adapter_hands_over_once_a_tick():
+    with VirtualBus(FakeDevices(IDS), adapter_latency=0.016) as bus, connect(bus) as port:
+        start = time.monotonic()
+        for _ in range(4):
+            assert len(ask(port, protocol2.ping(1), 14)) == 14
+        assert time.monotonic() - start >= 3 * 0.016
+
+
+def test_bus_time_passes_without_a_client(devices: FakeDevices):
+    with VirtualBus(devices) as bus:
+        wait_until(lambda: bus.time > 0.05)
+        wait_until(lambda: devices.now > 0.1)
+
+
+def test_bus_time_goes_on_from_where_the_body_is(devices: FakeDevices):
+    body = StillBody(devices)
+    body.advance(1000.0)
+    with VirtualBus(devices, body) as bus:
+        wait_until(lambda: 1000.0 < bus.time < 1000.0 + 60.0)
+
+
+def test_a_pause_inside_an_instruction_breaks_it_off(devices: FakeDevices):
+    request = protocol2.read(1, Span(132, 4))
+    with VirtualBus(devices) as bus, connect(bus) as port:
+        port.write(request[:6])
+        wait_until(lambda: bus.statistics.bytes_in == 6)
+        time.sleep(0.003)
+        port.write(request[6:])
+        assert ask(port, protocol2.ping(2), 14)[4] == 2
+        assert bus.statistics.broken_off == 1
+
+
+def test_talking_over_an_answer_is_noted():
+    with VirtualBus(FakeDevices(IDS, delay=0.05)) as bus, connect(bus) as port:
+        port.write(protocol2.ping(1))
+        wait_until(lambda: bus.statistics.answers == 1)
+        port.write(protocol2.ping(2))
+        assert len(port.read(28)) == 28
+        assert bus.statistics.talked_over == 1
+
+
+# Both --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, pace: Pace):
+    with VirtualBus(devices, pace=pace) as bus:
+        with connect(bus, 57600, timeout=0.05) as port:
+            assert ask(port, protocol2.ping(1), 14) == b""
+        with connect(bus) as port:
+            assert ask(port, protocol2.ping(1), 14)[:4] == PING_HEAD
+        assert bus.statistics.wrong_baud == 1
+    assert devices.heard == [Packet(1, Instruction.PING)]
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_the_books_balance(devices: FakeDevices, pace: Pace):
+    read = protocol2.sync_read(IDS, Span(126, 10))
+    with VirtualBus(devices, pace=pace) as bus, connect(bus) as port:
+        for _ in range(10):
+            assert len(ask(port, GOALS + read, 63)) == 63
+        told = bus.statistics
+    assert told.bytes_in == 10 * (len(GOALS) + len(read))
+    assert told.bytes_out == 10 * 63
+    assert (told.packets, told.answers) == (20, 30)
+    assert (told.noise, told.damaged, told.overflow, told.unanswered) == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_a_client_that_never_reads_does_not_hold_the_bus_up(devices: FakeDevices, pace: Pace):
+    read = protocol2.read(1, Span(0, 250))
+    with VirtualBus(devices, pace=pace) as bus, connect(bus) as port:
+        for _ in range(400):
+            port.write(read)
+        wait_until(lambda: bus.statistics.answers == 400)
+        wait_until(lambda: bus.statistics.overflow > 0)
+        told = bus.statistics
+        assert told.bytes_out + told.overflow <= 400 * 261
+
+
+def test_devices_refuse_unstuffed_instructions_where_they_are_strict(devices: FakeDevices):
+    raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
+    strict = VirtualBus(devices, pace=Pace.LOCK_STEP, strict_stuffing=True)
+    with strict as bus, connect(bus) as port:
+        assert ask(port, raw + protocol2.ping(2), 14)[4] == 2
+        assert bus.statistics.unstuffed == 1
+    assert devices.heard == [Packet(2, Instruction.PING)]
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_unplug_and_replug(devices: FakeDevices, pace: Pace):
+    with VirtualBus(devices, pace=pace) as bus:
+        path, before = bus.path, connect(bus)
+        bus.unplug()
+        with pytest.raises((OSError, serial.SerialException)):
+            before.write(protocol2.ping(1))
+        before.close()
+        with pytest.raises(serial.SerialException):
+            connect(bus)
+        began = bus.time
+        wait_until(lambda: bus.time > began + 0.05)  # the robot's time goes on
+        bus.plug()
+        assert bus.path == path
+        with connect(bus) as port:
+            assert ask(port, protocol2.ping(1), 14)[:4] == PING_HEAD
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_a_killed_client_does_not_stop_the_bus(devices: FakeDevices, pace: Pace):
+    script = (
+        "import serial, sys, time\n"
+        "port = serial.Serial(sys.argv[1], 1_000_000, timeout=5)\n"
+        "port.write(bytes.fromhex(sys.argv[2])); port.read(1)\n"
+        "print('heard', flush=True); time.sleep(60)\n"
+    )
+    with VirtualBus(devices, pace=pace) as bus:
+        command = [sys.executable, "-c", script, bus.path, protocol2.ping(1).hex()]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as client:
+            assert client.stdout is not None
+            assert client.stdout.readline() == b"heard\n"
+            client.send_signal(signal.SIGKILL)
+        with connect(bus) as port:
+            assert ask(port, protocol2.ping(2), 14)[4] == 2
+
+
+# The thread --------------------------------------------------------------------------------
+
+
+class BrokenDevices(FakeDevices):
+    def handle(self, *_, **__):
+        raise RuntimeError("a servo melted")
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(pace: Pace):
+    bus = VirtualBus(BrokenDevices(IDS), pace=pace).start()
+    path = bus.path
+    with connect(bus) as port:
+        port.write(protocol2.ping(1))
+        wait_until(lambda: not bus.running)
+        assert not os.path.lexists(path)  # its clients see an unplugged port
+    with pytest.raises(RuntimeError, match="a servo melted"):
+        bus.stop()
+    bus.stop()
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_stop_takes_port_and_thread_away_and_may_be_repeated(devices: FakeDevices, pace: Pace):
+    threads, ends = threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))
+    bus = VirtualBus(devices, pace=pace)
+    bus.stop()  # not even started
+    bus.start()
+    path = bus.path
+    bus.stop()
+    bus.stop()
+    assert not os.path.lexists(path)
+    assert threading.active_count() == threads
+    assert len(list(Path("/proc/self/fd").iterdir())) == ends
+    with pytest.raises(VirtualBusError, match="runs once"):
+        bus.start()
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(devices, pace: Pace):
+    with VirtualBus(devices, pace=pace) as bus:
+        assert bus.call(lambda: threading.current_thread().name) == "virtual bus"
+        assert bus.call(lambda: bus.call(lambda: 7)) == 7  # also from within
+        with pytest.raises(ZeroDivisionError):
+            bus.call(lambda: 1 // 0)
+        assert bus.running
+    assert bus.call(lambda: threading.current_thread()) is threading.main_thread()
+
+
+def test_many_threads_may_call_while_the_bus_comes_and_goes(devices: FakeDevices):
+    told: list[int] = []
+    with VirtualBus(devices) as bus:
+        callers = [
+            threading.Thread(target=lambda: told.extend(bus.call(lambda: 1) for _ in range(200)))
+            for _ in range(4)
+        ]
+        for caller in callers:
+            caller.start()
+    for caller in callers:
+        caller.join(10.0)
+    assert len(told) == 800
+
+
+def test_a_bus_that_does_not_run_says_so(devices: FakeDevices):
+    bus = VirtualBus(devices)
+    with pytest.raises(VirtualBusError, match="start it first"):
+        _ = bus.path
+    with pytest.raises(VirtualBusError, match="not running"):
+        bus.unplug()

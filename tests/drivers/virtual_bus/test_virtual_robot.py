@@ -1,0 +1,147 @@
+"""The body behind a virtual bus: it moves as its twin does, whatever language it is told in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers import Backend, Command, SafetyGuard, State, Twin
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.control_table import OperatingMode
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import NoBusError, VirtualPorts, VirtualRobot
+from robots import PortSettings, Posture, Robot
+from robots.servo import RAD_PER_TICK
+
+IN_THE_AIR = Posture(
+    position=np.array([0.0, 0.0, 1.0]),
+    orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+    joint_pos=np.zeros(2),
+)
+
+
+def thrash(backend: Backend, cycles: int) -> list[State]:
+    """Swing all joints about, behind the guard; return what was measured."""
+    robot, states = backend.robot, []
+    rng = np.random.default_rng(4)
+    phase, rate = rng.uniform(0.0, 6.0, robot.n), rng.uniform(3.0, 9.0, robot.n)
+    with SafetyGuard(backend) as guard:
+        for k in range(cycles):
+            states.append(guard.read())
+            swing = 0.4 * np.sin(phase + rate * k * guard.period)
+            guard.write(Command.position(robot, robot.standing.joint_pos + swing))
+    return states
+
+
+def test_twin_and_virtual_bus_give_one_and_the_same_path(op3: Robot):
+    twin = Twin(op3)
+    by_twin = thrash(twin, 150)
+    virtual = VirtualRobot(Simulation(op3))
+    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+        driver = DynamixelBackend(op3, ports.paths, clock=CycleClock(), answer_margin=0.2)
+        with driver:
+            pass  # the first connection waits for the servos' power, and that takes time
+        ports.main.call(lambda: virtual.place(op3.standing))
+        by_bus = thrash(driver, 150)
+    for name in ("joint_pos", "gyro", "orientation", "temperature", "joint_age", "alert"):
+        ours = np.array([getattr(state, name) for state in by_bus])
+        assert np.array_equal(ours, [getattr(state, name) for state in by_twin]), name
+    for name in ("joint_vel", "joint_current", "voltage"):
+        ours = np.array([getattr(state, name) for state in by_bus])
+        assert ours == pytest.approx(np.array([getattr(s, name) for s in by_twin]), abs=1e-6), name
+    moved = np.ptp([state.joint_pos for state in by_bus], axis=0)
+    assert moved.min() > 0.3, "it hardly moved: the test shows nothing"
+
+
+@pytest.fixture
+def floating(tiny: Robot) -> Iterator[VirtualRobot]:
+    simulation = Simulation(tiny)
+    simulation.model.opt.gravity[:] = 0.0
+    virtual = VirtualRobot(simulation, powered=True)
+    virtual.place(IN_THE_AIR)
+    yield virtual
+
+
+def drive_in(
+    virtual: VirtualRobot, mode: OperatingMode, goal: str, value: int, time: float
+) -> None:
+    for servo in virtual.servos:
+        assert servo.write(11, bytes([mode])) == 0
+        item = servo.table[goal]
+        assert servo.write(64, b"\x01") == 0
+        assert servo.write(item.address, item.encode(value)) == 0
+    virtual.body.advance(virtual.body.time + time)
+
+
+def test_in_velocity_mode_a_servo_turns_at_its_goal(floating: VirtualRobot):
+    drive_in(floating, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
+    speed = [servo.peek("present_velocity") for servo in floating.servos]
+    assert speed == pytest.approx([40, 40], abs=3)
+
+
+def test_in_pwm_mode_a_share_of_the_supply_gives_a_share_of_the_top_speed(floating: VirtualRobot):
+    # 177 of 885 is a fifth; of 4.82 rad/s no-load speed, less dry friction's share.
+    drive_in(floating, OperatingMode.PWM, "goal_pwm", 177, 0.3)
+    speed = floating.simulation.joint_vel
+    assert 0.5 * 0.964 < abs(speed[0]) <= 0.964
+
+
+def test_in_current_mode_a_blocked_servo_draws_its_goal(floating: VirtualRobot):
+    floating.simulation.model.jnt_range[1:] = [[0.0, 0.001]] * 2
+    drive_in(floating, OperatingMode.CURRENT, "goal_current", 200, 0.3)
+    assert floating.servos[0].peek("present_current") == pytest.approx(200, abs=12)
+
+
+def test_in_current_based_position_mode_the_current_has_a_limit(floating: VirtualRobot):
+    floating.simulation.model.jnt_range[1:] = [[0.0, 0.001]] * 2
+    for servo in floating.servos:
+        assert servo.write(11, bytes([OperatingMode.CURRENT_BASED_POSITION])) == 0
+        assert servo.write(102, (150).to_bytes(2, "little")) == 0
+        assert servo.write(64, b"\x01") == 0
+        assert servo.write(116, (2900).to_bytes(4, "little")) == 0
+    floating.body.advance(floating.body.time + 0.3)
+    assert abs(floating.servos[0].peek("present_current")) <= 162
+
+
+def test_a_profile_leads_a_servo_slowly_to_its_goal(floating: VirtualRobot):
+    servo = floating.servos[0]
+    servo.write(64, b"\x01")
+    servo.write(112, (20).to_bytes(4, "little"))  # 20 counts are 0.48 rad/s
+    servo.write(116, (2048 + 400).to_bytes(4, "little"))
+    floating.body.advance(floating.body.time + 0.4)
+    assert floating.simulation.joint_pos[0] == pytest.approx(0.4 * 0.48, abs=0.04)
+    assert servo.peek("moving") == 1
+    floating.body.advance(floating.body.time + 1.5)
+    assert floating.simulation.joint_pos[0] == pytest.approx(400 * RAD_PER_TICK, abs=0.02)
+
+
+def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
+    assert tiny.bus is not None
+    ports = tuple(PortSettings(name=joint, joints=(joint,)) for joint in tiny.joint_names)
+    assert tiny.bus.board is not None
+    board = replace(tiny.bus.board, port=ports[0].name)
+    robot = replace(tiny, bus=replace(tiny.bus, ports=ports, board=board))
+    virtual = VirtualRobot(Simulation(robot))
+    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as served:
+        assert sorted(served.paths) == ["l_hip", "r_hip"]
+        driver = DynamixelBackend(robot, served.paths, clock=CycleClock(), answer_margin=0.2)
+        with SafetyGuard(driver) as guard:
+            begun = served.main.time
+            for _ in range(60):
+                guard.read()
+                guard.write(Command.position(robot, np.array([0.2, -0.2])))
+            reached = guard.read()
+            passed = served.main.time - begun
+    assert reached.joint_pos == pytest.approx([0.2, -0.2], abs=0.05)
+    assert reached.age == 0.0
+    assert passed == pytest.approx(60 * robot.control_period)
+
+
+def test_a_robot_without_a_bus_is_told_what_it_lacks(tiny: Robot):
+    with pytest.raises(NoBusError, match=r"add a \[bus\] table to its robot.toml"):
+        VirtualRobot(Simulation(replace(tiny, bus=None)))

@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import pytest
+
+from humanoid_getup.benchmarks import motions as motions_bench
+from humanoid_getup.benchmarks.motions import bench_motions, find_lowest_limit
+from humanoid_getup.benchmarks.rise import bench_methods, bench_rise
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus
+from humanoid_getup.strategies.stored_motion import TheMotion
+
+
+def test_the_main_benchmark_counts_what_its_rises_say(op3, stage):
+    seen = []
+    result = bench_rise(
+        op3, stage.scene, seed=4, each=1, options=RiseOptions(planning=False), report=seen.append
+    )
+    assert result["n"] == 3
+    assert [r["bench_class"] for r in seen] == ["supine", "prone", "lateral"]
+    assert result["all"]["stood"] == sum(r["stood"] for r in seen)
+    assert result["all"]["planned"] == 0  # nothing was planned
+    for name, summary in result["classes"].items():
+        assert summary["n"] == 1, name
+        low, high = summary["stood_interval_95"]
+        assert 0.0 <= low < high <= 1.0
+
+
+class NothingPlanned:
+    """A way of getting up that finds nothing to do."""
+
+    def plan(self, _start, _rng):
+        return RisePlan(status=RiseStatus.NOT_PLANNED, reason="nothing to do")
+
+
+def test_ways_of_getting_up_are_compared_from_the_same_falls(stage, one_motion):
+    seen = []
+    ways = {"motion": TheMotion(one_motion), "nothing": NothingPlanned()}
+    result = bench_methods(stage, ways, seed=4, each=1, report=seen.append)
+    assert result["n"] == 3
+    assert [r["way"] for r in seen] == ["motion"] * 3 + ["nothing"] * 3
+    assert [r["start_class"] for r in seen[:3]] == [r["start_class"] for r in seen[3:]]
+    assert result["cases"]["nothing"]["stood"] == 0
+    assert result["cases"]["motion"]["stood"] == sum(r["stood"] for r in seen[:3])
+
+
+@pytest.fixture
+def one_motion(op3, monkeypatch):
+    motion = next(m for m in load_database(op3).motions if m.name == "prone_push_up_gentle")
+    database = MotionDatabase([motion], PostureMetric.of(op3))
+    monkeypatch.setattr(motions_bench, "load_database", lambda _robot: database)
+    return motion
+
+
+def test_the_motions_benchmark_plays_and_disturbs(op3, stage, one_motion):
+    result = bench_motions(op3, stage.scene, seed=0, plays=2)
+    case = result["cases"][one_motion.name]
+    assert case["stood"]
+    assert case["disturbed_n"] == 2
+    assert 0 <= case["disturbed_stood"] <= 2
+    assert case["peak_torque_nm"] <= op3.max_torque.max()
+    assert case["lowest_torque_limit_nm"] <= 2.0
+
+
+def test_a_motion_of_a_robot_that_stays_down_has_no_lowest_limit(stage, one_motion):
+    start = settle_posture(stage, one_motion.posture(0))
+    still = replace(
+        one_motion, joint_target=one_motion.joint_target[:1].repeat(len(one_motion.time), axis=0)
+    )
+    assert find_lowest_limit(stage, still, start) is None

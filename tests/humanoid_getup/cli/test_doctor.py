@@ -1,0 +1,386 @@
+"""`getup doctor`: what it finds before first torque, and that it only looks."""
+
+import os
+import pty
+from dataclasses import replace
+
+import pytest
+from bus_stories import TINY, copy_tiny, run_json, serving
+
+from drivers.dynamixel.control_table import HardwareError
+from drivers.service import doctor, session
+from drivers.service.doctor import Latency, LineReport, _judge_line
+from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.serving.server import Pace
+from humanoid_getup.cli.main import main
+from robots import load_robot
+
+SHIPPED = "all 2 servos: return delay time is 250, 500 µs before each answer"
+
+
+@pytest.fixture(autouse=True)
+def busy_machine(monkeypatch):
+    """Let readings take as long as they do where other programs run too."""
+    monkeypatch.setattr(doctor, "READ_SHARE", 1000.0)
+
+
+@pytest.fixture
+def patience(monkeypatch):
+    """Wait long for answers where none is missing."""
+    monkeypatch.setattr(session, "MARGIN", 0.5)
+
+
+def examine(served, capsys, *, robot=TINY) -> tuple[int, dict]:
+    return run_json("doctor", "--robot", str(robot), "--port", served.path, capsys=capsys)
+
+
+def list_findings(told: dict, *severities: str) -> list[str]:
+    return [
+        f"{f['device']}: {f['text']}; {f['remedy']}"
+        for f in told["findings"]
+        if f["severity"] in severities
+    ]
+
+
+def find_error(served, capsys) -> str:
+    """Examine a robot with one error; return that."""
+    code, told = examine(served, capsys)
+    assert code == 3
+    assert told["healthy"] is False
+    (error,) = list_findings(told, "error", "fault")
+    return error
+
+
+# Healthy robots ------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("patience")
+def test_a_healthy_op3_is_healthy_and_tells_all_its_joints_and_figures(capsys):
+    with serving("op3") as served:
+        served.hold(served.robot.standing.joint_pos)
+        code, told = examine(served, capsys, robot="op3")
+    assert code == 0
+    assert told["healthy"] is True
+    assert list(told["joints"]) == list(served.robot.joint_names)
+    knee = told["joints"]["r_knee"]
+    assert (knee["id"], knee["model"], knee["firmware"]) == (13, "XM430-W350", 46)
+    assert (knee["temperature_c"], knee["voltage_v"]) == (25.0, pytest.approx(12.0))
+    assert knee["angle_rad"] == pytest.approx(-0.8901, abs=0.001)
+    assert knee["lower_rad"] < knee["angle_rad"] < knee["upper_rad"]
+    assert knee["return_delay_s"] == pytest.approx(500e-6)
+    assert knee["hardware_error"] == 0 and knee["torque_on"] is False
+    (port,) = told["ports"]
+    assert port["baud"] == 2_000_000 and port["latency_timer"] is None
+    latency = port["latency"]
+    assert (latency["rounds"], latency["kind"]) == (50, "fast sync read")
+    assert latency["lost"] == 0 and latency["damaged"] == 0
+    assert 0.0 < latency["group_median"] <= latency["reading_median"] <= latency["reading_p99"]
+    # Group: 34 bytes out, 8 + 20 x 14 back. IMU and one slow value: 20 out, 23 + 14 back.
+    # Goals: 14 + 20 x 5 out.
+    assert port["cycle_bytes"] == 34 + 288 + 20 + 37 + 114
+    assert port["cycle_time"] == pytest.approx(port["cycle_bytes"] * 10 / 2e6)
+    assert told["accelerometer_m_s2"][2] == pytest.approx(9.81, abs=0.05)
+
+
+def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsys):
+    from drivers import Command
+    from drivers.dynamixel.backend import DynamixelBackend
+    from drivers.dynamixel.clock import CycleClock
+
+    _, told = examine(tiny_served, capsys)
+    robot = load_robot(TINY)
+    backend = DynamixelBackend(
+        robot, {"main": tiny_served.path}, clock=CycleClock(), answer_margin=0.2
+    )
+    sizes = set()
+    with backend:
+        for _ in range(12):
+            backend.read()
+            backend.write(Command.limp(robot.n))
+            sizes.add(backend.cycle_bytes)
+    # The lengths of questions turn from cycle to cycle, by a few bytes a servo.
+    assert min(sizes - {0}) <= told["ports"][0]["cycle_bytes"] <= max(sizes) + 4
+
+
+@pytest.fixture
+def tiny_served():
+    with serving(TINY) as served:
+        served.place()
+        yield served
+
+
+@pytest.mark.usefixtures("patience")
+def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, capsys):
+    assert main(("doctor", "--robot", str(TINY), "--port", tiny_served.path)) == 0
+    out = capsys.readouterr().out
+    for words in (
+        "tiny: healthy, 2 warnings",
+        SHIPPED,
+        "l_hip",
+        "-90 to +60",
+        "fast sync read: median",
+        "125 Hz needs at most 6.0 ms",
+        "bytes",
+        "calibration: none: getup calibrate",
+        "only looked: no torque was switched",
+    ):
+        assert words in out, out
+
+
+def test_real_time_is_measured_too(capsys):
+    with serving(TINY, pace=Pace.REAL_TIME) as served:
+        served.place()
+        code, told = examine(served, capsys)
+    assert code == 0
+    port = told["ports"][0]
+    assert port["latency"]["group_median"] > 0.0003, "less than the bytes take on the wire"
+
+
+def test_only_the_power_switch_is_written(capsys):
+    with serving(TINY, powered=False) as served:
+        # A servo that wakes up takes its own position for its goal.
+        table = served.virtual.servos[0].table
+        writable = [i.name for i in table if i.writable and i.name != "goal_position"]
+        before = {name: served.peek(name) for name in writable}
+        code, told = examine(served, capsys)
+        after = {name: served.peek(name) for name in writable}
+        _, again = examine(served, capsys)
+    assert code == 0
+    assert told["written"] == [
+        "the servos' power was off: switched on at the board 'OpenCR' (id 200)"
+    ]
+    assert after == before
+    assert again["written"] == []
+
+
+def test_a_servo_told_to_answer_no_reads_is_heard_all_the_same(tiny_served, capsys):
+    tiny_served.poke("l_hip", "status_return_level", 0)
+    code, told = examine(tiny_served, capsys)
+    assert code == 0
+    assert list(told["joints"]) == ["l_hip", "r_hip"]
+    assert "joint 'l_hip' (id 1) answered no reads" in told["written"][0]
+
+
+def test_torque_that_is_on_stays_on_and_is_told(tiny_served, capsys):
+    tiny_served.poke("l_hip", "torque_enable", 1)
+    code, told = examine(tiny_served, capsys)
+    assert code == 0
+    assert tiny_served.peek("torque_enable") == [1, 0]
+    assert told["torque_on"] == ["l_hip"]
+    assert any(
+        "'l_hip' (id 1): has torque; hold the robot" in w for w in list_findings(told, "warning")
+    )
+
+
+def test_a_calibrated_robot_is_called_so(tmp_path, tiny_served, capsys):
+    folder = copy_tiny(tmp_path)
+    (folder / "calibration.toml").write_text('robot = "tiny"\n')
+    _, told = examine(tiny_served, capsys, robot=folder)
+    assert told["calibrated"] is True
+    assert not any("calibrat" in w for w in list_findings(told, "warning"))
+    _, told = examine(tiny_served, capsys)
+    assert told["calibrated"] is False
+    assert any("run getup calibrate" in w for w in list_findings(told, "warning"))
+
+
+def test_settings_that_the_driver_will_change_are_warnings_alike_ones_together(tiny_served, capsys):
+    tiny_served.poke("l_hip", "return_delay_time", 0)
+    tiny_served.poke("r_hip", "operating_mode", 1)
+    code, told = examine(tiny_served, capsys)
+    warnings = list_findings(told, "warning")
+    assert code == 0
+    assert any("'r_hip' (id 2): return delay time is 250, 500 µs" in w for w in warnings)
+    assert any("'r_hip' (id 2): operating mode is 1; nothing to do" in w for w in warnings)
+    assert not any("l_hip" in w for w in warnings)
+    assert tiny_served.peek("return_delay_time") == [0, 250], "the doctor set it"
+
+
+# Ill ones ------------------------------------------------------------------------------------
+
+
+def test_a_dead_servo_is_named_and_the_others_are_told(capsys):
+    def cut(virtual):
+        virtual.servos[1].alive = False
+
+    with serving(TINY, prepare=cut) as served:
+        code, told = examine(served, capsys)
+    assert code == 3
+    (error,) = list_findings(told, "error")
+    assert error.startswith("joint 'r_hip' (id 2): silent; check its cable")
+    assert list(told["joints"]) == ["l_hip"]
+    assert told["ports"][0]["latency"] is not None
+
+
+def test_another_model_is_named(tiny_served, capsys):
+    tiny_served.exchange(0, VirtualServo(1, "XL430-W250", baud=1_000_000))
+    error = find_error(tiny_served, capsys)
+    assert "joint 'l_hip' (id 1): is a XL430-W250, allowed XM430-W350" in error
+
+
+def test_two_servos_of_one_id_are_named(tiny_served, capsys):
+    tiny_served.add(VirtualServo(1, baud=1_000_000))
+    assert "'l_hip' (id 1): answers are garbled, as by two servos" in find_error(
+        tiny_served, capsys
+    )
+
+
+def test_a_low_battery_is_an_error_of_each_servo(capsys):
+    with serving(TINY, voltage=9.6) as served:
+        code, told = examine(served, capsys)
+    assert code == 3
+    errors = list_findings(told, "error")
+    assert len([e for e in errors if "supply is 9.6 V, allowed 10.0 to 14.8 V" in e]) == 2
+    assert all("battery" in e for e in errors)
+
+
+def test_a_latched_overload_says_what_to_do(tiny_served, capsys):
+    tiny_served.poke("r_hip", "hardware_error_status", int(HardwareError.OVERLOAD))
+    error = find_error(tiny_served, capsys)
+    assert "'r_hip' (id 2): has switched itself off: overload; let it cool down" in error
+
+
+def test_the_worst_is_told_first(tiny_served, capsys):
+    tiny_served.poke("l_hip", "hardware_error_status", int(HardwareError.OVERLOAD))
+    tiny_served.poke("r_hip", "drive_mode", 1)
+    _, told = examine(tiny_served, capsys)
+    severities = [f["severity"] for f in told["findings"]]
+    assert severities[:2] == ["error", "fault"] and set(severities[2:]) == {"warning"}
+
+
+def test_servos_at_another_speed_are_found_there(tiny_served, capsys):
+    for joint in ("l_hip", "r_hip"):
+        tiny_served.poke(joint, "baud_rate", 1)
+    code, told = examine(tiny_served, capsys)
+    assert code == 3
+    assert "talk at 57600 bit/s, not 1000000" in list_findings(told, "error")[0]
+    assert told["joints"] == {} and told["ports"][0]["latency"] is None
+
+
+def test_a_silent_board_is_an_error(capsys):
+    def cut(virtual):
+        virtual.board.alive = False
+
+    with serving(TINY, prepare=cut) as served:
+        error = find_error(served, capsys)
+    assert error.startswith("board 'OpenCR' (id 200): silent")
+
+
+def test_hot_servos_are_told_in_time(tiny_served, capsys):
+    joints = load_robot(TINY).joints
+    _, told = examine(tiny_served, capsys)
+    assert not any("°C" in f["text"] for f in told["findings"])
+    facts = tiny_served.virtual.servos
+    tiny_served._ports.main.faults.heat(facts[0].id, 70.0)
+    _, told = examine(tiny_served, capsys)
+    assert any("has 70 °C: it gets less torque" in w for w in list_findings(told, "warning"))
+    tiny_served._ports.main.faults.heat(facts[0].id, 77.0)
+    assert f"'{joints[0].name}' (id 1): has 77 °C, allowed 75 °C" in find_error(tiny_served, capsys)
+
+
+# Lines ---------------------------------------------------------------------------------------
+
+LATENCY = Latency(
+    rounds=50,
+    kind="sync read",
+    group_median=0.001,
+    group_p99=0.002,
+    reading_median=0.002,
+    reading_p99=0.003,
+    lost=0,
+    damaged=0,
+)
+LINE = LineReport(
+    name="main",
+    path="/dev/ttyUSB7",
+    baud=2_000_000,
+    latency_timer=1,
+    cycle_bytes=500,
+    cycle_time=0.0025,
+    latency=LATENCY,
+)
+
+
+@pytest.mark.parametrize(
+    ("line", "severity", "words"),
+    [
+        ({"latency_timer": 16}, "error", "holds answers back for up to 16 ms, allowed 1 ms"),
+        ({"latency_timer": 2}, "warning", "up to 2 ms, allowed 1 ms"),
+        ({"cycle_time": 0.009}, "error", "a cycle takes 9.0 ms on the wire, allowed 8.0 ms"),
+        (
+            {"latency": replace(LATENCY, reading_median=0.007, reading_p99=0.01)},
+            "error",
+            "reading takes 7.0 ms of each cycle, allowed 6.0 ms",
+        ),
+        (
+            {"latency": replace(LATENCY, reading_p99=0.007)},
+            "warning",
+            "reading takes 7.0 ms now and then",
+        ),
+        (
+            {"latency": replace(LATENCY, lost=3, damaged=1)},
+            "warning",
+            "in 50 readings 3 answers were lost and 1 damaged",
+        ),
+    ],
+)
+def test_a_line_that_is_too_slow_or_loses_answers_is_told_with_a_remedy(
+    line, severity, words, monkeypatch
+):
+    monkeypatch.setattr(doctor, "READ_SHARE", 0.75)
+    (finding,) = _judge_line(replace(LINE, **line), period=0.008)
+    assert finding.severity.value == severity
+    assert words in finding.text
+    assert finding.device == "port /dev/ttyUSB7"
+    assert finding.remedy
+
+
+def test_a_sound_line_has_no_findings_and_the_timers_remedy_names_the_device():
+    assert _judge_line(LINE, period=0.008) == []
+    assert "usb-serial/devices/ttyUSB7/latency_timer" in doctor.describe_timer_remedy(LINE.path)
+
+
+# Bad input -----------------------------------------------------------------------------------
+
+
+def refuse(capsys, *arguments: str) -> str:
+    assert main(("doctor", *arguments)) == 2
+    out, error = capsys.readouterr()
+    assert out == "" and error.startswith("getup: ") and error.count("\n") == 1
+    return error
+
+
+def test_bad_input_is_one_line(capsys, tmp_path):
+    assert "port is missing" in refuse(capsys)
+    assert "port /dev/nowhere: does not exist" in refuse(capsys, "--port", "/dev/nowhere")
+    (tmp_path / "file").write_text("")
+    assert "is no serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
+    assert "allowed for robot 'op3': --port main=PATH" in refuse(capsys, "--port", "arms=/dev/x")
+    assert "unknown robot 'nao'" in refuse(capsys, "--robot", "nao", "--port", "/dev/x")
+
+
+def test_joints_that_share_an_id_are_bad_input(tmp_path, capsys):
+    folder = copy_tiny(tmp_path)
+    text = (folder / "robot.toml").read_text()
+    (folder / "robot.toml").write_text(text.replace("id = 2,", "id = 1,"))
+    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
+    assert "joints 'l_hip', 'r_hip' have one servo id, 1" in told
+
+
+def test_a_calibration_of_another_robot_is_bad_input(tmp_path, capsys):
+    folder = copy_tiny(tmp_path)
+    (folder / "calibration.toml").write_text('robot = "op3"\n')
+    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
+    assert "it is of robot 'op3', allowed 'tiny'" in told
+
+
+def test_a_port_with_nobody_on_it_says_what_to_check(capsys):
+    master, slave = pty.openpty()
+    try:
+        code = main(("doctor", "--robot", str(TINY), "--port", os.ttyname(slave)))
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert code == 3
+    out = " ".join(capsys.readouterr().out.split())
+    assert "silent: joint 'l_hip' (id 1), joint 'r_hip' (id 2)" in out
+    assert "check the robot's power switch" in out

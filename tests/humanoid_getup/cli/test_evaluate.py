@@ -1,0 +1,64 @@
+"""`getup eval`: figures by class for a policy, or one clear line."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("onnx")
+
+from tiny_policies import save_policy
+
+from humanoid_getup.cli.main import main
+from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
+from robots import Robot
+
+
+@pytest.fixture
+def policy(op3: Robot, tmp_path: Path) -> str:
+    """A policy that does nothing."""
+    return str(save_policy(tmp_path / "idle.onnx", op3))
+
+
+@pytest.fixture
+def falls(op3: Robot, tmp_path: Path) -> str:
+    """ "Falls" that stand, so that doing nothing is right."""
+    file = tmp_path / "falls.npz"
+    falls = tuple(Fall(posture=op3.standing, start_class=kind) for kind in CLASSES * 2)
+    FallSet(robot="op3", scene="flat", seed=5, falls=falls).save(file)
+    return str(file)
+
+
+def test_eval_counts_every_class(policy: str, falls: str, tmp_path: Path):
+    out = tmp_path / "eval.json"
+    arguments = ("eval", policy, "--n", "4", "--falls", falls, "--delay", "20", "--json", str(out))
+    assert main(arguments) == 0
+    figures = json.loads(out.read_text())
+    assert (figures["name"], figures["policy"], figures["n"]) == ("eval", "idle", 4)
+    assert (figures["trial"], figures["falls_seed"]) == ("delay 0.02 s", 5)
+    for kind in CLASSES:
+        assert (figures["classes"][kind]["n"], figures["classes"][kind]["stood"]) == (1, 1)
+    assert figures["all"]["stood"] == 4
+
+
+def test_all_that_is_wrong_is_told_at_once(policy: str, capsys: pytest.CaptureFixture[str]):
+    assert main(("eval", policy, "--n", "5", "--delay", "90", "--voltage", "0.1")) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "n is 5, allowed a multiple of 4" in line
+    assert "delay is 90 ms, allowed 0 to 60 ms" in line
+    assert "voltage is 0.1 V, allowed 1 to 30 V" in line
+
+
+def test_unknown_physics_and_too_few_falls_are_told(
+    policy: str, falls: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main(("eval", policy, "--n", "4", "--physics", "jelly")) == 2
+    assert "unknown physics 'jelly': allowed 1 ms steps" in capsys.readouterr().err
+    assert main(("eval", policy, "--n", "12", "--falls", falls)) == 2
+    assert "has 2 supine, 2 prone, 2 left, 2 right, needed are 3" in capsys.readouterr().err
+    menagerie = ("--physics", "menagerie servos", "--torque-limit", "2.5")
+    assert main(("eval", policy, "--n", "4", "--falls", falls, *menagerie)) == 2
+    assert "allowed without torque limit" in capsys.readouterr().err
+    gentle = ("--physics", "menagerie servos")  # it asks for a part of the supply
+    assert main(("eval", "gentle", "--n", "4", "--falls", falls, *gentle)) == 2
+    assert "a policy's own limit of the supply" in capsys.readouterr().err

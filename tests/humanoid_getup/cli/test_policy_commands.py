@@ -1,0 +1,150 @@
+"""`getup run`, `getup rise --method`, `getup export`: policies on the command line."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx")
+
+from tiny_policies import contract_of, save_policy, weights_of
+
+from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.cli.main import main
+from robots import Robot
+from robots.servo import RAD_PER_TICK
+
+SHORT = ("--longest", "0.6")
+
+
+@pytest.fixture
+def policy(op3: Robot, tmp_path: Path) -> str:
+    """A policy that thrashes about, the same way each time."""
+    weight = np.random.default_rng(1).normal(size=weights_of(op3).shape, scale=3.0)
+    return str(save_policy(tmp_path / "wild.onnx", op3, weight=weight, then=("Sin",)))
+
+
+@pytest.fixture
+def my_op3(op3: Robot, tmp_path: Path) -> Path:
+    """A copy of the robot's folder with policies of its own."""
+    mine = tmp_path / "mine"
+    shutil.copytree(op3.folder, mine, ignore=shutil.ignore_patterns("policies"))
+    (mine / "policies").mkdir()
+    save_policy(mine / "policies" / "idle.onnx", op3)
+    return mine
+
+
+def run(*arguments: str, out: Path, code: int = 1) -> dict:
+    assert main([*arguments, "--out", str(out)]) == code
+    return json.loads((out / "report.json").read_text())
+
+
+def test_a_policy_is_run_the_same_way_on_the_twin_and_on_the_bus(
+    policy: str, op3: Robot, tmp_path: Path
+):
+    start = ("run", policy, "--from", "left", "--seed", "2", *SHORT)
+    on_twin = run(*start, out=tmp_path / "twin")
+    on_bus = run(*start, "--backend", "virtual", out=tmp_path / "bus")
+    for report in (on_twin, on_bus):
+        assert (report["method"], report["policy"]) == ("policy", "wild")
+        assert (report["stood"], report["attempts"], report["start_class"]) == (False, 1, "left")
+        assert report["clips"] == 0
+    assert on_bus["peak_torque_nm"] == on_twin["peak_torque_nm"]
+    records = [FlightRecord.load(tmp_path / name / "flight.mcap", op3) for name in ("twin", "bus")]
+    paths = [record.state["joint_pos"] for record in records]
+    assert len(paths[0]) == len(paths[1]) == 76  # 0.6 s and the cycle that ends it
+    assert np.abs(paths[0] - paths[1]).max() < RAD_PER_TICK
+    assert np.ptp(paths[0], axis=0).max() > 0.5
+    assert (tmp_path / "twin" / "torque.png").exists()
+    assert not (tmp_path / "twin" / "motion.npz").exists()
+
+
+def test_a_rise_may_use_a_policy_by_name(my_op3: Path, tmp_path: Path):
+    arguments = ("rise", "--robot", str(my_op3), "--from", "prone", "--attempts", "1")
+    report = run(*arguments, "--method", "policy", "--policy", "idle", out=tmp_path / "out")
+    assert (report["method"], report["policy"], report["planned"]) == ("policy", "idle", False)
+
+
+RECORDS = """
+[[record]]
+method = "plan"
+torque_limit = 2.0
+supine = { stood = 50, n = 100 }
+
+[[record]]
+method = "policy"
+policy = "idle"
+torque_limit = 2.0
+supine = { stood = 99, n = 100 }
+"""
+
+
+def test_auto_takes_what_has_the_better_record(my_op3: Path, tmp_path: Path):
+    (my_op3 / "policies" / "records.toml").write_text(RECORDS)
+    arguments = ("rise", "--robot", str(my_op3), "--from", "supine", "--method", "auto")
+    learned = run(*arguments, "--attempts", "1", "--policy", "idle", out=tmp_path / "learned")
+    assert learned["policy"] == "idle"
+    planned = run(*arguments, out=tmp_path / "planned", code=0)  # nothing is known of 'robust'
+    assert (planned["policy"], planned["planned"], planned["stood"]) == (None, True, True)
+
+
+def refuse(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Run what must be refused; return the one line."""
+    before = sorted(Path.cwd().rglob("*"))
+    assert main(arguments) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error.startswith("getup: ") and error.count("\n") == 1
+    assert sorted(Path.cwd().rglob("*")) == before
+    return error
+
+
+RUN = ("--from", "supine", "--out", "out")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("run", "moonwalk", *RUN), ["unknown policy 'moonwalk'", "an .onnx file"]),
+        (("run", "moonwalk.onnx", *RUN), ["moonwalk.onnx", "No such file"]),
+        (("run", "moonwalk"), ["from is missing"]),
+        (("run", "moonwalk", *RUN, "--longest", "0"), ["longest is 0 s", "above 0 s"]),
+        (("rise", *RUN, "--method", "luck"), ["method is 'luck'", "plan, policy, auto"]),
+        (
+            ("rise", *RUN, "--method", "policy", "--policy", "moonwalk"),
+            ["unknown policy 'moonwalk'"],
+        ),
+        (("export", "nowhere", "--out", "p.onnx"), ["nowhere"]),
+    ],
+)
+def test_a_value_that_cannot_be_used_is_named(capsys, tmp_path, monkeypatch, arguments, told):
+    if arguments[0] == "export":
+        pytest.importorskip("rsl_rl")
+    monkeypatch.chdir(tmp_path)
+    line = refuse(capsys, *arguments)
+    for part in told:
+        assert part in line
+
+
+def test_a_policy_that_does_not_fit_is_refused_with_every_reason(
+    capsys, tmp_path, monkeypatch, op3: Robot
+):
+    contract = contract_of(op3, robot="nao", mode="torque").to_json()
+    save_policy(tmp_path / "p.onnx", op3, contract=contract)
+    monkeypatch.chdir(tmp_path)
+    line = refuse(capsys, "run", "p.onnx", *RUN)
+    assert "policy file p.onnx: robot: made for 'nao'" in line
+    assert "action mode: 'torque'" in line
+
+
+def test_an_export_without_the_packages_for_it_tells_how_to_get_them(capsys, tmp_path, monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("sim2real")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    monkeypatch.chdir(tmp_path)
+    line = refuse(capsys, "export", "folder", "--out", "p.onnx")
+    assert "pip install 'humanoid-getup[train]'" in line

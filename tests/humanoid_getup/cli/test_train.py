@@ -1,0 +1,127 @@
+"""`getup train`: a story of its own, and what it refuses in one line."""
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
+pytest.importorskip("gymnasium")
+pytest.importorskip("tensorboard")
+
+from humanoid_getup.cli.main import main
+from sim2real.training.config import RECIPES
+
+TINY = ("train", "--out", "mine", "--iterations", "2", "--robots", "4", "--threads", "1")
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run `getup` in an empty folder, with a `quick` recipe that is over in a moment."""
+    monkeypatch.chdir(tmp_path)
+    tiny = replace(RECIPES["quick"], hidden=(8, 8), falls=4)
+    monkeypatch.setitem(RECIPES, "quick", tiny)
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        code = main(arguments)
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def refuse(run: Run, *arguments: str) -> str:
+    """Run what must be refused; return the one line."""
+    before = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
+    code, out, error = run(*arguments)
+    told = [line for line in error.splitlines() if line.startswith("getup: ")]
+    assert (code, out, len(told)) == (2, "", 1)
+    after = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
+    assert after == before
+    return told[0]
+
+
+def test_a_training_goes_on_where_it_stopped(run: Run):
+    code, out, _ = run(*TINY)
+    assert code == 0
+    assert out.startswith("mine: 2 iterations, 0.00 million steps in ")
+    assert {"checkpoint.pt", "falls.npz", "progress.csv", "recipe.json"} <= {
+        file.name for file in Path("mine").iterdir()
+    }
+    assert "trained already" in run(*TINY)[1]
+    code, out, _ = run(*TINY, "--iterations", "3")
+    assert code == 0
+    assert out.startswith("mine: 3 iterations")
+    assert json.loads(Path("mine/recipe.json").read_text())["recipe"]["iterations"] == 3
+
+
+def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
+    assert run(*TINY)[0] == 0
+    line = refuse(run, *TINY, "--robots", "5", "--seed", "7")
+    assert "mine holds another training" in line
+    assert "recipe.robots is 4 there, 5 is asked for" in line
+    assert "seed is 0 there, 7 is asked for" in line
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is no whole checkpoint"),
+        ("recipe.json", b"{", "recipe.json is no recipe of a training"),
+        ("recipe.json", b"[1]", "recipe.json is no recipe of a training"),
+        ("falls.npz", b"PK", "falls.npz holds no starts, allowed an .npz"),
+    ],
+)
+def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: bytes, told: str):
+    assert run(*TINY)[0] == 0
+    Path("mine", name).write_bytes(content)
+    code, out, error = run(*TINY, "--iterations", "3")
+    assert (code, out) == (2, "")
+    assert told in error
+    assert Path("mine", name).read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("--recipe", "slow"), "unknown recipe 'slow': allowed quick, robust, gentle"),
+        (("--seed", "-1"), "seed is -1, allowed 0 or more"),
+        (("--threads", "-2"), "threads is -2, allowed 0 or more"),
+        (("--iterations", "0"), "iterations is 0, allowed 1 or more"),
+        (("--robots", "0"), "robots is 0, allowed 1 or more"),
+        (("--device", "abacus"), "device is 'abacus', allowed cpu"),
+        (("--robot", "nao"), "unknown robot 'nao'"),
+    ],
+)
+def test_a_value_that_cannot_be_used_is_named(run: Run, arguments: tuple[str, ...], told: str):
+    assert told in refuse(run, "train", "--out", "mine", *arguments)
+
+
+def test_a_file_in_the_way_of_the_folder_is_named(run: Run):
+    Path("mine").write_text("in the way")
+    assert "mine is not a folder" in refuse(run, "train", "--out", "mine")
+
+
+def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("sim2real")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    line = refuse(run, "train", "--out", "mine")
+    assert "pip install 'humanoid-getup[train]'" in line
+
+
+def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeypatch):
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    assert run(*TINY)[0] == 0
+    before = Path("mine/checkpoint.pt").read_bytes()
+    monkeypatch.setattr("humanoid_getup.cli.train.Learnt.note", interrupt)
+    code, _, error = run(*TINY, "--iterations", "4")
+    assert code == 130
+    assert "the same command goes on from it" in error
+    assert Path("mine/checkpoint.pt").read_bytes() == before

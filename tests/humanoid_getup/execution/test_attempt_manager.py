@@ -1,0 +1,494 @@
+"""The attempt manager on the twin: tries, faults, stops, and asking for help."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers import Command, DriverError, Ending, SafetyGuard, State, Twin
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.execution.attempt_manager import AttemptManager, AttemptOptions
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
+from humanoid_getup.execution.result import AttemptResult, AttemptStatus, Phase, PhaseChange
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.stored_motion import NearestMotion, as_it_is
+from robots import Posture, Robot
+from robots.kinematics import read_posture
+
+RIGHT, WRONG = "prone_push_up_fast", "supine_sit_up_fast"
+KNEE = "l_knee"
+FAST = Cooling(min_time=0.2)
+
+
+class Scripted:
+    """Plans what it is told, one motion an attempt; the last again and again."""
+
+    def __init__(self, *motions: Motion, then: Callable[[], None] = lambda: None) -> None:
+        self._motions, self._then = list(motions), then
+        self.starts: list[Posture] = []
+
+    def plan(self, start: Posture, _rng: np.random.Generator):
+        self.starts.append(start)
+        self._then()
+        motion = self._motions.pop(0) if len(self._motions) > 1 else self._motions[0]
+        return as_it_is(motion)
+
+
+class Ailing(Twin):
+    """A twin whose measurements can be spoilt and that remembers what it was sent."""
+
+    def __init__(self, robot: Robot, stage: Stage) -> None:
+        super().__init__(robot, stage.model)
+        self.spoil: Callable[[State], State] = lambda state: state
+        self.sent: list[Command] = []
+        self.open = False
+
+    def connect(self) -> None:
+        super().connect()
+        self.open = True
+
+    def close(self) -> None:
+        super().close()
+        self.open = False
+
+    def read(self) -> State:
+        return self.spoil(super().read())
+
+    def write(self, command: Command) -> Command:
+        self.sent.append(command)
+        return super().write(command)
+
+    @property
+    def moves(self) -> list[Command]:
+        return [command for command in self.sent if not command.is_limp]
+
+
+class Alerts:
+    """Hardware errors that reboots clear."""
+
+    def __init__(self, robot: Robot, clears: bool = True) -> None:
+        self._names = robot.joint_names
+        self.bits = np.zeros(robot.n, dtype=int)
+        self.rebooted: list[str] = []
+        self._clears = clears
+
+    def reboot(self, joint: str) -> None:
+        self.rebooted.append(joint)
+        if self._clears:
+            self.bits[self._names.index(joint)] = 0
+
+    def trip(self, joint: str, bit: int) -> None:
+        self.bits[self._names.index(joint)] |= bit
+
+    def spoil(self, state: State) -> State:
+        return replace(state, alert=self.bits.copy())
+
+
+@pytest.fixture(scope="module")
+def database(op3: Robot) -> MotionDatabase:
+    return load_database(op3)
+
+
+@pytest.fixture(scope="module")
+def motions(database: MotionDatabase) -> dict[str, Motion]:
+    return {motion.name: motion for motion in database.motions}
+
+
+@pytest.fixture(scope="module")
+def prone(stage: Stage, motions: dict[str, Motion]) -> Posture:
+    at_rest = settle_posture(stage, motions[RIGHT].posture(0))
+    return read_posture(stage.robot, stage.model, at_rest)
+
+
+@pytest.fixture
+def twin(op3: Robot, stage: Stage, prone: Posture) -> Ailing:
+    twin = Ailing(op3, stage)
+    twin.place(prone)
+    return twin
+
+
+@pytest.fixture
+def phases() -> list[PhaseChange]:
+    return []
+
+
+@pytest.fixture
+def manage(stage: Stage, twin: Ailing, phases: list[PhaseChange]):
+    """Make a manager of the ailing twin."""
+
+    def manage(plans, guard=None, services=None, sensed=False, **options) -> AttemptManager:
+        options = {"max_attempts": 3, "preflight": False, "cooling": FAST} | options
+        return AttemptManager(
+            guard or SafetyGuard(twin),
+            stage,
+            plans,
+            AttemptOptions(**options),
+            judge=None if sensed else lambda: Watch(twin.simulation, None),
+            services=services,
+            report=phases.append,
+        )
+
+    return manage
+
+
+def get_up_with(manager: AttemptManager) -> AttemptResult:
+    return manager.get_up(np.random.default_rng(0))
+
+
+def test_a_lying_robot_stands_after_one_attempt(manage, motions, twin, phases):
+    result = get_up_with(manage(Scripted(motions[RIGHT]), preflight=True))
+    assert (result.status, result.reason) == (AttemptStatus.STOOD, "held stand")
+    (attempt,) = result.attempts
+    assert (attempt.stood, attempt.start_class, attempt.abort) == (True, "prone", None)
+    assert attempt.verdict is not None and attempt.verdict.passed
+    assert [change.phase for change in phases] == [
+        Phase.SETTLING,
+        Phase.PLANNING,
+        Phase.PREFLIGHT,
+        Phase.PLAYING,
+        Phase.ENDED,
+    ]
+    assert phases[1].detail == "the robot lies prone"
+    assert not twin.open
+
+
+def test_it_is_planned_from_where_the_still_robot_lies(manage, motions, prone):
+    plans = Scripted(motions[RIGHT])
+    get_up_with(manage(plans))
+    (start,) = plans.starts
+    np.testing.assert_allclose(start.joint_pos, prone.joint_pos, atol=0.25)  # it sags, limp
+    np.testing.assert_allclose(start.gravity_b, prone.gravity_b, atol=0.1)
+
+
+def test_a_failed_attempt_is_given_up_limp_and_followed_by_rest_and_another(
+    manage, motions, phases
+):
+    result = get_up_with(manage(Scripted(motions[WRONG], motions[RIGHT])))
+    first, second = result.attempts
+    assert first.abort is not None and first.watched is not None and not first.stood
+    assert first.reason.startswith("gave up after 0.5 s: the torso is not turned")
+    assert (second.number, second.stood, result.status) == (2, True, AttemptStatus.STOOD)
+    assert Phase.RECOVERING in [change.phase for change in phases]
+    assert [change.attempt for change in phases if change.phase is Phase.PLAYING] == [1, 2]
+
+
+def test_after_its_last_attempt_it_asks_for_help_and_tells_what_it_saw(manage, motions):
+    result = get_up_with(manage(Scripted(motions[WRONG]), max_attempts=2))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert result.reason.startswith("2 attempts failed: 1. gave up after")
+    assert "; 2. gave up after" in result.reason
+    assert not result.by_fault
+    assert len(result.attempts) == 2
+
+
+def test_sensors_alone_can_judge(manage, motions):
+    result = get_up_with(manage(Scripted(motions[RIGHT]), sensed=True))
+    assert result.status is AttemptStatus.STOOD
+    watched = result.attempts[0].watched
+    assert watched is not None and watched.is_sensed
+
+
+def test_what_the_preflight_refuses_is_never_played(manage, motions, twin):
+    result = get_up_with(
+        manage(Scripted(motions[RIGHT]), preflight=True, max_attempts=1, torque_limit=0.2)
+    )
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert result.reason.startswith("preflight refused: rehearsed at 12.0 V with 0.2 N·m")
+    assert result.attempts[0].run is None
+    assert twin.sent and not twin.moves
+
+
+def test_a_motion_for_another_side_is_refused_before_torque_is_on(manage, motions, twin):
+    result = get_up_with(manage(Scripted(motions[WRONG]), preflight=True, max_attempts=1))
+    assert "it lies prone, the motion begins supine" in result.reason
+    assert not twin.moves
+
+
+def test_a_robot_that_is_carried_about_is_not_risen(manage, motions, twin):
+    twin.spoil = lambda state: replace(state, gyro=np.array([0.0, 0.5, 0.0]))
+    result = get_up_with(manage(Scripted(motions[RIGHT]), max_attempts=1))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert "does not come to rest: 0.50 rad/s" in result.reason
+    assert not twin.moves
+
+
+def test_a_stop_while_it_rises_ends_everything(manage, motions, twin):
+    guard = SafetyGuard(twin)
+
+    def press(state: State) -> State:
+        if len(twin.moves) == 50:
+            guard.stop("the operator pressed the key")
+        return state
+
+    twin.spoil = press
+    result = get_up_with(manage(Scripted(motions[RIGHT]), guard=guard))
+    assert result.status is AttemptStatus.STOPPED
+    assert result.reason == "somebody stopped it: the operator pressed the key"
+    assert len(result.attempts) == 1
+    assert len(twin.moves) == 50
+    assert twin.sent[-1].is_limp
+    assert not result.by_fault
+
+
+def test_a_stop_while_it_plans_lets_no_torque_through(manage, motions, twin):
+    guard = SafetyGuard(twin)
+    plans = Scripted(motions[RIGHT], then=lambda: guard.stop("now"))
+    result = get_up_with(manage(plans, guard=guard))
+    assert result.status is AttemptStatus.STOPPED
+    assert not twin.moves
+
+
+def test_a_stopped_robot_stays_so_until_somebody_clears_it(manage, motions, twin):
+    guard = SafetyGuard(twin)
+    guard.stop("now")
+    manager = manage(Scripted(motions[RIGHT]), guard=guard)
+    assert get_up_with(manager).status is AttemptStatus.STOPPED
+    assert not twin.moves
+    guard.clear()
+    assert get_up_with(manager).status is AttemptStatus.STOOD
+
+
+def trip_during_the_rise(twin: Ailing, alerts: Alerts, bit: int) -> None:
+    """Let a knee trip once, in the middle of the first rise."""
+    tripped = []
+
+    def spoil(state: State) -> State:
+        if len(twin.moves) == 50 and not tripped:
+            tripped.append(True)
+            alerts.trip(KNEE, bit)
+        return alerts.spoil(state)
+
+    twin.spoil = spoil
+
+
+def test_a_servo_that_trips_by_load_is_rebooted_and_the_rise_tried_again(
+    manage, motions, twin, op3, phases
+):
+    alerts = Alerts(op3)
+    trip_during_the_rise(twin, alerts, OVERLOAD)
+    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
+    assert alerts.rebooted == [KNEE]
+    first, second = result.attempts
+    assert first.run is not None and first.run.ending is Ending.FAULT
+    assert f"joint '{KNEE}' tells overload" in first.reason
+    assert second.stood
+    told = [change.detail for change in phases if change.phase is Phase.RECOVERING]
+    assert f"rebooting joint '{KNEE}', which tripped by overload" in told
+
+
+def test_a_servo_found_tripped_is_rebooted_before_the_first_attempt(manage, motions, twin, op3):
+    alerts = Alerts(op3)
+    alerts.trip(KNEE, OVERLOAD)
+    twin.spoil = alerts.spoil
+    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts, max_attempts=1))
+    assert (alerts.rebooted, result.status) == ([KNEE], AttemptStatus.STOOD)
+
+
+def test_a_last_attempt_that_a_servo_cut_off_was_ended_by_a_fault(manage, motions, twin, op3):
+    alerts = Alerts(op3)
+    trip_during_the_rise(twin, alerts, OVERLOAD)
+    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts, max_attempts=1))
+    assert (result.status, result.by_fault) == (AttemptStatus.NEEDS_HELP, True)
+    assert f"joint '{KNEE}' tells overload" in result.reason
+    assert alerts.rebooted == []  # nothing is to follow, so nothing is touched
+
+
+def test_nobody_can_reboot_on_a_backend_without_the_service(manage, motions, twin, op3):
+    alerts = Alerts(op3)
+    alerts.trip(KNEE, OVERLOAD)
+    twin.spoil = alerts.spoil
+    result = get_up_with(manage(Scripted(motions[RIGHT])))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert f"joint '{KNEE}' tripped by overload: see that nothing blocks it" in result.reason
+    assert not twin.moves
+
+
+def test_a_servo_that_trips_again_and_again_is_left_alone(manage, motions, twin, op3):
+    alerts = Alerts(op3)
+
+    def spoil(state: State) -> State:
+        if twin.sent and not twin.sent[-1].is_limp:
+            alerts.trip(KNEE, OVERLOAD)
+        return alerts.spoil(state)
+
+    twin.spoil = spoil
+    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts, max_attempts=9))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert alerts.rebooted == [KNEE] * 3
+    assert "3 servos were rebooted within 5 min already" in result.reason
+
+
+def test_a_reboot_that_does_not_help_is_told(manage, motions, twin, op3):
+    alerts = Alerts(op3, clears=False)
+    alerts.trip(KNEE, OVERLOAD)
+    twin.spoil = alerts.spoil
+    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
+    assert result.reason == f"rebooted, but joint '{KNEE}' tells overload"
+    assert result.status is AttemptStatus.NEEDS_HELP
+
+
+@pytest.mark.parametrize("bits", [OVERHEATING, OVERHEATING | OVERLOAD])
+def test_heat_is_never_rebooted_away(manage, motions, twin, op3, bits):
+    alerts = Alerts(op3)
+    trip_during_the_rise(twin, alerts, bits)
+    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert f"joint '{KNEE}' tells overheating" in result.reason
+    assert "switch its power off and on" in result.reason
+    assert alerts.rebooted == []
+
+
+@pytest.mark.parametrize(("bit", "told"), [(8, "encoder"), (16, "electrical shock")])
+def test_a_broken_servo_needs_a_person(manage, motions, twin, op3, bit, told):
+    alerts = Alerts(op3)
+    alerts.trip(KNEE, bit)
+    twin.spoil = alerts.spoil
+    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
+    assert result.reason == f"joint '{KNEE}' tells {told}: look at the servo"
+    assert alerts.rebooted == []
+
+
+def test_a_hot_robot_cools_down_before_it_rises(manage, motions, twin):
+    def cool_slowly(state: State) -> State:
+        heat = np.where(np.arange(len(state.temperature)) == 3, 80.0 - 10.0 * state.time, 25.0)
+        return replace(state, temperature=np.maximum(heat, 25.0))
+
+    twin.spoil = cool_slowly
+    result = get_up_with(manage(Scripted(motions[RIGHT]), max_attempts=1))
+    assert result.status is AttemptStatus.STOOD
+    limp = next(i for i, command in enumerate(twin.sent) if not command.is_limp)
+    assert limp * twin.period > 2.5  # s until 55 °C
+
+
+def test_a_robot_that_stays_hot_asks_for_help(manage, motions, twin):
+    twin.spoil = lambda state: replace(state, temperature=np.full(len(state.temperature), 78.0))
+    cooling = Cooling(min_time=0.1, max_time=1.0)
+    result = get_up_with(manage(Scripted(motions[RIGHT]), cooling=cooling))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert "still has 78 °C after 1 s of rest, allowed 55 °C" in result.reason
+    assert not twin.moves
+
+
+def test_a_stop_is_heard_while_it_cools_down(manage, motions, twin):
+    guard = SafetyGuard(twin)
+
+    def press(state: State) -> State:
+        if state.time > 2.0:
+            guard.stop("enough")
+        return state
+
+    twin.spoil = press
+    options = {"cooling": Cooling(min_time=60.0)}
+    result = get_up_with(manage(Scripted(motions[WRONG]), guard=guard, **options))
+    assert (result.status, result.reason) == (AttemptStatus.STOPPED, "somebody stopped it: enough")
+    assert twin.data.time < 5.0
+
+
+def test_a_lost_bus_ends_it(manage, motions, twin):
+    def lose(state: State) -> State:
+        if len(twin.moves) >= 50:
+            raise DriverError("port /dev/ttyUSB0 is gone: plug it in again")
+        return state
+
+    twin.spoil = lose
+    result = get_up_with(manage(Scripted(motions[RIGHT])))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert result.reason == "port /dev/ttyUSB0 is gone: plug it in again"
+    assert result.by_fault
+    assert not twin.open
+    assert len(twin.moves) == 50
+
+
+def test_a_bus_that_is_lost_before_anything_moved_ends_it_too(manage, motions, twin):
+    def lose(_state: State) -> State:
+        raise DriverError("no servo answers")
+
+    twin.spoil = lose
+    result = get_up_with(manage(Scripted(motions[RIGHT])))
+    assert (result.status, result.reason) == (AttemptStatus.NEEDS_HELP, "no servo answers")
+    assert result.attempts == ()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda state: replace(state, voltage=9.1), "the supply is too low: 9.1 V"),
+        (lambda state: replace(state, time=1.0), "the measurement does not change its time"),
+        (lambda state: replace(state, gyro=np.full(3, np.nan)), "no numbers"),
+        (lambda state: replace(state, imu_age=2.0), "orientation has been unknown"),
+    ],
+)
+def test_what_no_rest_cures_needs_a_person(manage, motions, twin, spoil, told):
+    twin.spoil = spoil
+    result = get_up_with(manage(Scripted(motions[RIGHT])))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert told in result.reason
+    assert not twin.moves
+
+
+def test_an_interrupt_leaves_the_robot_limp(manage, motions, twin):
+    def interrupt(state: State) -> State:
+        if len(twin.moves) == 50:
+            raise KeyboardInterrupt
+        return state
+
+    twin.spoil = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        get_up_with(manage(Scripted(motions[RIGHT])))
+    assert not twin.open
+    assert len(twin.moves) == 50
+
+
+def test_a_reboot_is_allowed_again_when_the_window_has_passed():
+    budget = RebootBudget(most=3, window=300.0)
+    assert [budget.spend(time) for time in (0.0, 1.0, 299.0, 299.5)] == [True, True, True, False]
+    assert budget.spend(300.5)  # the one at 0 s is 5 min ago
+    assert not budget.spend(300.9)
+    assert budget.spend(301.5)
+
+
+def test_a_stored_motion_is_chosen_by_how_the_robot_lies(
+    database: MotionDatabase, stage: Stage, twin: Ailing
+):
+    rng = np.random.default_rng(0)
+    for motion in database.motions:
+        plan = NearestMotion(database).plan(motion.posture(0), rng)
+        assert plan.motion is not None
+        np.testing.assert_allclose(plan.motion.joint_pos[0], motion.joint_pos[0], atol=0.02)
+    options = AttemptOptions(max_attempts=1)
+    rise = get_up(SafetyGuard(twin), stage, NearestMotion(database), rng, options)
+    assert (rise.stood, rise.start_class, rise.plan.planned) == (True, "prone", False)
+
+
+def test_a_rise_reports_every_attempt(stage: Stage, twin: Ailing, motions: dict[str, Motion]):
+    plans = Scripted(motions[WRONG], motions[RIGHT])
+    options = AttemptOptions(max_attempts=2, preflight=False, cooling=FAST)
+    rise = get_up(SafetyGuard(twin), stage, plans, np.random.default_rng(0), options)
+    record = rise.record()
+    assert (record["stood"], record["attempts"], record["reason"]) == (True, 2, "held stand")
+    assert record["attempt_reasons"][1] == "held stand"
+    assert (record["judged_by"], record["self_collisions"]) == ("sensors", None)
+    assert record["peak_torque_nm"] > 0.5
+
+
+def test_a_robot_that_cannot_be_looked_at_still_gives_a_record(
+    stage: Stage, twin: Ailing, motions: dict[str, Motion]
+):
+    twin.spoil = lambda state: replace(state, voltage=9.1)
+    options = AttemptOptions(max_attempts=1)
+    plans = Scripted(motions[RIGHT])
+    rise = get_up(SafetyGuard(twin), stage, plans, np.random.default_rng(0), options)
+    assert rise.result is not None and rise.result.status is AttemptStatus.NEEDS_HELP
+    record = rise.record()
+    assert (record["planned"], record["stood"], record["attempts"]) == (False, False, 0)
+    assert "the supply is too low: 9.1 V" in record["reason"]
+
+
+def test_no_attempt_at_all_is_refused():
+    with pytest.raises(ValueError, match="max_attempts is 0, allowed 1 or more"):
+        AttemptOptions(max_attempts=0)

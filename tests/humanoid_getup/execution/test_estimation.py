@@ -1,0 +1,116 @@
+"""The start of a rise: a robot that lies still, and where it is thought to lie."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers import FaultKind, SafetyGuard, State, Twin
+from humanoid_getup.execution.estimation import (
+    MAX_SETTLE,
+    REST_SPEED,
+    REST_TIME,
+    FaultedError,
+    StartError,
+    check_start,
+    estimate_posture,
+    settle,
+)
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, Robot, quaternion
+from robots.kinematics import read_posture
+
+
+@pytest.fixture(scope="module")
+def lateral(op3: Robot, stage: Stage) -> Posture:
+    motions = {motion.name: motion for motion in load_database(op3).motions}
+    at_rest = settle_posture(stage, motions["lateral_side_sit"].posture(0))
+    return read_posture(op3, stage.model, at_rest)
+
+
+def lie_down(stage: Stage, posture: Posture, period: float | None = None) -> Twin:
+    twin = Twin(stage.robot, stage.model, period=period)
+    twin.place(posture)
+    return twin
+
+
+@pytest.mark.parametrize("period", [0.004, 0.008, 0.016])
+def test_it_waits_for_rest_by_the_backends_clock_whatever_its_period(
+    stage: Stage, lateral: Posture, period: float
+):
+    state = settle(SafetyGuard(lie_down(stage, lateral, period)))
+    assert REST_TIME - 1e-9 <= state.time < MAX_SETTLE
+    assert np.abs(state.joint_vel).max() < REST_SPEED
+
+
+def test_a_robot_that_falls_is_waited_for(stage: Stage, op3: Robot):
+    twin = lie_down(stage, op3.standing)  # limp, it collapses
+    state = settle(SafetyGuard(twin))
+    assert state.time > REST_TIME + 0.3
+    assert twin.truth.neck_height < 0.8 * op3.standing_neck_height
+
+
+def test_a_robot_that_is_shaken_is_refused_after_a_while(
+    stage: Stage, lateral: Posture, monkeypatch: pytest.MonkeyPatch
+):
+    twin = lie_down(stage, lateral)
+    read = twin.read
+    shaken = np.array([0.3, 0.0, 0.0])
+    monkeypatch.setattr(twin, "read", lambda: replace(read(), gyro=shaken))
+    with pytest.raises(StartError, match=r"does not come to rest: 0\.30 rad/s after 10 s"):
+        settle(SafetyGuard(twin))
+    assert twin.data.time == pytest.approx(MAX_SETTLE, abs=0.02)
+
+
+def test_a_clock_that_stands_still_does_not_wait_for_ever(
+    stage: Stage, lateral: Posture, monkeypatch: pytest.MonkeyPatch
+):
+    twin = lie_down(stage, lateral)
+    read = twin.read
+    monkeypatch.setattr(twin, "read", lambda: replace(read(), time=5.0))
+    with pytest.raises(FaultedError) as caught:
+        settle(SafetyGuard(twin))
+    assert caught.value.fault.kind is FaultKind.STALE_DATA
+
+
+def test_a_stop_ends_the_waiting(stage: Stage, lateral: Posture):
+    guard = SafetyGuard(lie_down(stage, lateral))
+    guard.stop("the key")
+    with pytest.raises(FaultedError, match="the key") as caught:
+        settle(guard)
+    assert caught.value.fault.kind is FaultKind.STOPPED
+
+
+def test_the_posture_is_estimated_from_sensors_but_for_place_and_heading(
+    stage: Stage, lateral: Posture
+):
+    twin = lie_down(stage, lateral)
+    posture = estimate_posture(stage, settle(SafetyGuard(twin)))
+    truth = twin.truth.posture
+    np.testing.assert_allclose(posture.joint_pos, truth.joint_pos, atol=0.01)
+    np.testing.assert_allclose(posture.gravity_b, truth.gravity_b, atol=0.02)
+    assert posture.position[2] == pytest.approx(truth.position[2], abs=0.003)
+    np.testing.assert_array_equal(posture.position[:2], 0.0)
+
+
+def test_angles_beyond_the_stops_are_taken_for_the_stops(stage: Stage, op3: Robot):
+    twin = lie_down(stage, op3.standing)
+    with twin:
+        state: State = twin.read()
+    beyond = replace(state, joint_pos=op3.upper + 0.05, orientation=quaternion.IDENTITY)
+    np.testing.assert_array_equal(estimate_posture(stage, beyond).joint_pos, op3.upper)
+
+
+@pytest.mark.parametrize(
+    ("offset", "told"),
+    [(0.5, "hangs 0.5.* over the ground, allowed 0.3 m"), (-0.02, "mm into the ground")],
+)
+def test_a_start_in_the_air_or_in_the_ground_is_refused(
+    stage: Stage, lateral: Posture, offset: float, told: str
+):
+    check_start(stage, lateral)
+    moved = replace(lateral, position=lateral.position + np.array([0.0, 0.0, offset]))
+    with pytest.raises(StartError, match=told):
+        check_start(stage, moved)

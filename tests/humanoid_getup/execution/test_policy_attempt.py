@@ -1,0 +1,184 @@
+"""Policies through the attempt manager: supervised, checked, and chosen by their records."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx")
+
+from tiny_policies import save_policy, weights_of
+
+from drivers import Ending, SafetyGuard, State, Twin
+from humanoid_getup.execution.attempt_manager import AttemptOptions
+from humanoid_getup.execution.get_up import Rise, get_up
+from humanoid_getup.execution.monitors import AbortKind
+from humanoid_getup.execution.supervisor import PolicySupervisor
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.learned_rise import PolicyPlan, ThePolicy
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.selection import ByRecord
+from humanoid_getup.strategies.track_record import PLAN, POLICY, Count, Record, Records, Way
+from robots import Posture, Robot, quaternion
+
+PERIOD = 0.008
+KNEE = 13  # l_knee
+SHORT = 0.5  # s
+
+
+@pytest.fixture
+def idle(op3: Robot, tmp_path: Path) -> OnnxPolicy:
+    """A policy that holds still."""
+    return OnnxPolicy.load(save_policy(tmp_path / "idle.onnx", op3), op3, PERIOD, longest=SHORT)
+
+
+@pytest.fixture
+def lost(op3: Robot, tmp_path: Path) -> OnnxPolicy:
+    """A policy that loses its numbers as soon as gravity points backwards in the torso."""
+    weight = weights_of(op3, gravity=np.array([[1.0], [0.0], [0.0]]))
+    file = save_policy(tmp_path / "lost.onnx", op3, weight=weight, then=("Sqrt",))
+    return OnnxPolicy.load(file, op3, PERIOD)
+
+
+@pytest.fixture(scope="module")
+def supine(stage: Stage) -> Posture:
+    return sample_falls(stage, {"supine": 1}, np.random.default_rng(0))[0].posture
+
+
+def state_of(robot: Robot, time: float, **changes) -> State:
+    n = robot.n
+    still = State(
+        time=time,
+        joint_pos=robot.standing.joint_pos,
+        joint_vel=np.zeros(n),
+        joint_current=np.zeros(n),
+        gyro=np.zeros(3),
+        orientation=quaternion.IDENTITY,
+        temperature=np.full(n, 30.0),
+        voltage=12.0,
+    )
+    return replace(still, **changes)
+
+
+def knee(robot: Robot, value: float, others: float = 0.0) -> np.ndarray:
+    return np.where(np.arange(robot.n) == KNEE, value, others)
+
+
+def supervise(policy: OnnxPolicy, seconds: float, **changes) -> PolicySupervisor:
+    supervisor = PolicySupervisor(policy)
+    supervisor.reset(state_of(policy.robot, 0.0))
+    for k in range(round(seconds / PERIOD)):
+        if supervisor.done:
+            break
+        command = supervisor.step(state_of(policy.robot, k * PERIOD, **changes))
+        assert command.is_limp == (supervisor.aborted is not None)
+    return supervisor
+
+
+def test_a_policy_may_lean_and_fall_for_as_long_as_it_has(idle: OnnxPolicy):
+    turned = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5)
+    supervisor = supervise(idle, 2.0, orientation=turned)
+    assert supervisor.done
+    assert supervisor.aborted is None
+    assert supervisor.longest == SHORT
+
+
+def test_a_hot_servo_ends_a_policy(idle: OnnxPolicy, op3: Robot):
+    aborted = supervise(idle, 2.0, temperature=knee(op3, 73.0, 30.0)).aborted
+    assert aborted is not None
+    assert (aborted.kind, aborted.time) == (AbortKind.HEAT, 0.0)
+    assert f"joint '{op3.joint_names[KNEE]}' has 73 °C" in aborted.detail
+
+
+def test_a_servo_near_stall_ends_a_policy(op3: Robot, tmp_path: Path):
+    policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", op3), op3, PERIOD, longest=9.0)
+    lying = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5)
+    current = knee(op3, 2.2)
+    aborted = supervise(policy, 9.0, joint_current=current, orientation=lying).aborted
+    assert aborted is not None
+    assert aborted.kind is AbortKind.LOAD
+    assert aborted.time == pytest.approx(4.0, abs=0.02)
+
+
+def test_a_sagging_supply_is_a_warning(idle: OnnxPolicy):
+    supervisor = supervise(idle, 2.0, voltage=9.8)
+    assert supervisor.aborted is None
+    assert "sagged to 9.8 V" in supervisor.warnings[0]
+
+
+def test_a_policy_that_loses_its_numbers_is_given_up_and_told(lost: OnnxPolicy):
+    on_its_back = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -1.5)
+    aborted = supervise(lost, 1.0, orientation=on_its_back).aborted
+    assert aborted is not None
+    assert aborted.kind is AbortKind.POLICY
+    assert "no number: r_sho_pitch" in aborted.detail or "no number: l_sho" in aborted.detail
+
+
+def rise(stage: Stage, policy: OnnxPolicy, start: Posture, **options) -> tuple[Rise, Twin]:
+    twin = Twin(stage.robot, stage.model, voltage=options.pop("voltage", None))
+    twin.place(start)
+    plans = ThePolicy(policy, "mine")
+    how = AttemptOptions(max_attempts=1, **options)
+    return get_up(SafetyGuard(twin), stage, plans, np.random.default_rng(0), how), twin
+
+
+def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(stage, idle, supine):
+    result, _ = rise(stage, idle, supine)
+    assert (result.stood, result.start_class) == (False, "supine")
+    assert result.reason == "fell: held 0.0 s, needed 3.0 s"
+    assert result.run is not None
+    assert (result.run.ending, result.run.clips.total) == (Ending.DONE, 0)
+    assert result.run.duration == pytest.approx(SHORT, abs=2 * PERIOD)
+    record = result.record()
+    assert (record["policy"], record["planned"], record["connection"]) == ("mine", False, None)
+
+
+def test_a_policy_that_gives_up_leaves_the_robot_limp(stage, lost, supine):
+    result, twin = rise(stage, lost, supine)
+    assert result.reason.startswith("gave up after 0.0 s: the policy does not know what to do")
+    assert not twin.simulation.has_torque
+
+
+def test_a_policy_is_not_run_on_the_wrong_battery(stage, idle, supine):
+    result, _ = rise(stage, idle, supine, voltage=16.0)
+    assert result.run is None
+    assert result.reason.startswith("preflight refused: the supply is 16.0 V, allowed 10.0 to 14.8")
+
+
+class Named:
+    """Plans nothing, under its name."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> RisePlan:
+        return RisePlan(status=RiseStatus.NOT_PLANNED, reason=self._name)
+
+
+def choose(records: Records, start: Posture, torque_limit: float = 4.1) -> str:
+    ways = {Way(PLAN): Named("plan"), Way(POLICY, "robust"): Named("policy")}
+    chooser = ByRecord(ways, records, torque_limit)
+    return chooser.plan(start, np.random.default_rng(0)).reason
+
+
+def test_the_way_with_the_better_record_for_how_the_robot_lies_is_chosen(
+    supine: Posture, op3: Robot
+):
+    plan = Record(Way(PLAN), 2.0, {"supine": Count(90, 100), "prone": Count(100, 100)})
+    policy = Record(Way(POLICY, "robust"), 2.0, {"supine": Count(99, 100), "prone": Count(99, 100)})
+    prone = replace(supine, orientation=quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5))
+    records = Records((plan, policy))
+    assert choose(records, supine) == "policy"
+    assert choose(records, prone) == "plan"
+    assert choose(records, op3.standing) == "plan"  # it lies on no side
+    assert choose(Records(), supine) == "plan"
+    assert choose(records, supine, torque_limit=1.9) == "plan"  # nobody knows
+
+
+def test_a_policy_in_a_plan_is_named(idle: OnnxPolicy, supine: Posture):
+    plan = ThePolicy(idle, "mine").plan(supine, np.random.default_rng(0))
+    assert isinstance(plan, PolicyPlan)
+    assert (plan.title, plan.motion, plan.policy) == ("policy mine", None, idle)

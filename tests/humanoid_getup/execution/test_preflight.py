@@ -1,0 +1,268 @@
+"""The preflight: a verdict with reasons before any torque is on."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers import SafetyGuard, State, Twin
+from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
+from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.preflight import Preflight
+from humanoid_getup.execution.estimation import settle
+from humanoid_getup.execution.preflight import Severity, Verdict, preflight
+from humanoid_getup.execution.preflight_rollout import predict_heat
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.world import Stage
+from robots import Robot, load_robot
+
+MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
+OWN = [name for name in MOTIONS if not name.endswith(MIRRORED_SUFFIX)]
+QUICK = "prone_wide_push_up"
+KNEE = "l_knee"
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    return MOTIONS[QUICK]
+
+
+@pytest.fixture(scope="module")
+def knee(op3: Robot) -> int:
+    return op3.joint_names.index(KNEE)
+
+
+def lie(stage: Stage, motion: Motion) -> State:
+    """Measure a twin that lies, limp, where a motion begins."""
+    twin = Twin(stage.robot, stage.model)
+    first = motion.posture(0)
+    twin.place(replace(first, position=first.position + np.array([0.0, 0.0, 0.01])))
+    return settle(SafetyGuard(twin))
+
+
+def refusals(verdict: Verdict) -> list[str]:
+    assert not verdict.passed
+    return [str(reason) for reason in verdict.refusals]
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_every_stored_motion_passes_on_a_3s_battery(stage: Stage, name: str):
+    verdict = preflight(stage, MOTIONS[name], voltage=11.1)
+    assert verdict.passed, str(verdict)
+    assert verdict.figures.stood
+    assert 0.3 < verdict.figures.torque_use.max() < 1.2
+    assert verdict.figures.end_temperature.max() < 27.0
+
+
+@pytest.mark.parametrize(
+    ("voltage", "told"),
+    [
+        (9.9, "the supply is 9.9 V, allowed 10.0 to 14.8 V: charge the battery"),
+        (16.8, "the supply is 16.8 V, allowed 10.0 to 14.8 V: take the battery that"),
+    ],
+)
+def test_a_supply_that_the_servos_are_not_made_for_is_refused(
+    stage: Stage, motion: Motion, voltage: float, told: str
+):
+    assert told in refusals(preflight(stage, motion, voltage=voltage))[0]
+
+
+def test_a_cap_on_torque_under_which_it_falls_is_refused(stage: Stage, motion: Motion):
+    verdict = preflight(stage, motion, voltage=12.0, torque_limit=0.5)
+    assert "rehearsed at 12.0 V with 0.5 N·m, it does not end in a held stand" in refusals(verdict)
+    assert not verdict.figures.stood
+    assert verdict.figures.peak_torque.max() <= 0.5 + 1e-9
+
+
+def test_a_servo_that_pushes_with_all_it_has_for_long_is_refused(stage: Stage):
+    verdict = preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=9.0)
+    assert verdict.figures.longest_saturation.max() > 1.5
+    assert any("hip_roll" in text and "at a stretch" in text for text in refusals(verdict))
+
+
+def test_pushing_at_a_cap_far_below_stall_is_no_overload(stage: Stage, motion: Motion):
+    verdict = preflight(stage, motion, voltage=12.0, torque_limit=1.0)
+    assert verdict.figures.torque_use.max() == pytest.approx(1.0)
+    assert verdict.figures.saturation.max() < 0.2
+
+
+def test_targets_beyond_a_joint_are_named_with_their_time(
+    stage: Stage, motion: Motion, op3: Robot, knee: int
+):
+    target = motion.joint_target.copy()
+    target[10, knee] = op3.upper[knee] + 0.2
+    told = refusals(preflight(stage, replace(motion, joint_target=target), voltage=12.0))
+    (text,) = [text for text in told if text.startswith(f"joint '{KNEE}': target ")]
+    assert f"target {op3.upper[knee] + 0.2:+.3f} rad at {motion.time[10]:.2f} s" in text
+    assert f"outside [{op3.lower[knee]:+.3f}, {op3.upper[knee]:+.3f}] rad" in text
+
+
+def test_targets_that_jump_are_refused(stage: Stage, motion: Motion, knee: int):
+    target = motion.joint_target.copy()
+    target[40:, knee] -= 0.3
+    told = refusals(preflight(stage, replace(motion, joint_target=target), voltage=12.0))
+    assert any(f"joint '{KNEE}': targets move at" in text for text in told)
+    assert any("allowed 4.82 rad/s: the guard would change the motion" in text for text in told)
+
+
+def test_a_servo_that_will_lag_on_this_supply_is_a_warning(stage: Stage):
+    verdict = preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=11.1)
+    assert verdict.passed
+    (warning,) = verdict.warnings
+    assert warning.severity is Severity.WARN
+    assert "targets move at 4.48 rad/s, the servo does 4.46 rad/s" in warning.text
+    assert str(verdict).startswith("preflight passed, with warnings: joint '")
+    assert preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=12.0).reasons == ()
+
+
+def test_limbs_that_go_through_each_other_are_refused(stage: Stage, motion: Motion, op3: Robot):
+    crossed = motion.joint_pos.copy()
+    for name in ("l_hip_roll", "r_hip_roll"):
+        side = op3.joint_names.index(name)
+        inward = op3.upper[side] if name.startswith("l") else op3.lower[side]
+        crossed[:, side] = 0.5 * inward
+    verdict = preflight(stage, replace(motion, joint_pos=crossed), voltage=12.0)
+    assert verdict.figures.overlap > 0.006
+    assert any("presses" in text and "into itself" in text for text in refusals(verdict))
+
+
+def test_a_hot_servo_is_refused_by_name(stage: Stage, motion: Motion, op3: Robot, knee: int):
+    heat = np.full(op3.n, 30.0)
+    heat[knee] = 78.0
+    told = refusals(preflight(stage, motion, voltage=12.0, temperature=heat))
+    assert told == [f"joint '{KNEE}': has 78 °C, allowed 75 °C: let it cool down"]
+
+
+def test_a_servo_that_would_get_too_hot_on_the_way_is_refused(stage: Stage):
+    strenuous = MOTIONS["supine_wide_sit_up"]
+    verdict = preflight(stage, strenuous, voltage=10.2, temperature=74.9)
+    assert verdict.figures.rises_in_a_row == 0
+    assert any("would have 75 °C after the rise" in text for text in refusals(verdict))
+
+
+def test_heat_adds_up_as_one_rise_after_another_would(op3: Robot):
+    """The law that skips the cycles against the model that steps through them."""
+    rng = np.random.default_rng(0)
+    torque = rng.uniform(-3.5, 3.5, (600, op3.n))
+    start = rng.uniform(25.0, 60.0, op3.n)
+    windings = Windings(op3)
+    windings.temperature = start.copy()
+    rises = 0
+    ends: list[np.ndarray] = []
+    while windings.temperature.max() <= 75.0:
+        for row in torque:
+            windings.heat(windings.compute_current(row), op3.control_period)
+        ends.append(windings.temperature.copy())
+        rises += windings.temperature.max() <= 75.0
+    first, counted = predict_heat(op3, torque, start)
+    np.testing.assert_allclose(first, ends[0], atol=1e-6)
+    assert counted == rises > 1
+
+
+def test_a_servo_that_rests_cools_towards_the_air(op3: Robot):
+    first, rises = predict_heat(op3, np.zeros((1000, op3.n)), np.full(op3.n, 70.0))
+    assert np.all((first > AMBIENT_TEMPERATURE) & (first < 70.0))
+    assert rises is None
+
+
+def test_the_robot_must_lie_as_the_motion_begins(stage: Stage, motion: Motion):
+    lying = lie(stage, motion)
+    verdict = preflight(stage, motion, voltage=12.0, start=lying)
+    assert verdict.passed, str(verdict)
+    assert verdict.figures.start_tilt is not None
+    assert verdict.figures.start_tilt < 0.1
+    other = preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=12.0, start=lying)
+    (told,) = [text for text in refusals(other) if "lies" in text]
+    assert "it lies prone, the motion begins supine" in told
+    assert "° from where the motion begins, allowed 45°" in told
+
+
+def test_joints_far_from_the_first_posture_are_a_warning(stage: Stage, motion: Motion, op3: Robot):
+    lying = lie(stage, motion)
+    head = op3.joint_names.index("head_pan")
+    turned = lying.joint_pos.copy()
+    turned[head] += 0.7
+    verdict = preflight(stage, motion, voltage=12.0, start=replace(lying, joint_pos=turned))
+    assert any(
+        reason.joint == "head_pan" and "from the motion's first posture" in reason.text
+        for reason in verdict.warnings
+    )
+
+
+def test_all_that_is_wrong_is_told_at_once_refusals_first(
+    stage: Stage, motion: Motion, op3: Robot, knee: int
+):
+    target = motion.joint_target.copy()
+    target[10, knee] = op3.upper[knee] + 0.02
+    spoilt = replace(motion, joint_target=target)
+    heat = np.full(op3.n, 80.0)
+    verdict = preflight(stage, spoilt, voltage=9.5, torque_limit=0.4, temperature=heat)
+    told = "; ".join(refusals(verdict))
+    for part in ("the supply is 9.5 V", f"'{KNEE}': target", "held stand", "has 80 °C"):
+        assert part in told
+    severities = [reason.severity for reason in verdict.reasons]
+    assert severities == sorted(severities, key=lambda s: s is Severity.WARN)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"voltage": math.nan}, "voltage is nan V"),
+        ({"voltage": 0.0}, "voltage is 0 V"),
+        ({"voltage": math.inf}, "voltage is inf V"),
+        ({"voltage": 12.0, "torque_limit": -1.0}, "torque limit is -1 N·m"),
+        ({"voltage": 12.0, "temperature": math.nan}, "temperature is nan °C"),
+    ],
+)
+def test_what_is_no_measurement_is_bad_input(
+    stage: Stage, motion: Motion, options: dict[str, Any], told: str
+):
+    with pytest.raises(ValueError, match=told):
+        preflight(stage, motion, **options)
+
+
+def test_the_command_passes_refuses_and_writes_its_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], op3: Robot
+):
+    file = tmp_path / "verdict.json"
+    assert Preflight(motion=QUICK, voltage=11.1, json=str(file)).run() == 0
+    record = json.loads(file.read_text())
+    assert (record["motion"], record["passed"], record["voltage_v"]) == (QUICK, True, 11.1)
+    assert list(record["joints"]) == list(op3.joint_names)
+    assert record["joints"][KNEE]["end_temperature_c"] >= 25.0
+    assert f"{QUICK}: passed at 11.1 V" in capsys.readouterr().out
+
+    assert Preflight(motion=QUICK, voltage=9.0, json="-").run() == 1
+    out, error = capsys.readouterr()
+    record = json.loads(out)  # JSON alone
+    assert record["passed"] is False
+    assert record["reasons"][0]["severity"] == "refused"
+    assert "charge the battery" in error
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"motion": "moonwalk"}, "unknown motion 'moonwalk'"),
+        ({"motion": QUICK, "voltage": -3.0}, "voltage is -3 V"),
+        ({"motion": QUICK, "torque_limit": 0.0}, "torque limit is 0 N·m"),
+        ({"motion": QUICK, "seed": -1}, "seed is -1"),
+    ],
+)
+def test_the_command_names_bad_input(options: dict, told: str):
+    with pytest.raises(BadInputError, match=told):
+        Preflight(**options).run()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in MOTIONS if name not in OWN])
+def test_a_mirrored_motion_passes_like_its_image(stage: Stage, name: str):
+    mirrored = preflight(stage, MOTIONS[name], voltage=12.0)
+    image = preflight(stage, MOTIONS[name.removesuffix(MIRRORED_SUFFIX)], voltage=12.0)
+    assert mirrored.passed and image.passed
+    assert mirrored.figures.stand_time == pytest.approx(image.figures.stand_time, abs=0.3)

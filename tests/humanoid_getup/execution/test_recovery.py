@@ -1,0 +1,113 @@
+"""Faults of the bus in the middle of a rise, and what the attempt manager makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from drivers import Cycle, SafetyGuard
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.control_table import HardwareError
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.fault_injector import Faults
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.execution.attempt_manager import AttemptOptions
+from humanoid_getup.execution.get_up import Rise, get_up
+from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
+from robots import Robot
+
+KNEE = 13  # id of the right one
+STRIKE = 60  # cycles of the first run, half a second
+
+
+def rise_and_break(
+    op3: Robot, stage: Stage, strike: Callable[[Faults, SafetyGuard], object], attempts: int = 2
+) -> tuple[Rise, list[PhaseChange], VirtualRobot]:
+    """Get an OP3 up on the virtual bus; something breaks half a second into the first run."""
+    virtual = VirtualRobot(Simulation(op3, stage.model), powered=True)
+    rng = np.random.default_rng(0)
+    virtual.place(sample_falls(stage, {"supine": 1}, rng)[0].posture)
+    phases: list[PhaseChange] = []
+    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+        driver = DynamixelBackend(op3, ports.paths, clock=CycleClock(), answer_margin=0.2)
+        guard = SafetyGuard(driver)
+        cycles = iter(range(10**6))
+
+        def look(_cycle: Cycle) -> None:
+            if next(cycles) == STRIKE:
+                strike(ports.main.faults, guard)
+
+        rise = get_up(
+            guard,
+            stage,
+            RisePlanner(stage, load_database(op3), RiseOptions()),
+            rng,
+            AttemptOptions(max_attempts=attempts),
+            judge=lambda: Watch(virtual.simulation, None),
+            services=driver,
+            report=phases.append,
+            on_cycle=look,
+        )
+    return rise, phases, virtual
+
+
+def test_an_overload_is_rebooted_and_the_robot_gets_up_after_all(op3: Robot, stage: Stage):
+    rise, phases, virtual = rise_and_break(
+        op3, stage, lambda faults, _: faults.trip(KNEE, HardwareError.OVERLOAD)
+    )
+    assert rise.result is not None
+    assert rise.result.status is AttemptStatus.STOOD, rise.reason
+    first, second = rise.result.attempts
+    assert "joint 'r_knee' tells overload" in first.reason
+    assert second.stood
+    told = [change.detail for change in phases if change.phase is Phase.RECOVERING]
+    assert "rebooting joint 'r_knee', which tripped by overload" in told
+    assert virtual.servos[KNEE - 1].peek("hardware_error_status") == 0
+
+
+def test_overheating_is_never_rebooted_away(op3: Robot, stage: Stage):
+    rise, phases, virtual = rise_and_break(
+        op3, stage, lambda faults, _: faults.trip(KNEE, HardwareError.OVERHEATING)
+    )
+    assert rise.result is not None
+    assert rise.result.status is AttemptStatus.NEEDS_HELP
+    assert rise.result.by_fault
+    assert "overheating" in rise.reason
+    assert not any("rebooting" in change.detail for change in phases)
+    assert virtual.servos[KNEE - 1].peek("hardware_error_status") == HardwareError.OVERHEATING
+
+
+def test_after_a_stop_nothing_moves_any_more(op3: Robot, stage: Stage):
+    rise, _, virtual = rise_and_break(op3, stage, lambda _, guard: guard.stop("a key was pressed"))
+    assert rise.result is not None
+    assert rise.result.status is AttemptStatus.STOPPED
+    assert len(rise.result.attempts) == 1
+    assert not any(servo.torque_on for servo in virtual.servos)
+
+
+@pytest.mark.parametrize(
+    ("strike", "words"),
+    [
+        (lambda faults, _: faults.kill(KNEE), "joint 'r_knee' since"),
+        (lambda faults, _: faults.unplug(), "silent for too long"),
+        (lambda faults, _: faults.sag(9.6), "the supply is too low"),
+    ],
+)
+def test_what_no_rest_cures_asks_for_help(op3: Robot, stage: Stage, strike, words: str):
+    rise, _, virtual = rise_and_break(op3, stage, strike)
+    assert rise.result is not None
+    assert rise.result.status is AttemptStatus.NEEDS_HELP
+    assert rise.result.by_fault
+    assert words in rise.reason
+    moving = virtual.simulation.joint_vel
+    assert np.abs(moving).max() < 20.0

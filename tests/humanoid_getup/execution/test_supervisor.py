@@ -1,0 +1,285 @@
+"""The supervisor: lets a rise that stands go on, and gives up one that goes wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers import GuardLimits, SafetyGuard, State, Twin, run
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.execution.attempt_manager import AttemptOptions
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.monitors import AbortKind, Supervision
+from humanoid_getup.execution.supervisor import Supervisor, angle
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import sample_falls, settle_posture
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
+from robots import Robot, load_robot, quaternion
+from robots.kinematics import read_posture
+
+PERIOD = 0.008
+MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
+OWN = [name for name in MOTIONS if not name.endswith(MIRRORED_SUFFIX)]
+KNEE = 13  # l_knee
+
+
+@pytest.fixture
+def standing(op3: Robot) -> Motion:
+    """Ten seconds of standing."""
+    return Motion(
+        name="stand",
+        robot="op3",
+        start_class="squat",
+        strategy="none",
+        time=np.array([0.0, 10.0]),
+        position=np.tile(op3.standing.position, (2, 1)),
+        orientation=np.tile(quaternion.IDENTITY, (2, 1)),
+        joint_pos=np.tile(op3.standing.joint_pos, (2, 1)),
+        joint_target=np.tile(op3.standing.joint_pos, (2, 1)),
+    )
+
+
+@pytest.fixture
+def still(op3: Robot) -> State:
+    """A robot that stands as it should."""
+    n = op3.n
+    return State(
+        time=0.0,
+        joint_pos=op3.standing.joint_pos,
+        joint_vel=np.zeros(n),
+        joint_current=np.zeros(n),
+        gyro=np.zeros(3),
+        orientation=quaternion.IDENTITY,
+        temperature=np.full(n, 30.0),
+        voltage=12.0,
+    )
+
+
+def leaning(degrees: float) -> np.ndarray:
+    return quaternion.from_axis_angle(np.array([0.6, 0.8, 0.0]), np.radians(degrees))
+
+
+def watch(supervisor: Supervisor, state: State, seconds: float, begin: float = 0.0) -> float:
+    """Show one state for a while; return how long it was borne."""
+    for k in range(round(seconds / PERIOD)):
+        if supervisor.done:
+            return k * PERIOD
+        supervisor.step(replace(state, time=begin + k * PERIOD))
+    return seconds
+
+
+def begin(stage: Stage, motion: Motion, state: State, **limits) -> Supervisor:
+    supervisor = Supervisor(stage, motion, supervision=Supervision(**limits))
+    supervisor.reset(state)
+    return supervisor
+
+
+def with_knee(values: np.ndarray, value: float) -> np.ndarray:
+    changed = values.copy()
+    changed[KNEE] = value
+    return changed
+
+
+def test_a_robot_that_does_as_expected_is_left_alone_to_the_end(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    assert watch(supervisor, still, 20.0) == pytest.approx(standing.duration + HOLD, abs=0.02)
+    assert supervisor.done
+    assert supervisor.aborted is None
+    assert supervisor.warnings == []
+
+
+def test_a_torso_that_is_turned_wrong_for_too_long_ends_it_limp(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    turned = replace(still, orientation=leaning(70.0))
+    assert watch(supervisor, turned, 5.0) == pytest.approx(0.5, abs=0.02)
+    assert supervisor.aborted is not None
+    assert supervisor.aborted.kind is AbortKind.TILT
+    assert str(supervisor.aborted).endswith("70° off, allowed 60° for 0.5 s")
+    assert supervisor.step(replace(turned, time=0.6)).is_limp
+
+
+def test_the_heading_of_the_torso_is_free(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    assert watch(supervisor, replace(still, orientation=quaternion.from_yaw(2.5)), 5.0) == 5.0
+
+
+def test_a_torso_that_is_turned_wrong_for_a_moment_is_borne(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    for k in range(8):
+        watch(supervisor, replace(still, orientation=leaning(70.0)), 0.4, begin=0.6 * k)
+        watch(supervisor, still, 0.2, begin=0.6 * k + 0.4)
+    assert supervisor.aborted is None
+
+
+def test_a_robot_that_was_up_is_let_go_as_soon_as_it_tips(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    watch(supervisor, still, 1.0)
+    tipping = replace(still, orientation=leaning(45.0))
+    assert watch(supervisor, tipping, 1.0, begin=1.0) <= 0.05
+    assert supervisor.aborted is not None
+    assert supervisor.aborted.kind is AbortKind.FELL
+    assert "tilt 45°" in supervisor.aborted.detail
+
+
+def test_a_robot_that_is_up_is_not_let_go_for_a_joint_that_hangs_back(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    wide = replace(still, joint_pos=with_knee(still.joint_pos, 0.3))
+    assert watch(supervisor, wide, 5.0) == 5.0
+    assert supervisor.aborted is None
+
+
+def test_a_joint_that_does_not_follow_is_named(stage, standing, still, op3):
+    supervisor = begin(stage, standing, still)
+    rising = replace(still, orientation=leaning(30.0))
+    watch(supervisor, rising, 0.5)
+    stuck = replace(rising, joint_pos=with_knee(still.joint_pos, 0.3))
+    assert watch(supervisor, stuck, 5.0, begin=0.5) == pytest.approx(1.0, abs=0.02)
+    assert supervisor.aborted is not None
+    assert supervisor.aborted.kind is AbortKind.STUCK
+    assert f"joint '{op3.joint_names[KNEE]}' stands 0.59 rad" in supervisor.aborted.detail
+
+
+def test_a_joint_that_is_on_its_way_is_not_stuck(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    watch(supervisor, still, 0.5)
+    moving = replace(
+        still,
+        joint_pos=with_knee(still.joint_pos, 0.3),
+        joint_vel=with_knee(still.joint_vel, 0.5),
+    )
+    assert watch(supervisor, moving, 5.0, begin=0.5) == 5.0
+
+
+def test_a_target_beyond_the_joint_is_how_a_servo_pushes(stage, standing, still):
+    target = standing.joint_target.copy()
+    target[:, KNEE] += 0.6
+    supervisor = begin(stage, replace(standing, joint_target=target), still)
+    assert watch(supervisor, still, 5.0) == 5.0
+
+
+def test_a_servo_near_stall_is_given_up_before_it_cooks(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    loaded = replace(still, joint_current=with_knee(still.joint_current, -2.2))
+    assert watch(supervisor, loaded, 9.0) == pytest.approx(4.0, abs=0.02)
+    assert supervisor.aborted is not None
+    assert supervisor.aborted.kind is AbortKind.LOAD
+    assert "draws 96% of its stall current" in supervisor.aborted.detail
+
+
+def test_stall_is_what_the_supply_makes_of_it(stage, standing, still):
+    current = with_knee(still.joint_current, 1.8)  # 78 % of 2.3 A at 12 V, 94 % at 10 V
+    full = begin(stage, standing, still)
+    assert watch(full, replace(still, joint_current=current), 9.0) == 9.0
+    weak = begin(stage, standing, still)
+    watch(weak, replace(still, joint_current=current, voltage=10.0), 9.0)
+    assert weak.aborted is not None
+    assert weak.aborted.kind is AbortKind.LOAD
+
+
+def test_a_hot_servo_ends_it_at_once(stage, standing, still, op3):
+    supervisor = begin(stage, standing, still)
+    hot = replace(still, temperature=with_knee(still.temperature, 73.0))
+    assert watch(supervisor, hot, 1.0) == PERIOD
+    assert supervisor.aborted is not None
+    assert supervisor.aborted.kind is AbortKind.HEAT
+    assert f"joint '{op3.joint_names[KNEE]}' has 73 °C" in supervisor.aborted.detail
+
+
+def test_a_sagging_supply_is_a_warning_and_told_once(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    assert watch(supervisor, replace(still, voltage=9.8), 2.0) == 2.0
+    (warning,) = supervisor.warnings
+    assert "sagged to 9.8 V, the servos need 10.0 V" in warning
+
+
+def test_an_unproven_path_is_not_held_against_the_robot(stage, standing, still):
+    supervisor = begin(stage, standing, still, tracks_motion=False)
+    assert watch(supervisor, replace(still, orientation=leaning(80.0)), 5.0) == 5.0
+
+
+def test_it_can_begin_anew_after_giving_up(stage, standing, still):
+    supervisor = begin(stage, standing, still)
+    watch(supervisor, replace(still, orientation=leaning(80.0)), 5.0)
+    assert supervisor.aborted is not None
+    supervisor.reset(still)
+    assert supervisor.aborted is None
+    assert watch(supervisor, still, 5.0) == 5.0
+
+
+def test_the_angle_between_directions_needs_no_unit_vectors():
+    assert angle(np.array([2.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])) == pytest.approx(np.pi / 2)
+    assert angle(np.ones(3), 3.0 * np.ones(3)) == pytest.approx(0.0, abs=1e-7)
+    assert angle(np.ones(3), -np.ones(3)) == pytest.approx(np.pi)
+
+
+def play_supervised(twin: Twin, stage: Stage, motion: Motion, push=None) -> tuple[Supervisor, bool]:
+    """Play a motion under supervision; tell whether it ended standing."""
+    supervisor, judge = Supervisor(stage, motion), Watch(twin.simulation, None)
+    torso = twin.robot.layout(twin.model).torso
+
+    def look(cycle) -> None:
+        judge(cycle)
+        if push:
+            time = cycle.state.time
+            force = push[1] if push[0] < time < push[0] + 0.15 else 0.0
+            twin.data.xfrc_applied[torso, 1] = force
+
+    guard = SafetyGuard(twin, GuardLimits.of(twin.robot))
+    run(supervisor, guard, max_time=60.0, on_cycle=look)
+    return supervisor, judge.conclude().stand.stood
+
+
+def lay_down(stage: Stage, motion: Motion) -> Twin:
+    twin = Twin(stage.robot, stage.model)
+    at_rest = settle_posture(stage, motion.posture(0))
+    twin.place(read_posture(stage.robot, stage.model, at_rest))
+    return twin
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_a_stored_motion_is_let_stand_up(name: str, stage: Stage):
+    motion = MOTIONS[name]
+    supervisor, stood = play_supervised(lay_down(stage, motion), stage, motion)
+    assert supervisor.aborted is None
+    assert stood
+
+
+def test_a_robot_that_is_pushed_over_goes_limp_before_it_lands(stage: Stage):
+    motion = MOTIONS["squat_to_stand"]
+    twin = lay_down(stage, motion)
+    supervisor, stood = play_supervised(twin, stage, motion, push=(2.5, 40.0))
+    assert not stood
+    assert supervisor.aborted is not None
+    assert supervisor.aborted.kind is AbortKind.FELL
+    assert np.degrees(twin.truth.tilt) < 60.0  # the run ended while it tips
+
+
+def test_a_motion_for_another_fall_is_given_up(stage: Stage):
+    twin = lay_down(stage, MOTIONS["prone_push_up_fast"])
+    supervisor, stood = play_supervised(twin, stage, MOTIONS["supine_sit_up_fast"])
+    assert not stood
+    assert supervisor.aborted is not None
+    assert supervisor.aborted.kind is AbortKind.TILT
+    assert supervisor.aborted.time < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10, 15))
+@pytest.mark.parametrize("kind", ["supine", "prone", "left", "right"])
+def test_a_planned_rise_that_stands_is_never_given_up(stage: Stage, kind: str, seed: int):
+    rng = np.random.default_rng(seed)
+    fall = sample_falls(stage, {kind: 1}, rng)[0]
+    planner = RisePlanner(stage, load_database(stage.robot), RiseOptions())
+    twin = Twin(stage.robot, stage.model)
+    twin.place(fall.posture)
+    options = AttemptOptions(max_attempts=1)
+    judge = lambda: Watch(twin.simulation, None)  # noqa: E731
+    rise = get_up(SafetyGuard(twin), stage, planner, rng, options, judge=judge)
+    assert rise.result is not None
+    (attempt,) = rise.result.attempts
+    assert attempt.abort is None
+    assert attempt.stood

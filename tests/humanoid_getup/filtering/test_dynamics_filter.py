@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from humanoid_getup.filtering.dynamics_filter import Candidate, DynamicsFilter
+from humanoid_getup.filtering.reference import compose, straight_path
+from humanoid_getup.motions.motion import join
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from robots.kinematics import place
+
+
+@pytest.fixture(scope="module")
+def fall(stage):
+    return sample_falls(stage, {"prone": 1}, np.random.default_rng(2))[0].posture
+
+
+@pytest.fixture(scope="module")
+def database(op3):
+    return load_database(op3)
+
+
+@pytest.fixture(scope="module")
+def rehearsed(stage, fall, database):
+    candidates = _candidates(stage, fall, database)
+    dynamics_filter = DynamicsFilter(stage)
+    return dynamics_filter, candidates, dynamics_filter.rehearse(fall, candidates)
+
+
+def _candidates(stage, fall, database):
+    period = stage.robot.control_period
+    return [
+        Candidate(
+            path=straight_path(fall, align(c.posture, fall), 3.0, period),
+            connection=c,
+            assistance=share,
+        )
+        for c in database.select(fall, 2)
+        for share in (1.0, 0.0)
+    ]
+
+
+def test_targets_obey_the_guards_rules(stage, fall, rehearsed):
+    robot = stage.robot
+    for one in rehearsed[2]:
+        before = np.concatenate([fall.joint_pos[None], one.target[:-1]])
+        speed = np.abs(one.target - before) / robot.control_period
+        assert np.all(speed <= robot.max_velocity)
+        assert np.all(one.target >= robot.lower)
+        assert np.all(one.target <= robot.upper)
+
+
+def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(stage, fall, rehearsed):
+    starts = place(stage.robot, stage.model, fall)[None]
+    for one in rehearsed[2][:2]:
+        trace = Rehearsal(stage, 1).play(starts, one.target[None], Conditions.nominal(stage, 1))
+        np.testing.assert_array_equal(trace.qpos[0], one.qpos)
+
+
+def test_without_assistance_the_targets_are_the_reference(stage, rehearsed):
+    _, candidates, results = rehearsed
+    plain = results[1]
+    c = candidates[1]
+    reference = compose(stage, c.path, c.connection.motion, c.connection.frame)
+    robot = stage.robot
+    moving = np.clip(reference.target, robot.lower, robot.upper)
+    # Rate limiting lets the targets lag the reference only while it is faster than the servos.
+    lag = np.abs(plain.target[: len(moving)] - moving)
+    assert np.median(lag) < 1e-9
+
+
+def test_assistance_changes_the_targets_and_only_a_little(rehearsed):
+    results = rehearsed[2]
+    difference = np.abs(results[0].target - results[1].target)
+    assert 0.001 < difference.max() < 0.8
+
+
+def test_a_prone_fall_has_a_rehearsal_that_stands_and_survives_disturbance(fall, rehearsed):
+    dynamics_filter, _, results = rehearsed
+    standing = [r for r in results if r.stood]
+    assert standing
+    assert dynamics_filter.check(fall, standing[0].target, np.random.default_rng(0)) >= 0.8
+
+
+def test_lying_still_is_no_stand(stage, fall):
+    target = np.tile(fall.joint_pos, (50, 1))
+    assert DynamicsFilter(stage).check(fall, target, np.random.default_rng(0)) == 0.0
+
+
+def test_joining_a_motion_begins_at_the_angles_and_ends_on_its_targets(database):
+    motion = next(m for m in database.motions if m.start_class == "prone")
+    frame = int(motion.entry_frames[len(motion.entry_frames) // 3])
+    joined = join(motion, frame, motion.joint_pos[frame], 0.008)
+    np.testing.assert_allclose(joined[0], motion.joint_pos[frame], atol=1e-12)
+    np.testing.assert_allclose(joined[-1], motion.joint_target[-1], atol=1e-12)
+    np.testing.assert_allclose(joined[60], motion.sample(motion.time[frame] + 60 * 0.008))
+
+
+def test_a_straight_path_moves_its_fastest_joint_at_the_speed_asked_for(fall, database):
+    goal = align(database.select(fall)[0].posture, fall)
+    path = straight_path(fall, goal, 2.0, 0.008)
+    speed = np.abs(np.diff(path.joint_pos, axis=0)).max() / 0.008
+    assert speed == pytest.approx(2.0, rel=0.02)
+    np.testing.assert_allclose(path.joint_pos[-1], goal.joint_pos)
+    np.testing.assert_allclose(path.joint_pos[0], fall.joint_pos)

@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.build import load_authored
+from humanoid_getup.motions.keyframes import SPEED_SHARE, load_choreographies
+
+TEXT = """
+[[motions]]
+name = "wave"
+start = "supine"
+strategy = "sit-up"
+stand_after = 0.5
+torque_limit = 2.0
+keys = [
+  { both = { knee = 10, hip_roll = -5 }, middle = { head_pan = 20 } },
+  { after = 0.5, left = { knee = 40 }, right = { knee = 60 } },
+]
+"""
+
+
+def _read(tmp_path, robot, text=TEXT):
+    path = tmp_path / "choreographies.toml"
+    path.write_text(text)
+    return load_choreographies(path, robot)[0]
+
+
+def test_both_bends_left_and_right_as_mirror_images(tmp_path, op3):
+    first = _read(tmp_path, op3).keys[0]
+    np.testing.assert_allclose(
+        first[op3.joint_names.index("l_knee")], -first[op3.joint_names.index("r_knee")]
+    )
+    assert np.degrees(first[op3.joint_names.index("l_knee")]) == pytest.approx(10.0)
+
+
+def test_equal_numbers_left_and_right_mean_equal_bending(tmp_path, op3):
+    second = _read(tmp_path, op3).keys[1]
+    # + bends either knee: the right joint turns the other way.
+    assert np.degrees(second[op3.joint_names.index("l_knee")]) == pytest.approx(40.0)
+    assert np.degrees(second[op3.joint_names.index("r_knee")]) == pytest.approx(-60.0)
+
+
+def test_what_a_key_leaves_out_stays(tmp_path, op3):
+    keys = _read(tmp_path, op3).keys
+    pan = op3.joint_names.index("head_pan")
+    assert keys[1, pan] == keys[0, pan] != 0.0
+
+
+def test_the_last_key_is_the_standing_posture(tmp_path, op3):
+    choreography = _read(tmp_path, op3)
+    np.testing.assert_array_equal(choreography.keys[-1], op3.standing.joint_pos)
+    assert choreography.duration.tolist() == [0.5, 0.5]
+
+
+def test_targets_run_from_first_to_last_key_and_never_too_fast(tmp_path, op3):
+    hasty = TEXT.replace("after = 0.5, left", "after = 0.02, left")
+    choreography = _read(tmp_path, op3, hasty)
+    targets = choreography.targets(op3, hold=0.4)
+    np.testing.assert_allclose(targets[0], choreography.keys[0], atol=1e-12)
+    np.testing.assert_allclose(targets[-1], choreography.keys[-1], atol=1e-12)
+    speed = np.abs(np.diff(targets, axis=0)) / op3.control_period
+    assert np.all(speed <= SPEED_SHARE * op3.max_velocity * 1.02)
+    assert np.all(targets[-50:] == targets[-1])
+
+
+def test_genes_go_there_and_back(op3):
+    for choreography in load_authored(op3):
+        again = choreography.with_genes(choreography.genes, op3)
+        np.testing.assert_allclose(again.keys, choreography.keys, atol=1e-9)
+        np.testing.assert_allclose(again.duration, choreography.duration)
+
+
+def test_an_improvement_keeps_first_and_last_key_and_symmetry(op3):
+    rng = np.random.default_rng(0)
+    symmetric = next(c for c in load_authored(op3) if c.name == "prone_push_up_fast")
+    noise = rng.normal(scale=0.2, size=len(symmetric.genes))
+    changed = symmetric.with_genes(symmetric.genes + noise, op3)
+    np.testing.assert_array_equal(changed.keys[0], symmetric.keys[0])
+    np.testing.assert_array_equal(changed.keys[-1], symmetric.keys[-1])
+    np.testing.assert_allclose(op3.mirror_joints(changed.keys), changed.keys)
+    assert not np.allclose(changed.keys[1:-1], symmetric.keys[1:-1])
+
+
+def test_op3_has_the_repertoire_it_claims(op3):
+    authored = load_authored(op3)
+    classes = [c.start_class for c in authored]
+    assert classes.count("supine") >= 6
+    assert classes.count("prone") >= 4
+    assert classes.count("left") >= 4
+    assert classes.count("squat") == 1
+    assert len({c.name for c in authored}) == len(authored)

@@ -1,0 +1,126 @@
+"""A motion survives its file, and a damaged file is told from a good one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.motion import KEYS, Motion
+from robots import load_robot, quaternion
+
+ROBOT = load_robot("op3")
+FRAMES = 5
+
+
+def make(**changes) -> Motion:
+    rng = np.random.default_rng(1)
+    fields = {
+        "name": "sit_up",
+        "robot": "op3",
+        "start_class": "left",
+        "strategy": "roll-over",
+        "time": 0.1 * np.arange(FRAMES),
+        "position": rng.normal(size=(FRAMES, 3)),
+        "orientation": quaternion.normalise(rng.normal(size=(FRAMES, 4))),
+        "joint_pos": rng.normal(size=(FRAMES, ROBOT.n)),
+        "joint_target": rng.normal(size=(FRAMES, ROBOT.n)),
+        "entry": np.array([True, False, True, False, False]),
+        "provenance": {"seed": 3, "cost": 0.25, "program": "build"},
+    }
+    return Motion(**{**fields, **changes})
+
+
+def test_a_motion_survives_the_trip_through_its_file(tmp_path: Path):
+    motion = make()
+    motion.save(tmp_path / "m.npz")
+    again = Motion.load(tmp_path / "m.npz")
+    for key in KEYS:
+        np.testing.assert_array_equal(getattr(again, key), getattr(motion, key))
+    assert [path.name for path in tmp_path.iterdir()] == ["m.npz"]
+
+
+def test_mirroring_twice_gives_the_motion_back():
+    motion = make()
+    mirror = motion.mirrored(ROBOT)
+    assert (mirror.name, mirror.start_class) == ("sit_up_mirrored", "right")
+    again = mirror.mirrored(ROBOT)
+    for key in KEYS:
+        np.testing.assert_array_equal(getattr(again, key), getattr(motion, key))
+
+
+def test_a_motion_without_entries_is_entered_at_its_start():
+    assert make(entry=np.zeros(FRAMES, dtype=bool)).entry_frames.tolist() == [0]
+    assert make().entry_frames.tolist() == [0, 2]
+
+
+def test_targets_are_interpolated_and_held_at_the_ends():
+    motion = make()
+    times = np.array([[-1.0, 0.0, 0.05], [0.1, 0.4, 9.0]])
+    target = motion.joint_target
+    expected = [
+        [target[0], target[0], (target[0] + target[1]) / 2],
+        [target[1], target[-1], target[-1]],
+    ]
+    sampled = motion.sample(times)
+    assert sampled.shape == (2, 3, ROBOT.n)
+    np.testing.assert_allclose(sampled, expected, atol=1e-12)
+
+
+def test_the_table_has_a_column_for_every_angle(tmp_path: Path):
+    make().save_csv(tmp_path / "m.csv", ROBOT)
+    lines = (tmp_path / "m.csv").read_text().splitlines()
+    assert len(lines) == FRAMES + 1
+    assert len(lines[0].split(",")) == len(lines[1].split(",")) == 8 + 2 * ROBOT.n
+
+
+@pytest.mark.parametrize(
+    ("changes", "culprit"),
+    [
+        ({"start_class": "asleep"}, "allowed supine, prone, left, right, squat"),
+        ({"time": np.array([0.0, 0.1, 0.1, 0.2, 0.3])}, "not after frame 1"),
+        ({"time": np.zeros((0,))}, "time has shape"),
+        ({"joint_target": np.zeros((FRAMES, 3))}, "joint_target has shape"),
+        ({"joint_pos": np.full((FRAMES, ROBOT.n), np.nan)}, "joint_pos holds nan"),
+        ({"orientation": np.ones((FRAMES, 4))}, "orientation of frame 0 has length 2.0000"),
+    ],
+)
+def test_a_wrong_motion_cannot_be_made(changes: dict, culprit: str):
+    with pytest.raises(ValueError, match=culprit):
+        make(**changes)
+
+
+def damaged(path: Path, how: str) -> None:
+    make().save(path)
+    if how == "truncated":
+        path.write_bytes(path.read_bytes()[:-200])
+    elif how == "flipped":
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 0xFF
+        path.write_bytes(bytes(data))
+    elif how == "empty":
+        path.write_bytes(b"")
+    elif how == "alien":
+        path.write_text("time,position\n")
+    elif how == "stranger":
+        np.savez(path, weights=np.zeros(3))
+    elif how == "pickled":
+        fields = {key: getattr(make(), key) for key in KEYS}
+        np.savez(path, **{**fields, "provenance": np.array([{"a": 1}], dtype=object)})
+    elif how == "nan":
+        with np.load(path) as archive:
+            record = dict(archive)
+        record["joint_pos"][2, 3] = np.nan
+        np.savez(path, **record)
+    elif how == "missing":
+        path.unlink()
+
+
+@pytest.mark.parametrize(
+    "how", ["truncated", "flipped", "empty", "alien", "stranger", "pickled", "nan", "missing"]
+)
+def test_a_damaged_file_is_named_in_one_line(tmp_path: Path, how: str):
+    path = tmp_path / "m.npz"
+    damaged(path, how)
+    with pytest.raises(ValueError, match=r"m\.npz") as caught:
+        Motion.load(path)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,119 @@
+"""The tree of grouped postures finds what a search through all of them finds."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.motions.posture_metric import PostureMetric
+from robots import Posture, Robot, load_robot, quaternion
+
+ROBOT = load_robot("op3")
+METRIC = PostureMetric.of(ROBOT)
+FRAMES = 60
+
+
+def wander(seed: int, symmetric: bool = False) -> Motion:
+    """Make a motion that bends and turns smoothly between random postures."""
+    rng = np.random.default_rng(seed)
+    share = np.linspace(0.0, 1.0, FRAMES)
+    ends = quaternion.normalise(rng.normal(size=(2, 4)))
+    joint_pos = np.linspace(*rng.uniform(ROBOT.lower, ROBOT.upper, size=(2, ROBOT.n)), FRAMES)
+    orientation = quaternion.slerp(ends[0], ends[1], share)
+    if symmetric:
+        joint_pos = 0.5 * (joint_pos + ROBOT.mirror_joints(joint_pos))
+        orientation = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), share)
+    return Motion(
+        name=f"wander_{seed}",
+        robot="op3",
+        start_class="supine",
+        strategy="wander",
+        time=share,
+        position=np.zeros((FRAMES, 3)),
+        orientation=orientation,
+        joint_pos=joint_pos,
+        joint_target=joint_pos,
+        entry=share < 0.8,
+    )
+
+
+def lying(rng: np.random.Generator) -> Posture:
+    return Posture(
+        position=np.zeros(3),
+        orientation=quaternion.normalise(rng.normal(size=4)),
+        joint_pos=rng.uniform(ROBOT.lower, ROBOT.upper),
+    )
+
+
+@pytest.mark.parametrize("per_motion", [1, 3, FRAMES])
+def test_the_tree_finds_what_brute_force_finds(per_motion: int):
+    database = MotionDatabase([wander(seed) for seed in range(16)], METRIC)
+    assert len(database) == 16 * 48
+    assert 40 <= len(database.groups) <= 50
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        posture = lying(rng)
+        found = database.select(posture, 5, per_motion)
+        assert found == database.select_exhaustively(posture, 5, per_motion)
+        assert [c.distance for c in found] == sorted(c.distance for c in found)
+        assert len(found) == 5
+        assert max(sum(c.motion is d.motion for d in found) for c in found) <= per_motion
+        for connection in found:
+            assert connection.motion.entry[connection.frame]
+            between = METRIC.between(posture, connection.posture)
+            assert connection.distance == pytest.approx(between, abs=1e-9)
+
+
+def test_a_posture_of_the_database_finds_itself_wherever_it_faces():
+    motions = [wander(seed) for seed in range(5)]
+    database = MotionDatabase(motions, METRIC)
+    posture = motions[3].posture(20)
+    turn = quaternion.from_yaw(2.0)
+    moved = replace(
+        posture,
+        position=np.array([3.0, 1.0, 0.0]),
+        orientation=quaternion.multiply(turn, posture.orientation),
+    )
+    best = database.select(moved)[0]
+    assert (best.motion.name, best.frame) == ("wander_3", 20)
+    assert best.distance < 1e-6
+
+
+def test_the_groups_share_out_all_postures():
+    database = MotionDatabase([wander(seed) for seed in range(4)], METRIC, groups=7)
+    rows = np.concatenate([group.members for group in database.groups])
+    assert sorted(rows) == list(range(len(database)))
+
+
+def with_motions(folder: Path, *motions: Motion) -> Robot:
+    (folder / "motions").mkdir()
+    for motion in motions:
+        motion.save(folder / "motions" / f"{motion.name}.npz")
+    return replace(ROBOT, folder=folder)
+
+
+def test_a_motion_is_mirrored_at_load_unless_it_is_its_own_mirror_image(tmp_path: Path):
+    robot = with_motions(tmp_path, wander(0), wander(1, symmetric=True))
+    names = [motion.name for motion in load_database(robot).motions]
+    assert names == ["wander_0", "wander_0_mirrored", "wander_1"]
+
+
+def test_a_mirrored_fall_finds_the_mirrored_motion_at_the_same_frame(tmp_path: Path):
+    database = load_database(with_motions(tmp_path, *(wander(seed) for seed in range(3))))
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        posture = lying(rng)
+        one, other = database.select(posture)[0], database.select(posture.mirrored(ROBOT))[0]
+        assert one.motion.mirrored(ROBOT).name == other.motion.name
+        assert (one.frame, pytest.approx(one.distance)) == (other.frame, other.distance)
+
+
+def test_a_robot_without_motions_and_a_motion_of_another_robot_are_refused(tmp_path: Path):
+    with pytest.raises(ValueError, match="robot 'op3' has no motions"):
+        load_database(replace(ROBOT, folder=tmp_path))
+    robot = with_motions(tmp_path, replace(wander(0), robot="atlas"))
+    with pytest.raises(ValueError, match="made for 'atlas' with 20 joints, allowed 'op3' with 20"):
+        load_database(robot)

@@ -1,0 +1,51 @@
+"""Every motion of OP3's database, played through loop and guard on the twin."""
+
+import numpy as np
+import pytest
+
+from drivers import SafetyGuard, Twin
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.execution.get_up import play
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import classify, settle_posture
+from robots import load_robot
+from robots.kinematics import read_posture
+
+MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
+
+
+def test_the_database_has_the_classes_and_strategies_it_claims():
+    own = [m for name, m in MOTIONS.items() if not name.endswith(MIRRORED_SUFFIX)]
+    classes = [m.start_class for m in own]
+    assert classes.count("supine") >= 6
+    assert classes.count("prone") >= 4
+    assert classes.count("left") >= 4
+    assert classes.count("squat") == 1
+    strategies = " ".join(m.strategy for m in own)
+    for kind in ("sit-up", "quadruped push-up", "roll-over", "side-sit", "asymmetrical squat"):
+        assert kind in strategies
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_stored_motion_ends_in_a_held_stand(name, op3, stage):
+    motion = MOTIONS[name]
+    start = read_posture(op3, stage.model, settle_posture(stage, motion.posture(0)))
+    twin = Twin(op3, stage.model)
+    twin.place(start)
+    guard = SafetyGuard(twin)
+    report, watched = play(guard, Watch(twin.simulation, None), motion, None)
+    assert watched.stand.stood, report.reason
+    assert report.clips.total == 0
+    assert watched.limit_violations == 0
+
+
+@pytest.mark.parametrize("name", [n for n in MOTIONS if MOTIONS[n].start_class != "squat"])
+def test_a_stored_motion_starts_lying_as_it_says(name):
+    assert classify(MOTIONS[name].orientation[0]) == MOTIONS[name].start_class
+
+
+def test_entries_are_frames_of_rest_to_stand_and_not_few():
+    for motion in MOTIONS.values():
+        assert 0 in motion.entry_frames or len(motion.entry_frames) > 3
+        assert np.all(motion.entry_frames < len(motion.time))

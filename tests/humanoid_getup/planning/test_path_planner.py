@@ -1,0 +1,304 @@
+"""From where a robot fell to where a motion takes over, through nothing solid."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.posture_metric import PostureMetric, align, orientation_distance
+from humanoid_getup.planning.collision import CollisionChecker
+from humanoid_getup.planning.path_planner import PlanOptions, PlanResult, plan_path
+from humanoid_getup.planning.posture_space import PostureProblem, to_node
+from humanoid_getup.planning.refinement import mend, merge, refine
+from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions, search
+from humanoid_getup.planning.shortcut import length, shorten
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.scene import Obstacle, Scene, load_scene
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, load_robot, quaternion
+from robots.quaternion import Array
+
+ROBOT = load_robot("op3")
+FLAT = load_scene("flat")
+METRIC = PostureMetric.of(ROBOT)
+X, Y = np.eye(3)[:2]
+
+
+@pytest.fixture(scope="module")
+def checker() -> CollisionChecker:
+    return CollisionChecker(ROBOT, FLAT)
+
+
+@pytest.fixture(scope="module")
+def goals(checker: CollisionChecker) -> list[Posture]:
+    """Lay the stance down on its back, its front and its sides."""
+    turns = [(Y, -1.0), (Y, 1.0), (X, 1.0), (X, -1.0)]
+    return [
+        _rest(checker, quaternion.from_axis_angle(axis, sign * np.pi / 2)) for axis, sign in turns
+    ]
+
+
+def _rest(
+    checker: CollisionChecker, orientation: Array, joint_pos: Array = ROBOT.standing.joint_pos
+) -> Posture:
+    up = np.array([0.0, 0.0, 0.3])
+    posture = Posture(position=up, orientation=orientation, joint_pos=joint_pos)
+    lowest = np.array([0.0, 0.0, checker.lowest_point(posture) + 0.001])
+    return replace(posture, position=up - lowest)
+
+
+@pytest.fixture(scope="module")
+def starts() -> list[Posture]:
+    stage = Stage.build(ROBOT, FLAT)
+    falls = sample_falls(stage, {"supine": 4, "prone": 4, "lateral": 4}, np.random.default_rng(0))
+    return [fall.posture for fall in falls]
+
+
+@pytest.fixture(scope="module")
+def plans(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+) -> list[PlanResult]:
+    return [
+        plan_path(start, _nearest(start, goals), checker, np.random.default_rng(seed))
+        for seed, start in enumerate(starts)
+    ]
+
+
+def _nearest(start: Posture, goals: list[Posture]) -> Posture:
+    return min(goals, key=lambda goal: METRIC.between(start, goal))
+
+
+def depths(model: mujoco.MjModel, data: mujoco.MjData, posture: Posture) -> dict:
+    """Measure how deep each pair of geoms is in each other, by MuJoCo alone."""
+    layout = ROBOT.layout(model)
+    root = layout.root_qpos
+    data.qpos[root : root + 3] = posture.position
+    data.qpos[root + 3 : root + 7] = posture.orientation
+    data.qpos[layout.qpos] = posture.joint_pos
+    mujoco.mj_forward(model, data)
+    found: dict = {}
+    for contact in data.contact:
+        pair = tuple(sorted(contact.geom.tolist()))
+        found[pair] = max(found.get(pair, 0.0), -contact.dist)
+    return found
+
+
+def test_every_fall_is_planned_from_start_to_goal(
+    plans: list[PlanResult], starts: list[Posture], goals: list[Posture]
+):
+    assert len(plans) == 12
+    for plan, start in zip(plans, starts, strict=True):
+        assert plan.status is PlanStatus.SOLVED
+        assert plan.colliding == 0
+        assert plan.trajectory is not None
+        np.testing.assert_allclose(plan.trajectory.joint_pos[0], start.joint_pos, atol=1e-9)
+        np.testing.assert_allclose(plan.trajectory.joint_pos[-1], plan.goal.joint_pos, atol=1e-9)
+        np.testing.assert_allclose(plan.trajectory.position[0], start.position, atol=1e-6)
+        turn = orientation_distance(plan.trajectory.orientation[-1], plan.goal.orientation)
+        assert turn < 1e-6
+        assert METRIC.between(plan.goal, _nearest(start, goals)) < 1e-6
+
+
+def test_nothing_on_the_way_is_deeper_than_allowed_or_beyond_a_limit(
+    plans: list[PlanResult], starts: list[Posture]
+):
+    model = FLAT.compile(ROBOT)
+    data = mujoco.MjData(model)
+    ground = model.geom("ground").id
+    checked = 0
+    for plan, start in zip(plans, starts, strict=True):
+        rest = depths(model, data, start)
+        for pair, depth in depths(model, data, plan.goal).items():
+            rest[pair] = max(rest.get(pair, 0.0), depth)
+        trajectory = plan.trajectory
+        assert trajectory is not None
+        assert np.all(trajectory.joint_pos >= ROBOT.lower - 1e-9)
+        assert np.all(trajectory.joint_pos <= ROBOT.upper + 1e-9)
+        for k in range(len(trajectory.time)):
+            posture = Posture(
+                position=trajectory.position[k],
+                orientation=trajectory.orientation[k],
+                joint_pos=trajectory.joint_pos[k],
+            )
+            for pair, depth in depths(model, data, posture).items():
+                tolerance = 0.003 if ground in pair else 0.001
+                assert depth <= max(tolerance, rest.get(pair, 0.0) + 0.25e-3) + 0.5e-3
+                checked += 1
+    assert checked > 1000
+
+
+def test_no_joint_is_faster_than_its_share_of_the_no_load_speed(plans: list[PlanResult]):
+    for plan in plans:
+        assert plan.trajectory is not None
+        speed = np.abs(np.diff(plan.trajectory.joint_pos, axis=0)) / ROBOT.control_period
+        assert np.all(speed <= PlanOptions().speed * ROBOT.max_velocity * (1.0 + 1e-6))
+
+
+def test_the_same_seed_gives_the_same_trajectory(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture], plans: list[PlanResult]
+):
+    hardest = int(np.argmax([plan.nodes for plan in plans]))
+    start = starts[hardest]
+    again = plan_path(start, _nearest(start, goals), checker, np.random.default_rng(hardest))
+    first = plans[hardest].trajectory
+    assert first is not None
+    assert again.trajectory is not None
+    np.testing.assert_array_equal(again.trajectory.joint_pos, first.joint_pos)
+    np.testing.assert_array_equal(again.trajectory.position, first.position)
+
+
+def test_every_edge_of_a_path_is_short_and_free(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+):
+    edges = 0
+    for seed, start in enumerate(starts):
+        problem = pose(checker, start, _nearest(start, goals))
+        found = search(problem, problem.start, problem.goal, np.random.default_rng(seed))
+        assert found.status is PlanStatus.SOLVED
+        for a, b in pairwise(found.path):
+            assert problem.is_within_step(a, b)
+            for node in problem.interpolate(a, b):
+                assert problem.is_free(node)
+                assert np.all((node[4:] >= problem.lower) & (node[4:] <= problem.upper))
+                assert abs(np.linalg.norm(node[:4]) - 1.0) < 1e-9
+            edges += 1
+    assert edges > 40
+
+
+def pose(checker: CollisionChecker, start: Posture, goal: Posture) -> PostureProblem:
+    goal = align(goal, start)
+    checker.reset()
+    assert checker.allow(start) == checker.allow(goal) == ""
+    return PostureProblem(checker, METRIC, start, goal, np.stack([start.position, goal.position]))
+
+
+def test_steps_have_the_fixed_size_and_stop_at_their_target(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+):
+    problem = pose(checker, starts[0], goals[1])
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        target = problem.sample(rng)
+        steps = problem.steer(problem.start, target, problem.goal, 4, rng)
+        straight = problem.distance(steps[:1], problem.start) + problem.distance(steps[:1], target)
+        assert straight[0] == pytest.approx(problem.distance(target[None], problem.start)[0])
+        assert all(problem.is_within_step(problem.start, step) for step in steps)
+    near = problem.blend(problem.start, problem.goal, np.array([1e-3]))[0]
+    np.testing.assert_array_equal(problem.steer(problem.start, near, problem.goal, 1, rng)[0], near)
+
+
+def test_what_has_reached_its_goal_value_is_held(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+):
+    problem = pose(checker, starts[0], goals[1])
+    rng = np.random.default_rng(0)
+    turned = np.concatenate([problem.goal[:4], problem.start[4:]])
+    bent = np.concatenate([problem.start[:4], problem.goal[4:]])
+    for _ in range(20):
+        sample = problem.sample(rng)
+        for step in problem.steer(turned, sample, problem.goal, 4, rng):
+            np.testing.assert_array_equal(step[:4], problem.goal[:4])
+            assert not np.array_equal(step[4:], turned[4:])
+        for step in problem.steer(bent, sample, problem.goal, 4, rng):
+            np.testing.assert_array_equal(step[4:], problem.goal[4:])
+            assert not np.array_equal(step[:4], bent[:4])
+
+
+def test_loose_to_strict_finds_strict_paths(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+):
+    replanned = 0
+    for seed, start in enumerate(starts[:6]):
+        problem = pose(checker, start, _nearest(start, goals))
+        found = refine(problem, np.random.default_rng(seed), SearchOptions(max_edges=8000))
+        assert found.status is PlanStatus.SOLVED
+        assert checker.looseness == 0.0
+        np.testing.assert_array_equal(found.path[0], problem.start)
+        np.testing.assert_array_equal(found.path[-1], problem.goal)
+        assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
+        replanned += found.edges > 0
+    assert replanned > 0
+
+
+def test_only_what_is_illegal_is_replanned(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+):
+    for seed, start in enumerate(starts):
+        problem = pose(checker, start, _nearest(start, goals))
+        found = search(problem, problem.start, problem.goal, np.random.default_rng(seed))
+        kept = mend(problem, found.path, np.random.default_rng(seed), SearchOptions())
+        assert kept.status is PlanStatus.SOLVED
+        assert length(problem, kept.path) <= length(problem, found.path) * 2.0
+
+
+def test_segments_close_in_time_are_merged():
+    # 100 nodes; edges 10 and 12 (with a margin of 2 nodes each) and edge 50.
+    assert merge(np.array([10, 12, 50]), 2, 100) == [(8, 15), (48, 53)]
+    assert merge(np.array([0, 98]), 2, 100) == [(0, 3), (96, 99)]
+    assert merge(np.array([], dtype=int), 2, 100) == []
+
+
+def test_a_shorter_path_is_still_free(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+):
+    gains = []
+    for seed, start in enumerate(starts):
+        problem = pose(checker, start, _nearest(start, goals))
+        rng = np.random.default_rng(seed)
+        path = search(problem, problem.start, problem.goal, rng).path
+        short = shorten(problem, path, rng, 40)
+        assert not any(problem.fails(a, b) for a, b in pairwise(short))
+        np.testing.assert_array_equal([short[0], short[-1]], [path[0], path[-1]])
+        gains.append(length(problem, path) - length(problem, short))
+    assert min(gains) > -1e-6
+    assert max(gains) > 0.5
+
+
+def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_told_apart(
+    checker: CollisionChecker, goals: list[Posture]
+):
+    sunk = replace(goals[0], position=goals[0].position - np.array([0.0, 0.0, 0.03]))
+    rng = np.random.default_rng(0)
+    start = plan_path(sunk, goals[0], checker, rng)
+    assert (start.status, start.planned) == (PlanStatus.START_INVALID, False)
+    assert "inside 'ground'" in start.reason
+    goal = plan_path(goals[0], sunk, checker, rng)
+    assert goal.status is PlanStatus.GOAL_INVALID
+    assert goal.trajectory is None
+
+
+def test_a_spent_budget_is_an_answer_with_a_reason(
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
+):
+    stingy = PlanOptions(search=SearchOptions(max_edges=1), refine_edges=1)
+    answer = plan_path(starts[0], goals[1], checker, np.random.default_rng(0), stingy)
+    assert answer.status is PlanStatus.BUDGET_SPENT
+    assert answer.reason != ""
+
+
+def test_arms_swing_around_a_beam_that_bars_their_way(goals: list[Posture]):
+    # A beam lies across a robot on its back, above its shoulders and within reach: straight
+    # arms that swing from its sides to over its head would hit it.
+    ends = np.array([[-0.11, -0.5, 0.30], [-0.11, 0.5, 0.30]])
+    beam = Obstacle(name="beam", start=ends[0], end=ends[1], radius=0.03)
+    checker = CollisionChecker(ROBOT, Scene(name="beam", obstacles=(beam,)))
+    swing = np.zeros((2, ROBOT.n))
+    for joint, sign in (("l_sho_pitch", 1.0), ("r_sho_pitch", -1.0)):
+        swing[:, ROBOT.joint_names.index(joint)] = sign * np.array([-0.8, -2.4])
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        swing[:, ROBOT.joint_names.index(f"{side}_sho_roll")] = sign * 1.4
+    start, goal = (_rest(checker, goals[0].orientation, bent) for bent in swing)
+    problem = pose(checker, start, goal)
+    assert problem.fails(problem.start, problem.goal)
+    plan = plan_path(start, goal, checker, np.random.default_rng(0))
+    assert plan.status is PlanStatus.SOLVED
+    assert plan.colliding == 0
+    assert len(plan.path) > 2
+
+
+def test_a_node_is_a_posture_without_its_place(starts: list[Posture]):
+    node = to_node(starts[0])
+    np.testing.assert_array_equal(node[:4], starts[0].orientation)
+    np.testing.assert_array_equal(node[4:], starts[0].joint_pos)

@@ -1,0 +1,152 @@
+"""RRT-blossom finds its way out of a trap in the plane, and says so when there is none."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions, regresses, search
+from humanoid_getup.planning.search_tree import ROOT, Tree
+from robots.quaternion import Array
+
+STEP = 0.15
+
+# A box open to the left, with the goal behind its back: straight ahead is a dead end.
+TRAP = [((0.0, 1.0), (1.0, 1.0)), ((1.0, 1.0), (1.0, -1.0)), ((1.0, -1.0), (0.0, -1.0))]
+LID = [((0.0, 1.0), (0.0, -1.0))]
+
+
+@dataclass
+class Plane:
+    """Points in the plane between walls."""
+
+    walls: list[tuple[tuple[float, float], tuple[float, float]]]
+
+    def distance(self, nodes: Array, x: Array) -> Array:
+        return np.linalg.norm(nodes - x, axis=1)
+
+    def sample(self, rng: np.random.Generator) -> Array:
+        return rng.uniform(-2.0, 2.0, size=2)
+
+    def steer(
+        self,
+        near: Array,
+        target: Array,
+        goal: Array,  # noqa: ARG002
+        count: int,
+        rng: np.random.Generator,  # noqa: ARG002
+    ) -> Array:
+        """Step to the target and, as [Kalisiak06], all around."""
+        way = target - near
+        heading = np.arctan2(way[1], way[0]) + 2.0 * np.pi * np.arange(count) / count
+        step = min(STEP, float(np.linalg.norm(way)))
+        return near + step * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+
+    def is_within_step(self, a: Array, b: Array) -> bool:
+        return bool(np.linalg.norm(a - b) <= STEP + 1e-9)
+
+    def fails(self, a: Array, b: Array) -> bool:
+        return bool(np.max(np.abs(b)) > 2.0) or any(crosses(a, b, wall) for wall in self.walls)
+
+
+def crosses(a: Array, b: Array, wall) -> bool:
+    c, d = np.array(wall[0]), np.array(wall[1])
+
+    def side(p: Array, q: Array, r: Array) -> float:
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    return side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0
+
+
+START, GOAL = np.array([0.5, 0.0]), np.array([1.6, 0.1])
+OPTIONS = SearchOptions(max_edges=6000, controls=6, edges_per_node=6)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_it_escapes_from_a_trap(seed: int):
+    plane = Plane(TRAP)
+    result = search(plane, START, GOAL, np.random.default_rng(seed), OPTIONS)
+    assert result.status is PlanStatus.SOLVED
+    np.testing.assert_array_equal(result.path[0], START)
+    np.testing.assert_array_equal(result.path[-1], GOAL)
+    assert len(result.path) > 10  # out of the box and around it
+    for a, b in pairwise(result.path):
+        assert plane.is_within_step(a, b)
+        assert not plane.fails(a, b)
+
+
+def test_there_is_no_way_out_of_a_closed_box():
+    result = search(Plane(TRAP + LID), START, GOAL, np.random.default_rng(0), OPTIONS)
+    assert result.status is PlanStatus.BUDGET_SPENT
+    assert result.path == []
+
+
+def test_a_start_walled_in_on_all_sides_is_found_dead_at_once():
+    cell = [((x, -0.05), (x, 0.05)) for x in (0.45, 0.55)]
+    cell += [((0.45, y), (0.55, y)) for y in (-0.05, 0.05)]
+    result = search(Plane(cell), START, GOAL, np.random.default_rng(0), OPTIONS)
+    assert result.status is PlanStatus.BUDGET_SPENT
+    assert result.reason == "every edge around the start is dead"
+    assert result.edges < 100
+
+
+def test_the_budget_is_kept_and_named():
+    options = SearchOptions(max_edges=200, controls=6, edges_per_node=6)
+    result = search(Plane(TRAP + LID), START, GOAL, np.random.default_rng(0), options)
+    assert result.status is PlanStatus.BUDGET_SPENT
+    assert 200 <= result.edges <= 206
+    assert "allowed 200" in result.reason
+    hasty = SearchOptions(max_time=0.0)
+    assert "over" in search(Plane(TRAP), START, GOAL, np.random.default_rng(0), hasty).reason
+
+
+def test_an_open_way_is_taken_straight():
+    result = search(Plane([]), START, GOAL, np.random.default_rng(0), OPTIONS)
+    np.testing.assert_allclose(
+        sum(np.linalg.norm(b - a) for a, b in pairwise(result.path)), np.linalg.norm(GOAL - START)
+    )
+
+
+def test_start_and_goal_within_a_step_need_no_search():
+    result = search(Plane([]), START, START + 0.01, np.random.default_rng(0), OPTIONS)
+    assert (result.status, result.nodes, result.edges) == (PlanStatus.SOLVED, 2, 0)
+
+
+def test_the_same_seed_finds_the_same_path():
+    paths = [search(Plane(TRAP), START, GOAL, np.random.default_rng(4)).path for _ in range(2)]
+    np.testing.assert_array_equal(paths[0], paths[1])
+
+
+def test_a_blossom_beside_the_way_to_the_sample_may_be_the_one_that_meets():
+    # Straight ahead (down) leads away from the goal on the right; the blossom to the right
+    # lands within a step of it, and one expansion is all that the budget allows.
+    class Sideways(Plane):
+        def steer(self, near, target, goal, count, rng):  # noqa: ARG002
+            return near + STEP * np.array([[0.0, -1.0], [1.0, 0.0]])[:count]
+
+        def sample(self, rng):  # noqa: ARG002
+            return np.array([0.0, -2.0])
+
+    goal = np.array([1.9 * STEP, 0.0])
+    options = SearchOptions(max_edges=2, controls=2, edges_per_node=2)
+    result = search(Sideways([]), np.zeros(2), goal, np.random.default_rng(0), options)
+    assert result.status is PlanStatus.SOLVED
+    np.testing.assert_allclose(result.path, [[0.0, 0.0], [STEP, 0.0], goal])
+
+
+def test_regression_is_what_comparing_with_every_node_says():
+    plane, rng = Plane([]), np.random.default_rng(0)
+    tree = Tree(rng.normal(size=2), edges_per_node=10)
+    for _ in range(30):
+        tree.grow(ROOT, rng.normal(size=2))
+    answers = []
+    for _ in range(200):
+        leaf, parent = rng.normal(size=2), int(rng.integers(len(tree)))
+        closer = [
+            np.linalg.norm(node - leaf) < np.linalg.norm(tree.nodes[parent] - leaf)
+            for node in tree.nodes
+        ]
+        answers.append(any(closer))
+        assert regresses(plane, tree, parent, leaf) == answers[-1]
+    assert 0 < sum(answers) < 200

@@ -1,0 +1,201 @@
+"""What a policy's numbers become: joint targets within limits, reach and lead."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.policy.action import (
+    HOMING_SHARE,
+    ActionMode,
+    ActionSpec,
+    Calm,
+    between,
+    build_action_spec,
+    choose_actions,
+    next_target,
+)
+from humanoid_getup.policy.observation import VECTOR
+from robots import Robot, load_robot
+
+OP3 = load_robot("op3")
+SPEC = choose_actions(OP3, wide=True)
+SEEDS = st.integers(0, 2**32 - 1)
+MODES = st.sampled_from(list(ActionMode))
+
+
+def spec_of(mode: ActionMode) -> ActionSpec:
+    return replace(SPEC, mode=mode)
+
+
+Sample = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+UPRIGHT, SUPINE = np.array([0.0, 0.0, -1.0]), np.array([-1.0, 0.0, 0.0])
+
+
+def sample(seed: int, count: int = 8) -> Sample:
+    """Sample targets, measured angles near them, ways down, and actions beyond -1 to 1, too."""
+    rng = np.random.default_rng(seed)
+    target = rng.uniform(OP3.lower, OP3.upper, (count, OP3.n))
+    measured = target + rng.normal(0.0, 0.5, target.shape)
+    down = rng.normal(size=(count, 3))
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    return target, measured, down, rng.uniform(-1.5, 1.5, (count, SPEC.size))
+
+
+@given(seed=SEEDS, mode=MODES)
+def test_mirrored_numbers_make_mirrored_targets(seed: int, mode: ActionMode):
+    target, measured, down, action = sample(seed)
+    spec, mirror = spec_of(mode), OP3.mirror_joints
+    following = next_target(spec, target, measured, down, action)
+    other = (mirror(target), mirror(measured), down * VECTOR[1], action * spec.mirror_sign(OP3))
+    assert next_target(spec, *other) == pytest.approx(mirror(following))
+
+
+@given(seed=SEEDS, mode=MODES)
+def test_a_target_moves_no_further_than_its_reach_and_stays_in_range(seed: int, mode: ActionMode):
+    target, measured, down, action = sample(seed)
+    following = next_target(spec_of(mode), target, measured, down, action)
+    assert np.all(np.abs(following - target) <= SPEC.reach + 1e-12)
+    assert np.all((following >= OP3.lower - 1e-12) & (following <= OP3.upper + 1e-12))
+
+
+@given(seed=SEEDS, mode=MODES)
+def test_a_target_leads_no_further_than_allowed_or_comes_back_as_fast_as_it_can(
+    seed: int, mode: ActionMode
+):
+    target, measured, down, action = sample(seed)
+    following = next_target(spec_of(mode), target, measured, down, action)
+    nearest = np.clip(measured, OP3.lower, OP3.upper)  # a target may not leave its range for it
+    ahead = np.abs(following - nearest) > SPEC.lead + 1e-12
+    came_back = np.abs(target - nearest) - np.abs(following - nearest)
+    assert ahead.any()
+    assert came_back[ahead] == pytest.approx(np.broadcast_to(SPEC.reach, ahead.shape)[ahead])
+
+
+def test_a_joint_outside_its_range_is_called_back():
+    target = np.array(OP3.standing.joint_pos)
+    target[0] = OP3.upper[0] + 0.8
+    measured = target.copy()
+    for _ in range(20):
+        target = next_target(SPEC, target, measured, UPRIGHT, np.ones(SPEC.size))
+        measured = target
+    assert np.all(target <= OP3.upper)
+
+
+def test_zero_at_rest_keeps_what_rises_and_brings_the_rest_home():
+    target = OP3.standing.joint_pos + 0.5
+    following = next_target(SPEC, target, target, UPRIGHT, np.zeros(SPEC.size))
+    rising = np.any(build_action_spec(OP3, OP3.rising_joints).directions != 0.0, axis=0)
+    assert following[rising] == pytest.approx(target[rising])
+    step = np.minimum(HOMING_SHARE * SPEC.reach[~rising], 0.5)
+    assert 0 < SPEC.moved.sum() - rising.sum() < (~rising).sum()
+    assert following[~rising] == pytest.approx(target[~rising] - step)
+
+
+def test_a_joint_that_comes_home_can_be_held_off_when_fallen_but_not_for_good_when_standing():
+    spec = build_action_spec(OP3, ("l_hip_roll",), homing=("l_hip_roll",))
+    joint, home = OP3.joint_names.index("l_hip_roll"), OP3.standing.joint_pos
+    for gravity, spread in ((SUPINE, OP3.upper[joint] - home[joint]), (UPRIGHT, 0.0)):
+        target = home.copy()
+        for _ in range(200):
+            target = next_target(spec, target, target, gravity, np.ones(1))
+        assert target[joint] - home[joint] == pytest.approx(spread, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("mode", "wanted"),
+    [
+        (ActionMode.RATE, 0.30 + 0.05),  # the last target and a half of 0.1
+        (ActionMode.OFFSET, 0.20 + 0.05),  # the measured angle and a half of 0.1
+        (ActionMode.ABSOLUTE, 0.25 + 0.05),  # home and a half of 0.1
+    ],
+)
+def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float):
+    spec = ActionSpec(
+        mode=mode,
+        names=("hinge",),
+        directions=np.ones((1, 1)),
+        scale=np.array([0.1]),
+        reach=np.array([1.0]),
+        lead=0.6,
+        pwm_limit=1.0,
+        home=np.array([0.25]),
+        homing=np.zeros(1),
+        calm=Calm(tilt=0.5, away=0.5, least=0.2),
+        lower=np.array([-1.0]),
+        upper=np.array([1.0]),
+    )
+    following = next_target(spec, np.array([0.3]), np.array([0.2]), SUPINE, np.array([0.5]))
+    assert following == pytest.approx([wanted])
+
+
+@pytest.mark.parametrize(
+    ("tilt", "offset", "share"),
+    [
+        (0.0, 0.0, 0.2),  # it stands at home: no less than this
+        (0.25, 0.0, 0.5),  # half of the tilt
+        (0.0, -0.3, 0.6),  # 0.3 of 0.5 rad
+        (0.25, 0.1, 0.5),  # what asks for more counts
+        (1.6, 0.0, 1.0),
+        (0.0, 2.0, 1.0),
+    ],
+)
+def test_rates_slow_down_upright_and_near_home(tilt: float, offset: float, share: float):
+    calm = Calm(tilt=0.5, away=0.5, least=0.2)
+    for direction in (0.0, 2.0):  # falling forwards, or some other way
+        sideways = np.sin(tilt) * np.array([np.cos(direction), np.sin(direction)])
+        gravity = np.array([*sideways, -np.cos(tilt)])
+        assert calm.share(gravity, np.array([offset])) == pytest.approx([share])
+
+
+def test_a_standing_robot_is_calm_and_a_fallen_one_is_not(op3: Robot):
+    home, most = op3.standing.joint_pos, np.ones(SPEC.size)
+    slow = next_target(SPEC, home, home, UPRIGHT, most) - home
+    fast = next_target(replace(SPEC, lower=home - 9, upper=home + 9), home, home, SUPINE, most)
+    moved = SPEC.moved
+    assert np.abs(fast - home)[moved] == pytest.approx(SPEC.reach[moved])
+    within = moved & (home + SPEC.reach < op3.upper) & (home - SPEC.reach > op3.lower)
+    assert within.sum() > moved.sum() / 2
+    wanted = np.abs(most @ SPEC.directions).clip(max=1.0) * SPEC.calm.least * SPEC.scale
+    assert np.abs(slow[within]) == pytest.approx(wanted[within])
+
+
+def test_directions_of_a_pair_worked_out_by_hand(op3: Robot):
+    # The left knee is positive where the right one is negative: alike is (+, -), contrary (+, +).
+    spec = build_action_spec(op3, ("l_knee",), ("l_knee",), apart_share=0.5)
+    left, right = (op3.joint_names.index(name) for name in ("l_knee", "r_knee"))
+    assert spec.names == ("l_knee together", "l_knee apart")
+    assert spec.directions[0, [left, right]] == pytest.approx([1.0, -1.0])
+    assert spec.directions[1, [left, right]] == pytest.approx([0.5, 0.5])
+    assert np.count_nonzero(spec.directions) == 4
+    assert spec.mirror_sign(op3) == pytest.approx([1.0, -1.0])
+
+
+def test_a_direction_without_a_mirror_image_is_named(op3: Robot):
+    directions = SPEC.directions.copy()
+    directions[0, op3.mirror_index[np.flatnonzero(directions[0])[0]]] = 0.3
+    with pytest.raises(ValueError, match=f"without a mirror image: {SPEC.names[0]}"):
+        replace(SPEC, directions=directions).mirror_sign(op3)
+
+
+def test_who_gets_up_moves_both_sides_together_and_apart_if_it_may(op3: Robot):
+    k = len(op3.rising_joints)
+    narrow, spec = choose_actions(op3, wide=False), choose_actions(op3, wide=True)
+    assert narrow.size == k
+    both = k + len(op3.spreading_joints)
+    assert spec.mirror_sign(op3).tolist() == [1.0] * both + [-1.0] * both
+    assert spec.names[:k] == narrow.names
+    assert spec.homing.tolist() == narrow.homing.tolist()
+
+
+def test_a_policy_step_is_cut_into_equal_parts_that_end_at_the_target():
+    parts = [between(np.array([1.0]), np.array([2.0]), cycle, 4)[0] for cycle in range(4)]
+    assert parts == [1.25, 1.5, 1.75, 2.0]
+
+
+def test_the_parts_of_a_policy_step_may_be_asked_for_at_once():
+    begin, end = np.array([[1.0, 0.0]]), np.array([[2.0, -1.0]])
+    parts = between(begin, end, np.array([0, 0, 1, 1])[:, None], 2)
+    assert parts.tolist() == [[1.5, -0.5], [1.5, -0.5], [2.0, -1.0], [2.0, -1.0]]

@@ -1,0 +1,149 @@
+"""The contract: there and back as JSON, and every mismatch told at once."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.policy.action import ActionMode, build_action_spec
+from humanoid_getup.policy.contract import ContractError, PolicyContract
+from humanoid_getup.policy.observation import Term, list_terms
+from robots import load_robot
+
+OP3 = load_robot("op3")
+ACTION = build_action_spec(OP3, OP3.rising_joints, ("l_knee",))
+PERIOD = OP3.control_period
+CONTRACT = PolicyContract.of(OP3, ACTION, PERIOD, {"recipe": "quick", "seed": 3, "hours": 0.25})
+
+
+def test_a_contract_fits_the_robot_that_it_was_made_for():
+    assert CONTRACT.find_mismatches(OP3, PERIOD) == []
+    assert CONTRACT.rate_hz == pytest.approx(1.0 / 0.048)
+    assert CONTRACT.observation_size == sum(term.size for term in list_terms(OP3, ACTION))
+
+
+def test_a_contract_survives_the_trip_through_json_to_the_last_bit():
+    back = PolicyContract.from_json(CONTRACT.to_json())
+    assert back.to_json() == CONTRACT.to_json()
+    assert back.provenance == {"recipe": "quick", "seed": 3, "hours": 0.25}
+    spec = back.action_spec(OP3)
+    for name in ("directions", "scale", "reach", "home", "homing", "lower", "upper"):
+        np.testing.assert_array_equal(getattr(spec, name), getattr(ACTION, name))
+    assert (spec.mode, spec.names) == (ActionMode.RATE, ACTION.names)
+    assert (spec.lead, spec.pwm_limit) == (ACTION.lead, ACTION.pwm_limit)
+    assert (spec.cycles, spec.calm) == (ACTION.cycles, ACTION.calm)
+
+
+def swapped(names: tuple[str, ...]) -> tuple[str, ...]:
+    return (names[1], names[0], *names[2:])
+
+
+def bent(angles: np.ndarray) -> np.ndarray:
+    return angles + np.where(np.arange(len(angles)) == 13, 0.2, 0.0)
+
+
+WRONG = [
+    ({"robot": "nao"}, "robot: made for 'nao', this is 'op3'"),
+    ({"mode": "torque"}, "action mode: 'torque', allowed absolute, offset, rate"),
+    ({"control_period": 0.01}, "rate: 20.83 Hz with a control period of 10 ms, here 20.83 Hz"),
+    ({"rate_hz": 50.0}, "rate: 50.00 Hz with a control period of 8 ms, here 20.83 Hz"),
+    ({"cycles": 5}, "rate: 20.83 Hz with a control period of 8 ms, here 25.00 Hz"),
+    ({"imu_frame": "z down"}, "IMU frame: 'z down', here 'gravity and gyro in the torso's"),
+    (
+        {"joints": swapped(OP3.joint_names)},
+        f"joint order: '{OP3.joint_names[1]}' stands where '{OP3.joint_names[0]}' should",
+    ),
+    ({"joints": (*OP3.joint_names[1:], "tail")}, "joints: it lacks r_sho_pitch and it has tail"),
+    ({"terms": swapped(CONTRACT.terms)}, "observation: gyro[3] gravity[3]"),
+    ({"terms": (*CONTRACT.terms, Term("mood", 2))}, "torque_share[1] mood[2], here"),
+    ({"scale": np.ones(3)}, "scale: shape (3,), allowed (20,)"),
+    ({"directions": ACTION.directions[:-1]}, "directions: shape (6, 20), allowed (7, 20)"),
+    ({"position_gain": 1.02 * OP3.position_gain}, "gains: joint 'r_sho_pitch' 19.25 N·m/rad, here"),
+    ({"max_torque": 0.98 * OP3.max_torque}, "torque: joint 'r_sho_pitch' 4.02 N·m, here 4.10 N·m"),
+    ({"max_torque": np.ones(3)}, "max torque: shape (3,), allowed (20,)"),
+    ({"home": bent(ACTION.home)}, "home angles: joint 'l_knee' +1.090 rad, here +0.890 rad"),
+    ({"reach": 0.0 * ACTION.reach}, "reach: joint 'r_sho_pitch' 0 rad, allowed > 0 rad"),
+    ({"reach": -ACTION.reach}, "reach: joint 'r_sho_pitch' -0."),
+    ({"reach": 2.0 * ACTION.reach}, "speed: targets of joint 'r_sho_pitch' move at"),
+]
+
+
+@pytest.mark.parametrize(("changes", "told"), WRONG)
+def test_what_does_not_fit_is_told(changes: dict, told: str):
+    mismatches = replace(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
+    assert any(told in line for line in mismatches), mismatches
+
+
+def test_all_that_does_not_fit_is_told_at_once():
+    keys = ("robot", "mode", "rate_hz", "imu_frame", "joints", "position_gain", "home", "reach")
+    changes = {key: value for change, _ in WRONG for key, value in change.items() if key in keys}
+    changes["max_torque"] = 0.5 * OP3.max_torque
+    mismatches = replace(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
+    begins = [
+        "robot",
+        "action mode",
+        "rate",
+        "IMU frame",
+        "joints",
+        "gains",
+        "torque",
+        "home angles",
+        "speed",
+    ]
+    assert [line.split(":")[0] for line in mismatches] == begins
+
+
+def test_gains_and_torques_may_differ_by_a_hundredth():
+    close = replace(
+        CONTRACT,
+        position_gain=1.009 * OP3.position_gain,
+        max_torque=0.991 * OP3.max_torque,
+    )
+    assert close.find_mismatches(OP3, PERIOD) == []
+
+
+def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
+    mismatches = "; ".join(CONTRACT.find_mismatches(load_robot("tests/robots/tiny"), PERIOD))
+    for told in ("made for 'op3'", "it lacks l_hip, r_hip", "joint_pos[20]", "here gravity[3]"):
+        assert told in mismatches
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "no JSON"),
+        ("{", "no JSON"),
+        ("[1]", "allowed a JSON object"),
+        ("{}", "format None, allowed 4"),
+        ('{"format": 1}', "format 1, allowed 4"),
+    ],
+)
+def test_what_is_no_contract_is_refused(text: str, told: str):
+    with pytest.raises(ContractError, match=told):
+        PolicyContract.from_json(text)
+
+
+def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
+    record = json.loads(CONTRACT.to_json())
+    del record["joints"], record["max_torque"]
+    del record["action"]["home"], record["action"]["calm"]["least"]
+    record["rate_hz"] = "often"
+    record["action"]["scale"] = [0.1, None]
+    record["action"]["directions"] = [[1.0], [1.0, 2.0]]
+    record["observation"][2]["size"] = -1
+    record["provenance"] = {"log": [1, 2]}
+    with pytest.raises(ContractError) as refusal:
+        PolicyContract.from_json(json.dumps(record))
+    for told in (
+        "joints is missing",
+        "action.home is missing",
+        "action.calm.least is missing",
+        "max_torque is missing",
+        "rate_hz is 'often'",
+        "action.scale is",
+        "action.directions is",
+        "observation[2].size is -1",
+        "provenance is",
+    ):
+        assert told in str(refusal.value)

@@ -1,0 +1,104 @@
+"""What a policy sees, and its mirror image."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.policy.action import build_action_spec
+from humanoid_getup.policy.observation import (
+    Sensed,
+    compute_torque_share,
+    list_terms,
+    mirror_of_observation,
+    observe,
+)
+from robots import Robot, load_robot
+
+OP3 = load_robot("op3")
+ACTION = build_action_spec(OP3, OP3.rising_joints, ("l_knee",))
+SIZE = sum(term.size for term in list_terms(OP3, ACTION))
+
+
+def sample_sensed(rng: np.random.Generator, *shape: int) -> Sensed:
+    return Sensed(
+        gravity=rng.normal(size=(*shape, 3)),
+        gyro=rng.normal(size=(*shape, 3)),
+        joint_pos=rng.normal(size=(*shape, OP3.n)),
+        joint_vel=rng.normal(size=(*shape, OP3.n)),
+    )
+
+
+def observe_some(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    target, last = rng.normal(size=(*shape, OP3.n)), rng.normal(size=(*shape, ACTION.size))
+    return observe(OP3, sample_sensed(rng, *shape), target, last, rng.random((*shape, 1)))
+
+
+def test_one_robot_and_many_see_the_same():
+    rng = np.random.default_rng(0)
+    sensed = sample_sensed(rng, 5)
+    target, last = rng.normal(size=(5, OP3.n)), rng.normal(size=(5, ACTION.size))
+    share = rng.random((5, 1))
+    many = observe(OP3, sensed, target, last, share)
+    assert many.shape == (5, SIZE)
+    assert many.dtype == np.float32
+    for i in range(5):
+        one = Sensed(
+            gravity=sensed.gravity[i],
+            gyro=sensed.gyro[i],
+            joint_pos=sensed.joint_pos[i],
+            joint_vel=sensed.joint_vel[i],
+        )
+        assert np.array_equal(observe(OP3, one, target[i], last[i], share[i]), many[i])
+
+
+def test_a_torque_limit_is_told_as_a_share_and_no_more_than_all():
+    limits = np.array([2.05, 4.1, 9.0])
+    assert compute_torque_share(OP3, ACTION, limits).tolist() == [[0.5], [1.0], [1.0]]
+    assert compute_torque_share(OP3, ACTION, np.inf).tolist() == [1.0]
+
+
+def test_a_policy_that_asks_for_less_is_told_no_more():
+    gentle = replace(ACTION, pwm_limit=0.55)
+    limits = np.array([2.05, 4.1])
+    assert compute_torque_share(OP3, gentle, limits).tolist() == [[0.5], [0.55]]
+
+
+def test_every_term_is_where_the_list_says():
+    n, k = OP3.n, ACTION.size
+    sensed = Sensed(
+        gravity=np.full(3, 1.0),
+        gyro=np.full(3, 2.0),
+        joint_pos=OP3.standing.joint_pos + 3.0,
+        joint_vel=np.full(n, 4.0),
+    )
+    target = sensed.joint_pos + 5.0
+    seen = observe(OP3, sensed, target, np.full(k, 6.0), np.full(1, 7.0))
+    sizes = [term.size for term in list_terms(OP3, ACTION)]
+    parts = np.split(seen, np.cumsum(sizes)[:-1])
+    assert [len(part) for part in parts] == sizes
+    for value, part in enumerate(parts, start=1):
+        assert part == pytest.approx(np.full(len(part), value))
+
+
+def test_mirroring_twice_changes_nothing():
+    mirror, seen = mirror_of_observation(OP3, ACTION), observe_some(np.random.default_rng(2), 4)
+    assert len(mirror.index) == SIZE
+    assert not np.array_equal(mirror(seen), seen)
+    assert np.array_equal(mirror(mirror(seen)), seen)
+
+
+def test_lying_on_one_side_is_the_mirror_of_lying_on_the_other(op3: Robot):
+    rest = op3.standing.joint_pos
+
+    def lie(y: float, roll_speed: float) -> np.ndarray:
+        sensed = Sensed(
+            gravity=np.array([0.0, y, 0.0]),
+            gyro=np.array([roll_speed, 0.5, 0.0]),
+            joint_pos=rest,
+            joint_vel=np.zeros(op3.n),
+        )
+        return observe(op3, sensed, rest, np.zeros(ACTION.size), np.ones(1))
+
+    mirror = mirror_of_observation(op3, ACTION)
+    assert mirror(lie(1.0, 2.0)) == pytest.approx(lie(-1.0, -2.0))

@@ -1,0 +1,302 @@
+"""The policy runner: what it refuses, how it moves, when it stops."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx")
+
+from bus_stories import TINY, copy_tiny
+from tiny_policies import actions_of, contract_of, save_policy, weights_of
+
+from drivers import Ending, GuardLimits, SafetyGuard, State, Twin, run
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.policy.action import next_target
+from humanoid_getup.policy.observation import observe
+from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, PolicyError
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import Stage
+from robots import Robot, load_robot, quaternion
+from sim2real.environment.training_world import build_world
+from sim2real.environment.vectorized_simulation import Herd
+
+PERIOD = 0.008
+
+
+@pytest.fixture(scope="module")
+def tiny() -> Robot:
+    return load_robot(TINY)
+
+
+def state_of(robot: Robot, time: float = 0.0, **changes) -> State:
+    """A robot at rest in its standing posture."""
+    still = State(
+        time=time,
+        joint_pos=robot.standing.joint_pos,
+        joint_vel=np.zeros(robot.n),
+        joint_current=np.zeros(robot.n),
+        gyro=np.zeros(3),
+        orientation=quaternion.IDENTITY,
+        temperature=np.full(robot.n, 30.0),
+        voltage=12.0,
+    )
+    return replace(still, **changes)
+
+
+def begin(file: Path, robot: Robot, state: State | None = None, **options) -> OnnxPolicy:
+    policy = OnnxPolicy.load(file, robot, PERIOD, **options)
+    policy.reset(state or state_of(robot))
+    return policy
+
+
+def test_a_policy_that_fits_is_loaded(tiny: Robot, tmp_path: Path):
+    policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", tiny), tiny, PERIOD)
+    assert policy.contract.provenance == {"seed": 0}
+    assert policy.action.names == ("l_hip together",)
+
+
+def test_every_mismatch_of_contract_and_network_is_told_at_once(tiny: Robot, tmp_path: Path):
+    contract = contract_of(tiny, robot="nao", mode="torque", imu_frame="askew").to_json()
+    file = save_policy(tmp_path / "p.onnx", tiny, weight=np.zeros((5, 3)), contract=contract)
+    with pytest.raises(PolicyError) as refusal:
+        OnnxPolicy.load(file, tiny, 0.01)
+    assert [fault.split(":")[0] for fault in refusal.value.faults] == [
+        "robot",
+        "action mode",
+        "rate",
+        "IMU frame",
+        "network input",
+        "network output",
+    ]
+    assert str(file) in str(refusal.value)
+    assert all(fault in str(refusal.value) for fault in refusal.value.faults)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.9])
+def test_a_truncated_file_is_refused(tiny: Robot, tmp_path: Path, kept: float):
+    file = save_policy(tmp_path / "p.onnx", tiny)
+    content = file.read_bytes()
+    file.write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(PolicyError, match=r"no whole ONNX file|no policy contract"):
+        OnnxPolicy.load(file, tiny, PERIOD)
+
+
+def test_a_file_without_a_contract_is_refused(tiny: Robot, tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", tiny, contract=None)
+    with pytest.raises(PolicyError, match="has no policy contract: export it with"):
+        OnnxPolicy.load(file, tiny, PERIOD)
+
+
+def test_a_contract_that_is_none_is_refused(tiny: Robot, tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 4}')
+    with pytest.raises(PolicyError, match=r"robot is missing.*action\.mode is missing"):
+        OnnxPolicy.load(file, tiny, PERIOD)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_weights_that_are_no_numbers_are_refused(tiny: Robot, tmp_path: Path, value: float):
+    weight = weights_of(tiny, gyro=value)
+    file = save_policy(tmp_path / "p.onnx", tiny, weight=weight)
+    with pytest.raises(PolicyError, match="answers with what is no number"):
+        OnnxPolicy.load(file, tiny, PERIOD)
+
+
+def test_targets_move_evenly_from_one_decision_to_the_next(tiny: Robot, tmp_path: Path):
+    """The one number is 0.3: so much of a calm robot's rate a step, a sixth of it a cycle."""
+    policy = begin(save_policy(tmp_path / "p.onnx", tiny, bias=0.3), tiny)
+    sent = [policy.step(state_of(tiny, k * PERIOD)).joint_pos for k in range(12)]
+    step = 0.3 * policy.action.calm.least * policy.action.scale / 6
+    both = actions_of(tiny).directions[0]
+    expected = [tiny.standing.joint_pos + (k + 1) * step * both for k in range(12)]
+    np.testing.assert_allclose(sent, expected, atol=1e-7)
+
+
+def test_it_decides_once_in_six_cycles_by_what_it_measures_then(tiny: Robot, tmp_path: Path):
+    """The action is the speed of the joints; only that at the decisions counts."""
+    weight = weights_of(tiny, joint_vel=0.5)  # (0.5 + 0.5) times the speed of both
+    policy = begin(save_policy(tmp_path / "p.onnx", tiny, weight=weight), tiny)
+    speeds = [0.2, 9.0, 9.0, 9.0, 9.0, 9.0, -0.4, 9.0, 9.0, 9.0, 9.0, 9.0]
+    for k, speed in enumerate(speeds):
+        state = state_of(tiny, k * PERIOD, joint_vel=np.full(2, speed))
+        command = policy.step(state)
+    calm = policy.action.calm.least * policy.action.scale
+    offset = (0.2 - 0.4) * calm * actions_of(tiny).directions[0]
+    np.testing.assert_allclose(command.joint_pos, tiny.standing.joint_pos + offset, atol=1e-7)
+
+
+def test_a_torque_limit_caps_the_command_and_is_told_to_the_network(tiny: Robot, tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", tiny, weight=weights_of(tiny, torque_share=0.2))
+    for limit, share in ((None, 1.0), (0.5 * tiny.max_torque.max(), 0.5), (99.0, 1.0)):
+        policy = begin(file, tiny, torque_limit=limit)
+        command = policy.step(state_of(tiny))
+        np.testing.assert_allclose(command.torque_limit, share * tiny.max_torque)
+        moved = command.joint_pos - tiny.standing.joint_pos
+        calm = policy.action.calm.least * policy.action.scale
+        step = 0.2 * share * calm * actions_of(tiny).directions[0]
+        np.testing.assert_allclose(moved, step / 6, rtol=1e-6)
+
+
+def askew_robot(folder: Path) -> Robot:
+    """The smallest robot, its IMU turned by 90 deg about x and then 30 deg about z."""
+    mine = copy_tiny(folder)
+    model = mine / "model.xml"
+    turned = model.read_text().replace('name="imu"', 'name="imu" euler="90 0 30"')
+    model.write_text(turned)
+    return load_robot(mine)
+
+
+@pytest.mark.parametrize("askew", [False, True])
+def test_one_log_gives_training_and_robot_the_same_numbers(tmp_path: Path, askew: bool):
+    """Six robots in other postures, seen by the herd's sensors and as measurements of one."""
+    robot = askew_robot(tmp_path) if askew else load_robot("op3")
+    action = actions_of(robot)
+    herd = Herd(
+        build_world(robot, load_scene("flat"), 0.004), robot, 6, cycles=action.cycles, threads=1
+    )
+    rng = np.random.default_rng(4)
+    qpos, qvel = herd.qpos, rng.normal(size=herd.qvel.shape)
+    qpos[:, 2] = 1.0
+    qpos[:, 3:7] = quaternion.normalise(rng.normal(size=(6, 4)))
+    qpos[:, 7:] = rng.uniform(-0.5, 0.5, size=qpos[:, 7:].shape)
+    herd.place(np.arange(6), qpos, qvel)
+    sensed = herd.sense()
+    last, share = np.zeros((6, action.size)), np.ones((6, 1))
+    seen = observe(robot, sensed, sensed.joint_pos, last, share)
+    raw = herd.batch.bind("sensordata")
+    gyro, orientation = (
+        herd.model.sensor(f"imu_{name}").adr[0] for name in ("gyro", "orientation")
+    )
+    policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", robot), robot, PERIOD)
+    for i in range(6):
+        state = state_of(
+            robot,
+            joint_pos=sensed.joint_pos[i],
+            joint_vel=sensed.joint_vel[i],
+            gyro=raw[i, gyro : gyro + 3],
+            orientation=raw[i, orientation : orientation + 4],
+        )
+        policy.reset(state)
+        np.testing.assert_allclose(policy.observe(policy.sense(state)), seen[i], atol=1e-6)
+
+
+def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_path: Path):
+    """What the herd's servos were told at the end of each cycle of two policy steps."""
+    action = actions_of(op3)
+    herd = Herd(
+        build_world(op3, load_scene("flat"), 0.004), op3, 1, cycles=action.cycles, threads=1
+    )
+    qpos = herd.qpos
+    qpos[:, 2] += 1.0  # in the air
+    herd.place(np.array([0]), qpos)
+    bias = np.linspace(-1.5, 1.5, action.size)
+    file = save_policy(tmp_path / "p.onnx", op3, bias=bias)
+    target = measured = herd.sense().joint_pos
+    policy = begin(file, op3, state_of(op3, joint_pos=measured[0]))
+    for step in range(2):
+        sensed = herd.sense()
+        measured = sensed.joint_pos
+        following = next_target(action, target, measured, sensed.gravity, np.float32(bias))
+        told = herd.advance(target, following, record=("ctrl",))["ctrl"]
+        target = following
+        for cycle in range(action.cycles):
+            time = (step * action.cycles + cycle) * PERIOD
+            command = policy.step(state_of(op3, time, joint_pos=measured[0]))
+            np.testing.assert_allclose(command.joint_pos, told[0, cycle], atol=1e-6)
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.55])
+def test_a_gentle_policy_asks_its_servos_for_less_of_the_supply(
+    tiny: Robot, tmp_path: Path, limit: float
+):
+    contract = contract_of(tiny, pwm_limit=limit).to_json()
+    file = save_policy(tmp_path / "p.onnx", tiny, contract=contract)
+    policy = begin(file, tiny, torque_limit=4.1)
+    command = policy.step(state_of(tiny))
+    assert command.pwm_limit.tolist() == [limit, limit]
+    assert command.torque_limit.tolist() == [4.1, 4.1]
+    assert policy.observe(policy.sense(state_of(tiny)))[-1] == pytest.approx(limit)
+
+
+def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(
+    tiny: Robot, tmp_path: Path
+):
+    """The root of the joints' speed is no number where that is negative."""
+    weight = weights_of(tiny, joint_vel=1.0)
+    policy = begin(save_policy(tmp_path / "p.onnx", tiny, weight=weight, then=("Sqrt",)), tiny)
+    states = [state_of(tiny, k * PERIOD, joint_vel=np.full(2, -1.0)) for k in range(1, 12)]
+    assert not policy.step(state_of(tiny)).is_limp
+    sent = [policy.step(state) for state in states]
+    assert [command.is_limp for command in sent] == [False] * 5 + [True] * 6
+    assert policy.done
+    assert policy.fault == "the network answers with what is no number: l_hip together"
+    policy.reset(state_of(tiny))
+    assert (policy.done, policy.fault) == (False, None)
+
+
+def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
+    stage: Stage, tmp_path: Path
+):
+    weight = weights_of(stage.robot, gravity=np.array([[0.0], [0.0], [1.0]]))  # up: -1
+    file = save_policy(tmp_path / "p.onnx", stage.robot, weight=weight, then=("Sqrt",))
+    guard = SafetyGuard(Twin(stage.robot, stage.model))
+    sent = []
+    policy = OnnxPolicy.load(file, stage.robot, PERIOD)
+    report = run(policy, guard, max_time=5.0, on_cycle=lambda cycle: sent.append(cycle.sent))
+    assert (report.ending, report.cycles) == (Ending.DONE, 1)
+    assert sent[0].is_limp
+    assert policy.fault is not None
+    assert guard.fault is None
+
+
+def test_a_robot_that_has_stood_long_enough_is_done(stage: Stage, tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", stage.robot)
+    twin = Twin(stage.robot, stage.model)
+    watch = Watch(twin.simulation, None)
+    policy = OnnxPolicy.load(file, stage.robot, PERIOD)
+    report = run(policy, SafetyGuard(twin), max_time=20.0, on_cycle=watch)
+    assert report.ending is Ending.DONE
+    assert report.duration == pytest.approx(HOLD, abs=0.1)
+    assert watch.conclude().stand.stood
+
+
+@pytest.mark.parametrize(
+    ("degrees", "speed"), [(20.0, 0.0), (0.0, 2.0)], ids=["leans", "swings its targets"]
+)
+def test_a_robot_that_does_not_stand_still_has_its_time(
+    tiny: Robot, tmp_path: Path, degrees: float, speed: float
+):
+    leaning = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.radians(degrees))
+    weight = weights_of(tiny, joint_vel=0.25)
+    policy = begin(save_policy(tmp_path / "p.onnx", tiny, weight=weight), tiny)
+    k = 0
+    while not policy.done:
+        swing = np.full(2, speed * (-1.0) ** (k // 6))
+        policy.step(state_of(tiny, k * PERIOD, orientation=leaning, joint_vel=swing))
+        k += 1
+    assert (k - 1) * PERIOD == pytest.approx(LONGEST, abs=PERIOD)
+
+
+@pytest.mark.parametrize("start", ["supine", "left"])
+def test_the_guard_never_has_to_cut_a_policy(stage: Stage, tmp_path: Path, start: str):
+    """A policy that is out of its mind: sines of large numbers, beyond 1 by half."""
+    robot = stage.robot
+    weight = np.random.default_rng(0).normal(size=weights_of(robot).shape, scale=30.0)
+    file = save_policy(tmp_path / "p.onnx", robot, weight=weight, then=("Sin", "Asinh"))
+    fall = sample_falls(stage, {start: 1}, np.random.default_rng(3))[0]
+    twin = Twin(robot, stage.model)
+    twin.place(fall.posture)
+    guard = SafetyGuard(twin, GuardLimits.of(robot))
+    policy = OnnxPolicy.load(file, robot, PERIOD, longest=4.0)
+    moved = []
+    report = run(
+        policy, guard, max_time=9.0, on_cycle=lambda cycle: moved.append(cycle.asked.joint_pos)
+    )
+    assert report.ending is Ending.DONE
+    assert report.clips.total == 0
+    speed = np.abs(np.diff(moved, axis=0)).max(axis=0) / PERIOD
+    knee = robot.joint_names.index("l_knee")
+    assert speed[knee] > 0.9 * robot.max_velocity[knee]

@@ -1,0 +1,92 @@
+"""Film strips: the right moments, the robot in the picture, one whole file."""
+
+import copy
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from humanoid_getup.reporting import film_strip
+from humanoid_getup.simulation.world import Stage
+from robots import Posture, Robot, quaternion
+from robots.kinematics import place
+
+
+@pytest.fixture(scope="module")
+def empty(stage: Stage) -> mujoco.MjModel:
+    """The scene with a robot that nobody sees."""
+    model = copy.copy(stage.model)
+    robot_geoms = model.body_rootid[model.geom_bodyid] != 0
+    model.geom_rgba[robot_geoms, 3] = 0.0
+    return model
+
+
+def render(robot: Robot, model: mujoco.MjModel, posture: Posture) -> np.ndarray:
+    try:
+        return film_strip.render_frames(robot, model, place(robot, model, posture)[None])[0]
+    except film_strip.NoRendererError as error:
+        pytest.skip(str(error))
+
+
+def lie(robot: Robot) -> Posture:
+    return Posture(
+        position=np.array([0.3, -0.2, 0.09]),
+        orientation=quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -np.pi / 2),
+        joint_pos=robot.standing.joint_pos,
+    )
+
+
+@pytest.mark.parametrize("is_lying", [False, True])
+def test_the_robot_fills_the_picture_and_is_not_cut_off(
+    op3: Robot, stage: Stage, empty: mujoco.MjModel, is_lying: bool
+):
+    posture = lie(op3) if is_lying else op3.standing
+    with_robot, without = (render(op3, model, posture) for model in (stage.model, empty))
+    seen = np.abs(with_robot.astype(int) - without).max(axis=2) > 60
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    size = film_strip.FRAME_SIZE[0]
+    assert min(rows[0], columns[0]) > 0
+    assert max(rows[-1], columns[-1]) < size - 1
+    extent = max(rows[-1] - rows[0], columns[-1] - columns[0])
+    assert extent > 0.6 * size
+
+
+def test_left_and_right_limbs_have_colours_of_their_own(op3: Robot, stage: Stage):
+    picture = render(op3, stage.model, op3.standing).astype(int)
+    red, _, blue = np.moveaxis(picture, 2, 0)
+    assert (red - blue > 80).sum() > 500  # left: orange
+    assert (blue - red > 60).sum() > 500  # right: blue
+
+
+def test_moments_are_spread_evenly_from_the_first_to_the_last():
+    np.testing.assert_array_equal(film_strip.pick_frames(111, 12), np.arange(0, 111, 10))
+    np.testing.assert_array_equal(film_strip.pick_frames(3, 12), [0, 1, 2])
+    np.testing.assert_array_equal(film_strip.pick_frames(1, 12), [0])
+
+
+@pytest.mark.parametrize(("count", "rows"), [(4, 1), (6, 1), (12, 2)])
+def test_a_strip_is_one_file_of_rows_of_six(tmp_path: Path, count: int, rows: int):
+    pictures = np.full((count, 20, 20, 3), 200, dtype=np.uint8)
+    film_strip.save_strip(
+        pictures, np.arange(count) * 0.1, tmp_path / "strip.png", title="twelve steps"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["strip.png"]
+    height, width, _ = imread(tmp_path / "strip.png").shape
+    assert width == min(count, 6) * 300
+    assert height == pytest.approx(rows * 300 + 68, abs=1)  # 68 pixels for the title
+
+
+def test_without_gl_the_answer_is_an_error_that_says_so(
+    op3: Robot, stage: Stage, monkeypatch: pytest.MonkeyPatch
+):
+    class NoGl:
+        def __init__(self, *_args: object, **_options: object) -> None:
+            raise RuntimeError("cannot open\na display")
+
+    monkeypatch.setattr(mujoco, "Renderer", NoGl)
+    with pytest.raises(
+        film_strip.NoRendererError, match=r"no GL to render with .*: cannot open a disp"
+    ):
+        film_strip.render_frames(op3, stage.model, place(op3, stage.model, op3.standing)[None])

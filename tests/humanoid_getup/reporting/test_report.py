@@ -1,0 +1,72 @@
+"""The report: every key in every report, figures that any JSON reader takes."""
+
+import io
+import json
+import math
+
+import numpy as np
+from rich.console import Console
+
+from humanoid_getup.cli.output import to_json
+from humanoid_getup.execution.get_up import Rise
+from humanoid_getup.reporting.report import KEYS, Circumstances, make_report, print_summary
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from robots import load_robot
+
+ASKED = Circumstances(
+    robot="op3",
+    period=0.008,
+    seed=4,
+    start="prone",
+    scene="flat",
+    backend="twin",
+    torque_limit=2.5,
+    extra={"planning": True},
+)
+UNPLANNED = Rise(
+    robot=load_robot("op3"),
+    start_class="prone",
+    plan=RisePlan(
+        status=RiseStatus.NOT_PLANNED,
+        reason="no path to any connecting posture",
+        motion=None,
+        connection=None,
+        planned=False,
+        stand_time=math.nan,
+        robust=math.nan,
+        rehearsals=0,
+        rounds=0,
+        plan_s=0.1,
+        filter_s=0.0,
+    ),
+    run=None,
+    watched=None,
+)
+
+
+def test_a_rise_that_was_never_played_has_every_key_and_says_why():
+    report = make_report(UNPLANNED, ASKED)
+    assert set(KEYS) <= set(report)
+    assert list(report)[: len(KEYS)] == list(KEYS)
+    assert (report["robot"], report["seed"], report["torque_limit_nm"]) == ("op3", 4, 2.5)
+    assert (report["planned"], report["stood"], report["attempts"]) == (False, False, 0)
+    assert report["reason"] == "no path to any connecting posture"
+    assert report["period_s"] == 0.008
+    assert report["planning"] is True
+    for key in ("stand_time_s", "peak_torque_nm", "peak_velocity_rad_s", "torque_use"):
+        assert report[key] is None
+
+
+def test_a_summary_gives_the_reason_when_there_is_no_stand():
+    page = io.StringIO()
+    print_summary(make_report(UNPLANNED, ASKED), [], Console(file=page, width=100))
+    lines = page.getvalue().splitlines()
+    assert lines[0] == "did not stand: no path to any connecting posture"
+    assert lines[1].split() == ["start", "prone,", "seed", "4"]
+    assert len(lines) == 2
+
+
+def test_json_takes_arrays_and_turns_what_is_no_number_into_null():
+    text = to_json({"a": np.float64(1.5), "b": math.nan, "c": [np.int64(2), math.inf], "d": (1,)})
+    assert json.loads(text) == {"a": 1.5, "b": None, "c": [2, None], "d": [1]}
+    assert json.loads(to_json({"v": np.array([0.5, np.nan])})) == {"v": [0.5, None]}

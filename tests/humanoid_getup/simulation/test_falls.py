@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from humanoid_getup.simulation.falls import classify, sample_falls
+from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from robots import quaternion
+from robots.kinematics import lowest_point, place
+
+# Attitudes of op3-facts, section 7: rotation axis and angle from upright.
+ATTITUDES = {
+    "supine": ([0.0, 1.0, 0.0], -np.pi / 2),
+    "prone": ([0.0, 1.0, 0.0], np.pi / 2),
+    "left": ([1.0, 0.0, 0.0], -np.pi / 2),
+    "right": ([1.0, 0.0, 0.0], np.pi / 2),
+}
+
+
+@pytest.fixture(scope="module")
+def falls(stage):
+    return sample_falls(stage, {"supine": 2, "prone": 2, "lateral": 2}, np.random.default_rng(5))
+
+
+@pytest.mark.parametrize("name", ATTITUDES)
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
+def test_gravity_names_the_class_whatever_the_heading(name, yaw):
+    axis, angle = ATTITUDES[name]
+    lying = quaternion.from_axis_angle(np.array(axis), angle)
+    assert classify(quaternion.multiply(quaternion.from_yaw(yaw), lying)) == name
+
+
+def test_upright_and_head_down_do_not_lie():
+    assert classify(np.array([1.0, 0.0, 0.0, 0.0])) is None
+    assert classify(np.array([0.0, 1.0, 0.0, 0.0])) is None
+
+
+def test_every_class_has_its_count_and_its_name(falls):
+    found = [fall.start_class for fall in falls]
+    assert found[:4] == ["supine"] * 2 + ["prone"] * 2
+    assert set(found[4:]) <= {"left", "right"}
+    assert len(found) == 6
+    for fall in falls:
+        assert classify(fall.posture.orientation) == fall.start_class
+
+
+def test_a_fallen_robot_rests_on_the_ground_within_its_limits(falls, stage):
+    robot = stage.robot
+    for fall in falls:
+        lowest = lowest_point(stage.model, place(robot, stage.model, fall.posture))
+        assert -0.004 < lowest < 0.001
+        assert np.all(fall.posture.joint_pos >= robot.lower)
+        assert np.all(fall.posture.joint_pos <= robot.upper)
+
+
+def test_a_fallen_robot_stays_where_it_is(falls, stage):
+    robot = stage.robot
+    starts = np.array([place(robot, stage.model, fall.posture) for fall in falls])
+    limp = Conditions.nominal(stage, len(falls), torque_limit=0.0)
+    trace = Rehearsal(stage, len(falls)).play(starts, np.zeros((len(falls), 125, robot.n)), limp)
+    turned = quaternion.angle_between(trace.qpos[:, -1, 3:7], starts[:, 3:7])
+    assert np.all(turned < np.radians(3.0))
+
+
+def test_one_seed_gives_one_set(stage):
+    counts = {"supine": 1, "lateral": 1}
+    first, second = (sample_falls(stage, counts, np.random.default_rng(9)) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a.posture.joint_pos, b.posture.joint_pos)
+        np.testing.assert_array_equal(a.posture.orientation, b.posture.orientation)
+
+
+def test_joints_are_far_from_home(falls, stage):
+    home = stage.robot.standing.joint_pos
+    for fall in falls:
+        assert np.abs(fall.posture.joint_pos - home).max() > 0.8

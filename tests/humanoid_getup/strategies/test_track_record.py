@@ -1,0 +1,131 @@
+"""Records: read from the robot's folder, and what they promise."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.strategies.track_record import (
+    BY_PWM,
+    PLAN,
+    POLICY,
+    Count,
+    RecordsError,
+    Way,
+    load_records,
+)
+from robots import Robot, load_robot
+
+ROBUST = Way(POLICY, "robust")
+TEXT = """
+[[record]]
+method = "plan"
+torque_limit = 4.1
+supine = { stood = 250, n = 250 }
+
+[[record]]
+method = "policy"
+policy = "robust"
+torque_limit = 4.1
+supine = { stood = 248, n = 250 }
+left = { stood = 4, n = 4 }
+
+[[record]]
+method = "policy"
+policy = "robust"
+torque_limit = 2.0
+cap = "torque"
+supine = { stood = 170, n = 250 }
+
+[[record]]
+method = "policy"
+policy = "robust"
+torque_limit = 2.0
+cap = "pwm"
+supine = { stood = 120, n = 250 }
+"""
+
+
+def robot_with(text: str, folder: Path) -> Robot:
+    (folder / "policies").mkdir()
+    (folder / "policies" / "records.toml").write_text(text, "utf-8")
+    return replace(load_robot("op3"), folder=folder)
+
+
+def test_records_are_read_from_the_robots_folder(tmp_path: Path):
+    records = load_records(robot_with(TEXT, tmp_path))
+    assert [record.way for record in records.records] == [Way(PLAN), ROBUST, ROBUST, ROBUST]
+    assert records.records[1].counts == {"supine": Count(248, 250), "left": Count(4, 4)}
+    assert records.knows(ROBUST)
+    assert not records.knows(Way(POLICY, "gentle"))
+
+
+def test_a_robot_without_records_has_none(tmp_path: Path):
+    records = load_records(replace(load_robot("op3"), folder=tmp_path))
+    assert records.records == ()
+    assert records.promise(Way(PLAN), "supine", 4.1) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("torque_limit", "stood", "n"),
+    [(4.1, 248, 250), (5.0, 248, 250), (3.0, 170, 250), (2.0, 170, 250)],
+)
+def test_what_counts_is_the_strongest_servo_not_stronger_than_mine(
+    tmp_path: Path, torque_limit: float, stood: int, n: int
+):
+    records = load_records(robot_with(TEXT, tmp_path))
+    assert records.promise(ROBUST, "supine", torque_limit) == wilson_interval(stood, n)[0]
+
+
+@pytest.mark.parametrize(("torque_limit", "stood"), [(2.0, 120), (3.0, 120), (4.1, 248)])
+def test_a_cap_by_pwm_has_records_of_its_own(tmp_path: Path, torque_limit: float, stood: int):
+    records = load_records(robot_with(TEXT, tmp_path))
+    promised = records.promise(ROBUST, "supine", torque_limit, BY_PWM)
+    assert promised == wilson_interval(stood, 250)[0]
+
+
+def test_nothing_is_promised_of_what_was_not_measured(tmp_path: Path):
+    records = load_records(robot_with(TEXT, tmp_path))
+    assert records.promise(ROBUST, "supine", 1.9) == 0.0
+    assert records.promise(ROBUST, "prone", 4.1) == 0.0
+    assert records.promise(Way(PLAN), "supine", 2.0) == 0.0
+
+
+def test_few_rises_promise_little(tmp_path: Path):
+    """4 of 4 is 51 % at worst, 248 of 250 is 97 %: Wilson's score by hand."""
+    records = load_records(robot_with(TEXT, tmp_path))
+    assert records.promise(ROBUST, "left", 4.1) == pytest.approx(4 / (4 + 1.96**2), abs=1e-4)
+    assert records.promise(ROBUST, "supine", 4.1) > 0.97
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path: Path):
+    text = """
+[[record]]
+method = "luck"
+torque_limit = 0
+
+[[record]]
+method = "policy"
+torque_limit = 2.0
+cap = "hat"
+supine = { stood = 9, n = 8 }
+prone = 3
+"""
+    with pytest.raises(RecordsError) as refusal:
+        load_records(robot_with(text, tmp_path))
+    for told in (
+        "records.toml: record 1: method is 'luck', allowed plan, policy",
+        "record 1: torque_limit is 0",
+        "record 2: policy is missing",
+        "record 2: cap is 'hat', allowed torque, pwm",
+        "record 2: supine.stood is 9, allowed an integer from 0 to 8",
+        "record 2: prone is 3, allowed { stood = ..., n = ... }",
+    ):
+        assert told in str(refusal.value)
+
+
+@pytest.mark.parametrize("text", ["record = 3", "[[record]", "record = [1]"])
+def test_a_file_that_holds_no_tables_is_refused(tmp_path: Path, text: str):
+    with pytest.raises(RecordsError, match=r"records\.toml"):
+        load_records(robot_with(text, tmp_path))

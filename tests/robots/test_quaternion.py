@@ -1,0 +1,77 @@
+"""Quaternions, against rotation matrices as MuJoCo makes them."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots import quaternion
+
+numbers = st.floats(-1.0, 1.0)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+quaternions = (
+    st.tuples(numbers, numbers, numbers, numbers)
+    .filter(lambda q: np.linalg.norm(q) > 0.1)
+    .map(lambda q: quaternion.normalise(np.array(q)))
+)
+
+
+def matrix(q):
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, q)
+    return R.reshape(3, 3)
+
+
+def same_rotation(p, q):
+    return quaternion.angle_between(p, q) == pytest.approx(0.0, abs=1e-6)
+
+
+@given(p=quaternions, q=quaternions)
+def test_products_are_those_of_matrices(p, q):
+    assert matrix(quaternion.multiply(p, q)) == pytest.approx(matrix(p) @ matrix(q), abs=1e-9)
+
+
+@given(q=quaternions, v=vectors)
+def test_rotation_is_that_of_the_matrix(q, v):
+    assert quaternion.rotate(q, v) == pytest.approx(matrix(q) @ v, abs=1e-9)
+    assert quaternion.rotate(quaternion.inverse(q), v) == pytest.approx(matrix(q).T @ v, abs=1e-9)
+
+
+@given(p=quaternions, q=quaternions, t=st.floats(0.0, 1.0))
+def test_slerp_goes_evenly_along_the_shorter_arc(p, q, t):
+    whole = quaternion.angle_between(p, q)
+    middle = quaternion.slerp(p, q, t)
+    assert quaternion.angle_between(p, middle) == pytest.approx(t * whole, abs=1e-6)
+    assert quaternion.angle_between(middle, q) == pytest.approx((1.0 - t) * whole, abs=1e-6)
+
+
+@given(q=quaternions)
+def test_mirroring_conjugates_with_the_reflection(q):
+    M = np.diag([1.0, -1.0, 1.0])
+    assert matrix(quaternion.mirror(q)) == pytest.approx(M @ matrix(q) @ M, abs=1e-9)
+    assert np.array_equal(quaternion.mirror(quaternion.mirror(q)), q)
+
+
+@given(q=quaternions, yaw=st.floats(-3.0, 3.0))
+def test_gravity_and_tilt_do_not_know_the_yaw(q, yaw):
+    turned = quaternion.multiply(quaternion.from_yaw(yaw), q)
+    assert quaternion.gravity_in_body(turned) == pytest.approx(
+        quaternion.gravity_in_body(q), abs=1e-9
+    )
+    assert quaternion.tilt(q) == pytest.approx(math.acos(np.clip(matrix(q)[2, 2], -1, 1)), abs=1e-6)
+
+
+def test_a_quarter_turn_about_y_takes_z_to_x():
+    q = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), math.pi / 2)
+    assert quaternion.rotate(q, np.array([0.0, 0.0, 1.0])) == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_many_quaternions_are_handled_as_one():
+    rng = np.random.default_rng(0)
+    p, q = quaternion.normalise(rng.normal(size=(2, 5, 4)))
+    t = rng.uniform(size=5)
+    each = [quaternion.slerp(a, b, s) for a, b, s in zip(p, q, t, strict=True)]
+    assert quaternion.slerp(p, q, t) == pytest.approx(np.stack(each))

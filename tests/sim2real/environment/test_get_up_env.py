@@ -1,0 +1,172 @@
+"""The training environment: spaces, seeds, episodes, and what critics know."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium")
+
+from gymnasium.vector import AutoresetMode
+
+from robots.kinematics import place
+from sim2real.environment.get_up_env import HELD, EnvOptions, GetUpEnv
+from sim2real.environment.initial_states import StartPool
+from sim2real.environment.randomization import Randomisation
+from sim2real.environment.rewards import Reward, stands
+
+FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
+STANDING = replace(FALLEN, falls=0.0, motions=0.0)
+RANDOM = EnvOptions(robots=8, randomisation=Randomisation(), threads=2)
+
+
+def roll(op3, action, pool, options, seed, steps=8):
+    """Step with random actions; return observations, critic's views and rewards."""
+    env = GetUpEnv(op3, action, StartPool.of(pool.qpos), options)
+    observation, info = env.reset(seed=seed)
+    seen, rng = [(observation, info["critic"], np.zeros(options.robots))], np.random.default_rng(9)
+    for _ in range(steps):
+        actions = rng.uniform(-1.0, 1.0, env.action_space.shape)
+        observation, reward, _, _, info = env.step(actions)
+        seen.append((observation, info["critic"], reward))
+    return [np.array(values) for values in zip(*seen, strict=True)]
+
+
+def test_spaces_hold_what_is_seen_and_done(op3, action, pool):
+    env = GetUpEnv(op3, action, pool, RANDOM)
+    observation, _ = env.reset(seed=0)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert env.observation_space.contains(observation)
+    assert env.single_observation_space.shape == (sum(term.size for term in env.terms),)
+    assert env.single_action_space.shape == (action.size,)
+    for _ in range(3):
+        observation, reward, ended, cut, _ = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation)
+        assert [part.shape for part in (reward, ended, cut)] == [(8,)] * 3
+        assert not ended.any()
+
+
+@pytest.mark.parametrize("options", [FALLEN, RANDOM])
+def test_one_seed_is_one_story_and_another_seed_another(op3, action, pool, options):
+    one = roll(op3, action, pool, options, 3)
+    again = roll(op3, action, pool, replace(options, threads=3 - options.threads), 3)
+    other = roll(op3, action, pool, options, 4)
+    for first, second, third in zip(one, again, other, strict=True):
+        assert np.array_equal(first, second)
+        assert not np.array_equal(first, third)
+
+
+def test_an_episode_ends_by_time_and_the_next_begins_in_the_same_step(op3, action, pool):
+    env = GetUpEnv(op3, action, pool, FALLEN)
+    env.reset(seed=0)
+    env.ages[:4] = env.longest - 2
+    idle = np.zeros((8, action.size))
+    _, _, _, cut, _ = env.step(idle)
+    assert not cut.any()
+    observation, _, ended, cut, info = env.step(idle)
+    assert cut.tolist() == [True] * 4 + [False] * 4
+    assert not ended.any()
+    assert info["falls"] == 4
+    assert np.array_equal(info["_final_obs"], cut)
+    assert not np.array_equal(info["final_obs"][:4], observation[:4])
+    assert np.array_equal(info["final_obs"][4:], observation[4:])
+    assert env.ages.tolist() == [0] * 4 + [2] * 4
+    start = (env.terms[0].size + env.terms[1].size) + np.arange(op3.n)
+    seen = observation[:4, start] + op3.standing.joint_pos
+    known = pool.qpos[:, op3.layout(env.herd.model).qpos]
+    for row in seen:
+        assert np.abs(known - row).max(axis=1).min() < 1e-5
+
+
+def test_who_has_held_its_stand_may_end_early(op3, action, pool):
+    env = GetUpEnv(op3, action, pool, replace(STANDING, ends_early=1.0))
+    env.reset(seed=0)
+    steps = round(HELD / env.step_time)
+    for step in range(1, steps + 1):
+        _, _, _, cut, info = env.step(np.zeros((8, action.size)))
+        assert cut.all() == (step == steps)
+        assert info["falls"] == 0  # standing at the start proves nothing
+
+
+@pytest.mark.parametrize(("options", "earned"), [(STANDING, 1.0), (FALLEN, 0.0)])
+def test_standing_is_rewarded_and_lying_is_not(op3, action, pool, options, earned):
+    env = GetUpEnv(op3, action, pool, replace(options, rewards=(Reward(stands, 1.0),)))
+    env.reset(seed=0)
+    for _ in range(5):
+        _, reward, _, _, info = env.step(np.zeros((8, action.size)))
+        assert reward.tolist() == [earned] * 8
+        assert info["rewards"] == {"stands": earned}
+
+
+def test_who_diverges_earns_nothing_and_begins_anew(op3, action, pool, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+    env = GetUpEnv(op3, action, pool, replace(STANDING, rewards=(Reward(stands, 1.0),)))
+    env.reset(seed=0)
+    idle = np.zeros((8, action.size))
+    env.step(idle)
+    env.herd.push(np.array([2]), np.full((1, 3), np.nan))
+    observation, reward, _, cut, info = env.step(idle)
+    assert reward.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    assert np.flatnonzero(cut).tolist() == [2]
+    assert env.ages.tolist() == [2, 2, 0, 2, 2, 2, 2, 2]
+    assert info["stood"] == 0
+    seen = (observation, info["final_obs"], info["critic"])
+    assert all(np.isfinite(values).all() for values in seen)
+    assert not env.step(idle)[3].any()
+
+
+def test_a_success_makes_its_start_rarer(op3, action, pool):
+    model = GetUpEnv(op3, action, pool, FALLEN).herd.model
+    standing = StartPool.of(np.tile(place(op3, model, op3.standing), (2, 1)))
+    env = GetUpEnv(op3, action, standing, replace(FALLEN, ends_early=1.0))
+    env.reset(seed=0)
+    for _ in range(round(HELD / env.step_time)):
+        _, _, _, _, info = env.step(np.zeros((8, action.size)))
+    assert (info["falls"], info["stood"]) == (8, 8)
+    assert np.all(standing.success > 0.0)
+
+
+def test_the_critic_sees_the_observation_and_then_the_truth(op3, action, pool):
+    env = GetUpEnv(op3, action, pool, STANDING)
+    env.reset(seed=0)
+    observation, _, _, _, info = env.step(np.zeros((8, action.size)))
+    known, size = info["critic"], observation.shape[1]
+    assert np.array_equal(known[:, :size], observation)
+    assert known.shape[1] == len(env.mirror_of_critic().index)
+    neck, left, right, distance, upright, foreign = known[0, size : size + 6]
+    assert neck == pytest.approx(1.0, abs=0.02)
+    assert [left, right] == pytest.approx([0.0, 0.0], abs=0.02)
+    assert distance < 0.2
+    assert upright == pytest.approx(1.0, abs=0.01)
+    assert foreign == 0.0
+
+
+def test_actions_beyond_one_count_as_one(op3, action, pool):
+    envs = [GetUpEnv(op3, action, StartPool.of(pool.qpos), FALLEN) for _ in range(2)]
+    for env, size in zip(envs, (1.0, 7.0), strict=True):
+        env.reset(seed=0)
+        seen = env.step(np.full((8, action.size), size))[0]
+        env.last_seen = seen
+    assert np.array_equal(envs[0].last_seen, envs[1].last_seen)
+
+
+@pytest.mark.parametrize("options", [FALLEN, RANDOM])
+def test_a_restored_environment_goes_on_to_the_bit(op3, action, pool, options):
+    env = GetUpEnv(op3, action, pool, options)
+    env.reset(seed=0)
+    env.ages[:] = env.longest - np.arange(8)
+    rng = np.random.default_rng(0)
+    plan = rng.uniform(-1.0, 1.0, (9, 8, action.size))
+    for actions in plan[:3]:
+        env.step(actions)
+    state = env.save_state()
+
+    other = GetUpEnv(op3, action, StartPool.of(pool.qpos), options)
+    other.reset(seed=5)
+    other.restore_state(state)
+    for actions in plan[3:]:
+        one, another = env.step(actions), other.step(actions)
+        assert np.array_equal(one[0], another[0])
+        assert np.array_equal(one[1], another[1])
+        assert np.array_equal(one[3], another[3])
+        assert np.array_equal(one[4]["critic"], another[4]["critic"])

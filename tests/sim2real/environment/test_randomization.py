@@ -1,0 +1,79 @@
+"""Randomisation: drawn from its ranges, by the seed, around the robot as described."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from sim2real.environment.conditions import Conditions
+from sim2real.environment.randomization import MOST_DELAY, Randomisation
+
+R = Randomisation()
+N = 400
+
+
+@pytest.fixture(scope="module")
+def drawn(op3, world) -> Conditions:
+    return R.sample(op3, world, N, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("name", "lower", "upper"),
+    [
+        ("com_shift", -R.com_shift, R.com_shift),
+        ("friction", *R.friction),
+        ("voltage", 10.5, 12.6),  # shares of the nominal 12 V
+        ("friction_loss", *R.friction_loss),
+        ("joint_offset", -R.joint_offset, R.joint_offset),
+        ("backlash", *R.backlash),
+    ],
+)
+def test_draws_fill_their_range_and_stay_inside(drawn, name, lower, upper):
+    values = getattr(drawn, name)
+    assert np.all((values >= lower) & (values <= upper))
+    margin = 0.1 * (upper - lower)
+    assert values.min() < lower + margin
+    assert values.max() > upper - margin
+
+
+def test_delays_share_what_they_may_last_together(drawn):
+    both = drawn.action_delay + drawn.sensor_delay
+    for delay in (drawn.action_delay, drawn.sensor_delay):
+        assert np.all((delay >= 0.0) & (delay <= MOST_DELAY))
+        assert delay.max() > 0.8 * MOST_DELAY
+    assert both.max() <= R.delay[1]
+    assert both.max() > 0.8 * R.delay[1]
+
+
+def test_some_rotors_are_heavy(drawn):
+    heavy = drawn.armature > R.armature[1]
+    assert np.mean(heavy) == pytest.approx(R.heavy_share, abs=0.08)
+    assert drawn.armature[heavy].max() <= R.heavy_armature[1]
+    assert drawn.armature.min() >= R.armature[0]
+
+
+def test_what_is_drawn_fits_the_herd_and_nominal_is_within_it(op3, world, drawn):
+    nominal = Conditions.nominal(op3, world.nbody, N)
+    for field in fields(Conditions):
+        values, usual = getattr(drawn, field.name), getattr(nominal, field.name)
+        assert values.shape == usual.shape
+        assert values.dtype == usual.dtype
+        nearly = 0.05 * np.ptp(values.astype(float))
+        assert values.min() <= usual.min() + nearly
+        assert values.max() >= usual.max() - nearly
+
+
+def test_a_share_of_robots_has_all_its_torque_and_a_share_one_weak_servo(op3, drawn):
+    own = op3.max_torque.max()
+    assert np.mean(drawn.torque_limit == own) == pytest.approx(R.full_torque, abs=0.08)
+    assert np.mean(drawn.pwm_limited) == pytest.approx(R.pwm_limited, abs=0.08)
+    weak = drawn.strength < R.strength[0]
+    assert np.all(weak.sum(axis=1) <= 1)
+    assert drawn.strength.min() >= R.strength[0] * R.weak_servo[0]
+
+
+def test_one_seed_is_one_draw(op3, world):
+    one, again, other = (R.sample(op3, world, 3, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    for field in fields(Conditions):
+        assert np.array_equal(getattr(one, field.name), getattr(again, field.name))
+    assert not np.array_equal(one.friction, other.friction)

@@ -1,0 +1,148 @@
+"""Rewards, worked out by hand on made-up moments."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim2real.environment.rewards import (
+    MOST_ASKED,
+    NECK_LOW,
+    REWARDS,
+    SOLES_LOW,
+    UNDER_TORSO,
+    Moment,
+    Reward,
+    action_change,
+    at_ease,
+    demanding,
+    dropping,
+    haste,
+    head_strike,
+    joint_speed,
+    over_feet,
+    restless,
+    score,
+    stance,
+    stands,
+    torque,
+    way_up,
+)
+from sim2real.environment.vectorized_simulation import Herd
+
+STANDING = Moment(
+    height=np.array([1.0]),
+    stretch=np.array([1.0]),
+    sole_height=np.array([0.0]),
+    sole_distance=np.array([0.0]),
+    upright=np.array([1.0]),
+    standing=np.array([True]),
+    joint_speed=np.zeros((1, 2)),
+    torque=np.zeros((1, 2)),
+    fall_speed=np.zeros(1),
+    head_fall=np.zeros(1),
+    asked=np.zeros((1, 2)),
+    action=np.zeros((1, 2)),
+    last_action=np.zeros((1, 2)),
+    away=np.zeros((1, 2)),
+)
+# Two thirds of the standing height, upright, legs stretched out forward.
+SITTING = replace(
+    STANDING,
+    height=np.array([0.66]),
+    stretch=np.array([0.6]),
+    sole_height=np.array([0.06]),
+    sole_distance=np.array([0.8]),
+    standing=np.array([False]),
+    away=np.full((1, 2), 1.0),
+)
+LYING = replace(SITTING, height=np.array([0.15]), stretch=np.array([0.1]), upright=np.array([0.0]))
+
+
+ONE_MOVES = np.array([[0.5, 0.0]])
+
+
+def change(**fields: object) -> Moment:
+    return replace(STANDING, **{name: np.atleast_1d(value) for name, value in fields.items()})
+
+
+@pytest.mark.parametrize(
+    ("term", "moment", "value"),
+    [
+        (way_up, STANDING, 1.0),
+        (way_up, change(height=0.5), 0.25),
+        (way_up, change(height=1.4), 1.0),  # a jump earns no more than a stand
+        (way_up, change(height=-0.1), 0.0),
+        (way_up, change(upright=-1.0), 0.0),
+        (way_up, change(upright=0.0), 0.5),
+        (way_up, change(sole_height=SOLES_LOW), 1.0 / np.e),
+        (over_feet, STANDING, 1.0),
+        (over_feet, change(stretch=0.5), 0.25),
+        (over_feet, change(upright=0.0), 0.25),
+        (over_feet, change(sole_distance=UNDER_TORSO), 1.0 / np.e),
+        (over_feet, change(stretch=-0.5), 0.0),  # head down, feet up
+        (stands, STANDING, 1.0),
+        (stands, SITTING, 0.0),
+        (stance, STANDING, 1.0),
+        (stance, change(away=[[0.0, 0.5**0.5]]), 0.5 * (1.0 + 1.0 / np.e)),  # each joint counts
+        (at_ease, STANDING, 1.0),
+        (at_ease, SITTING, 0.0),
+        (at_ease, change(away=[[0.0, -np.pi / 4.0]]), 0.5 * (1.0 + 0.75)),
+        (at_ease, change(away=[[4.0, 4.0]]), 0.0),
+        (haste, change(asked=[[1.0, 0.0]]), 0.5),
+        (haste, change(asked=[[MOST_ASKED + 5.0, -MOST_ASKED]]), MOST_ASKED**2),
+        (demanding, change(asked=[[1.0, 0.0]]), 0.5),
+        (demanding, replace(SITTING, asked=ONE_MOVES), 0.0),
+        (stance, SITTING, 0.0),
+        (action_change, change(action=[[1.0, 0.0]], last_action=[[-1.0, 0.0]]), 2.0),
+        (joint_speed, change(joint_speed=[[0.5, -0.5]]), 0.25),
+        (restless, change(joint_speed=[[0.5, -0.1]], away=[[0.2, -0.1]]), 0.3),
+        (restless, change(joint_speed=[[0.5, -0.1]], away=[[0.2, 0.1]]), 0.25),  # one comes home
+        (restless, replace(SITTING, joint_speed=ONE_MOVES, away=ONE_MOVES), 0.0),
+        (torque, change(torque=[[1.0, 0.0]]), 0.5),
+        (dropping, change(fall_speed=2.0), 4.0),
+        (head_strike, change(head_fall=2.0, height=0.0), 4.0),
+        (head_strike, change(head_fall=2.0, height=NECK_LOW), 4.0 / np.e),
+        (head_strike, STANDING, 0.0),
+    ],
+)
+def test_a_term_worked_out_by_hand(term, moment, value):
+    assert term(moment) == pytest.approx([value])
+
+
+@pytest.mark.parametrize("name", sorted(REWARDS))
+def test_sitting_earns_less_than_standing_and_more_than_lying(name):
+    standing, sitting, lying = (
+        score(REWARDS[name], moment)[0].item() for moment in (STANDING, SITTING, LYING)
+    )
+    assert standing > 2.0 * sitting
+    assert sitting > lying
+
+
+def test_the_parts_of_a_score_are_named_and_sum_up():
+    rewards = (Reward(stands, 0.5), Reward(way_up, 0.25))
+    total, parts = score(rewards, STANDING)
+    assert total == pytest.approx([0.75])
+    assert {name: part.item() for name, part in parts.items()} == {"stands": 0.5, "way_up": 0.25}
+
+
+def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
+    herd = Herd(world, op3, 1, cycles=6, threads=1)
+    herd.place(np.array([0]), falls[:1])
+    truth, size = herd.look(), op3.standing_neck_height
+    velocity = np.array([[0.0, 0.0, -0.3, 0.0, 0.0, 0.0]])
+    truth = replace(
+        truth, neck_height=np.array([0.9 * size]), upright=np.array([1.0]), root_vel=velocity
+    )
+    truth = replace(truth, foreign=np.array([False]), sole_height=np.full((1, 2), 0.1 * size))
+    truth = replace(truth, head_fall=np.array([0.6]))
+    truth = replace(truth, joint_vel=np.tile(op3.max_velocity, (1, 1)))
+    moment = Moment.of(op3, truth, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1)))
+    assert moment.height == pytest.approx([0.9])
+    assert moment.stretch == pytest.approx([0.8])
+    assert moment.sole_height == pytest.approx([0.1])
+    assert moment.standing.tolist() == [True]
+    assert moment.fall_speed == pytest.approx([0.3 / size])
+    assert moment.head_fall == pytest.approx([0.6 / size])
+    assert moment.joint_speed == pytest.approx(np.ones((1, op3.n)))
+    assert moment.away == pytest.approx(np.zeros((1, op3.n)))

@@ -1,0 +1,141 @@
+"""Trials: a policy's evaluation under other conditions and in other physics."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from humanoid_getup.policy.action import ActionSpec, choose_actions
+from humanoid_getup.simulation.falls import Fall
+from humanoid_getup.simulation.scene import load_scene
+from robots import Robot, load_robot
+from sim2real.environment.model_variants import PHYSICS, free_play
+from sim2real.environment.training_world import build_world
+from sim2real.environment.vectorized_simulation import Herd
+from sim2real.perturbations import Trial, make_conditions, run_trial, summarise_trial
+from sim2real.policy_evaluation import Rises
+
+SHORT = 3.5  # s: a held stand and a little
+SIZE = choose_actions(load_robot("op3"), wide=True).size
+
+
+def idle(observations: np.ndarray) -> np.ndarray:
+    return np.zeros((len(observations), SIZE))
+
+
+def hold_still(op3: Robot, action: ActionSpec, trial: Trial, robots: int = 2) -> Rises:
+    starts = [op3.standing] * robots
+    (record,) = run_trial(op3, action, idle, starts, trial, 0, duration=SHORT, threads=1)
+    return record
+
+
+@pytest.mark.parametrize("physics", [None, *PHYSICS])
+def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
+    op3: Robot, action: ActionSpec, physics: str | None
+):
+    record = hold_still(op3, action, Trial(physics=physics))
+    assert record.stood.all()
+    assert (record.stand_time <= 0.3).all()
+    assert (record.standing_speed() < 0.05).all()
+    assert (record.head_impact == 0.0).all()
+
+
+def test_free_play_lets_a_link_move_that_far_and_no_further(op3: Robot):
+    angle = 0.03
+    model = build_world(op3, load_scene("flat"), 0.002, changes=[free_play(angle)])
+    data = mujoco.MjData(model)
+    joint = model.joint("l_knee_play")
+    data.qpos[2] = 2.0  # in the air
+    data.ctrl[:] = 0.0
+    for push in (1.0, -1.0):
+        data.qfrc_applied[joint.dofadr[0]] = push
+        mujoco.mj_step(model, data, 500)
+        play = data.joint("l_knee_play").qpos[0]
+        assert play * push == pytest.approx(angle / 2, abs=0.003)
+
+
+def test_capsules_reach_as_far_as_the_boxes_did(op3: Robot):
+    boxes = build_world(op3, load_scene("flat"), 0.002)
+    changed = build_world(op3, load_scene("flat"), 0.002, changes=[PHYSICS["capsules"]])
+    soles = {op3.spec().site(site).parent.name for site in op3.sole_sites}
+    count = 0
+    for i in range(boxes.ngeom):
+        if boxes.geom_type[i] != mujoco.mjtGeom.mjGEOM_BOX:
+            continue
+        if boxes.body(boxes.geom_bodyid[i]).name in soles:
+            assert changed.geom_type[i] == mujoco.mjtGeom.mjGEOM_BOX
+            continue
+        count += 1
+        half = np.sort(boxes.geom_size[i])
+        radius, length = changed.geom_size[i][:2]
+        assert changed.geom_type[i] == mujoco.mjtGeom.mjGEOM_CAPSULE
+        assert radius == pytest.approx(half[:2].mean())
+        assert radius + length == pytest.approx(max(half[2], radius + 0.001))
+    assert count > 10
+
+
+def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
+    def thrash(observations: np.ndarray) -> np.ndarray:
+        return np.sin(np.arange(SIZE) + observations[:, :1] * 20.0)
+
+    for trial in (Trial(torque_limit=1.5), Trial(torque_limit=1.5, pwm_limited=True)):
+        (record,) = run_trial(
+            op3, action, thrash, [op3.standing] * 2, trial, 0, duration=1.0, threads=1
+        )
+        assert 1.0 < record.peak_torque().max() <= 1.5 + 1e-9
+
+
+def test_what_a_trial_says_is_in_the_model(op3: Robot, action: ActionSpec):
+    """One servo at 60 %, another in every robot: that one alone gives less."""
+    model = build_world(op3, load_scene("flat"), 0.002)
+    herd = Herd(model, op3, 8, cycles=action.cycles, threads=1)
+    trial = Trial(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=0.1)
+    conditions = make_conditions(herd, trial, 0.8, np.random.default_rng(0))
+    assert (np.sort(conditions.strength, axis=1)[:, :2] == [0.6, 1.0]).all()
+    assert len(set(conditions.strength.argmin(axis=1))) > 2
+    herd.set_conditions(np.arange(8), conditions)
+    mass = herd.batch.expand("body_mass").sum(axis=1)
+    assert mass == pytest.approx(1.15 * model.body_mass.sum())
+    assert np.linalg.norm(conditions.imu_tilt, axis=1) == pytest.approx(0.1)
+
+
+def test_pushes_come_from_the_seed(op3: Robot, action: ActionSpec):
+    starts = [op3.standing] * 2
+
+    def push(seed: int) -> np.ndarray:
+        trial = Trial(push=0.5)
+        (record,) = run_trial(op3, action, idle, starts, trial, seed, duration=1.0, threads=1)
+        return record.qpos
+
+    assert np.array_equal(push(1), push(1))
+    assert not np.array_equal(push(1), push(2))
+    assert not np.array_equal(push(1)[0], push(1)[1])
+
+
+def test_figures_count_by_class(op3: Robot):
+    """Three robots of 4 s at 2 Hz: one stands from 0.5 s on, one falls, one never stands."""
+    upright = np.array([[0, 1, 1, 1, 1, 1, 1, 1], [1] * 7 + [0], [0] * 8], dtype=bool)
+    torque = np.full((3, 8, 2), 2.0)
+    torque[0, 3:] = 100.0  # after its stand began
+    record = Rises(
+        period=0.5,
+        upright=upright,
+        qpos=np.zeros((3, 1, 27)),
+        torque=torque,
+        joint_vel=np.ones((3, 8, 2)),
+        head_impact=np.array([0.0, 1.5, 0.5]),
+    )
+    falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
+    figures = summarise_trial(falls, [record], ("prone", "left"))
+    assert [figures["classes"][kind]["stood"] for kind in ("prone", "left")] == [1, 0]
+    assert figures["all"]["n"] == 3
+    assert figures["all"]["stand_time_s"]["median"] == 1.0  # end of the first good sample
+    assert figures["all"]["head_impact_m_s"]["median"] == 0.5
+    assert figures["all"]["rms_torque_nm"]["median"] == pytest.approx(2.0)
+    assert figures["classes"]["left"]["rms_torque_nm"]["median"] is None  # it did not get up
+    assert figures["all"]["standing_joint_speed_rad_s"]["median"] == pytest.approx(1.0)
+
+
+def test_a_trial_tells_what_differs():
+    assert Trial().label == "as described"
+    trial = Trial(torque_limit=2.5, delay=0.02, noise=True)
+    assert trial.label == "torque limit 2.5 N·m, delay 0.02 s, noise True"

@@ -1,0 +1,175 @@
+"""Export: one file that acts like the checkpoint, or none."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
+pytest.importorskip("gymnasium")
+pytest.importorskip("onnx")
+pytest.importorskip("onnxscript")
+
+import onnx
+import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
+
+from humanoid_getup.cli.main import main
+from humanoid_getup.policy.observation import list_terms
+from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy
+from robots import Robot
+from sim2real.training.checkpoint import CHECKPOINT, CheckpointError
+from sim2real.training.config import RECIPE, RECIPES, Recipe
+from sim2real.training.export import MOST_BYTES, ExportError, Training, export_policy
+from sim2real.training.ppo import AVERAGE, UPDATES
+from sim2real.training.runner import build_config
+from sim2real.training.train import write_recipe
+
+SEED = 7
+MINE = replace(RECIPES["robust"], hidden=(32, 16))
+
+
+def make_actor(training: Training, robot: Robot):
+    """An actor as it comes out of a training: weights and normaliser far from their first."""
+    action = training.recipe.choose_actions(robot)
+    size = sum(term.size for term in list_terms(robot, action))
+    torch.manual_seed(SEED)
+    blank = make_blank(training, size, action.size)
+    blank.train()
+    for _ in range(3):
+        seen = TensorDict({"policy": 2.0 + 3.0 * torch.randn(64, size)}, batch_size=[64])
+        blank.update_normalization(seen)
+    with torch.no_grad():
+        for value in blank.parameters():
+            value.add_(0.1 * torch.randn_like(value))
+    return blank
+
+
+def make_blank(training: Training, size: int, actions: int):
+    config = build_config(training.recipe, training.seed)
+    network = {key: value for key, value in config["actor"].items() if key != "class_name"}
+    example = TensorDict({"policy": torch.zeros(1, size)}, batch_size=[1])
+    return MLPModel(example, config["obs_groups"], "actor", actions, **network)
+
+
+def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> Training:
+    folder.mkdir(exist_ok=True)
+    write_recipe(robot, recipe, SEED, folder / RECIPE)
+    training = Training.load(folder)
+    actor = make_actor(training, robot)
+    newest = {name: torch.zeros_like(value) for name, value in actor.state_dict().items()}
+    state = {"actor_state_dict": newest, AVERAGE: actor.state_dict(), UPDATES: 42, "iter": 41}
+    torch.save(state, folder / CHECKPOINT)
+    return training
+
+
+def test_a_training_is_read_as_it_was_written_down(op3: Robot, tmp_path: Path):
+    write_recipe(op3, MINE, SEED, tmp_path / RECIPE)
+    training = Training.load(tmp_path)
+    assert (training.recipe, training.seed, training.robot) == (MINE, SEED, "op3")
+    assert training.actions == MINE.choose_actions(op3).names
+
+
+@pytest.mark.parametrize("name", ["quick", "gentle"])
+def test_what_is_exported_acts_like_the_checkpoint_and_tells_how_it_was_made(
+    name: str, op3: Robot, tmp_path: Path
+):
+    training = make_training(tmp_path / "training", op3, RECIPES[name])
+    file = tmp_path / "new" / "policy.onnx"
+    export = export_policy(training, op3, file)
+    assert export.difference <= 1e-5
+    assert export.size == file.stat().st_size < MOST_BYTES
+    assert [path.name for path in file.parent.iterdir()] == ["policy.onnx"]
+    policy = OnnxPolicy.load(file, op3, op3.control_period)
+    assert policy.action.pwm_limit == RECIPES[name].pwm_limit
+    provenance = policy.contract.provenance
+    assert (provenance["recipe"], provenance["seed"], provenance["iterations"]) == (name, SEED, 42)
+    actor = make_actor(training, op3).eval()
+    network = OnnxNetwork(file)
+    for seen in np.random.default_rng(0).normal(2.0, 3.0, size=(20, actor.obs_dim)):
+        seen = np.float32(seen)[None]
+        with torch.no_grad():
+            wanted = actor(TensorDict({"policy": torch.from_numpy(seen)}, batch_size=[1]))
+        np.testing.assert_allclose(network(seen), wanted.numpy(), atol=1e-5)
+
+
+def test_an_exported_file_knows_nothing_of_the_machine_that_made_it(op3: Robot, tmp_path: Path):
+    file = tmp_path / "policy.onnx"
+    export_policy(make_training(tmp_path / "training", op3), op3, file)
+    assert b".py" not in file.read_bytes()
+    assert [item.version for item in onnx.load(str(file)).opset_import] == [18]
+
+
+def spoil(training: Training, change) -> None:
+    file = training.folder / CHECKPOINT
+    state = torch.load(file, weights_only=False)
+    change(state)
+    torch.save(state, file)
+
+
+def add_nan(state: dict) -> None:
+    state[AVERAGE]["mlp.0.weight"][0, 0] = torch.nan
+
+
+def lose_a_layer(state: dict) -> None:
+    del state[AVERAGE]["mlp.2.weight"]
+
+
+def lose_the_actor(state: dict) -> None:
+    del state[AVERAGE]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (add_nan, "holds what is no number: mlp.0.weight"),
+        (lose_a_layer, "does not fit robot and recipe.*mlp.2.weight"),
+        (lose_the_actor, "is no checkpoint of a training"),
+    ],
+)
+def test_a_checkpoint_that_is_none_of_the_training_is_refused(
+    op3: Robot, tmp_path: Path, change, told: str
+):
+    training = make_training(tmp_path / "training", op3)
+    spoil(training, change)
+    file = tmp_path / "policy.onnx"
+    file.write_text("an earlier one")
+    with pytest.raises((ExportError, CheckpointError), match=told):
+        export_policy(training, op3, file)
+    assert file.read_text() == "an earlier one"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["policy.onnx", "training"]
+
+
+def test_a_truncated_checkpoint_is_refused(op3: Robot, tmp_path: Path):
+    training = make_training(tmp_path / "training", op3)
+    file = training.folder / CHECKPOINT
+    file.write_bytes(file.read_bytes()[:3000])
+    with pytest.raises(CheckpointError, match="is no whole checkpoint"):
+        export_policy(training, op3, tmp_path / "policy.onnx")
+
+
+@pytest.mark.parametrize(
+    "changes", [{"robot": "nao"}, {"actions": ("wag",)}], ids=["robot", "actions"]
+)
+def test_a_training_of_another_robot_is_refused(op3: Robot, tmp_path: Path, changes: dict):
+    training = replace(make_training(tmp_path / "training", op3), **changes)
+    with pytest.raises(ExportError, match=r"trained for robot '(nao|op3)' with actions"):
+        export_policy(training, op3, tmp_path / "policy.onnx")
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"robot": "op3"}', '{"recipe": {"hidden": 3}}'])
+def test_a_recipe_that_is_none_is_refused(tmp_path: Path, text: str):
+    (tmp_path / RECIPE).write_text(text)
+    with pytest.raises(ExportError, match="is no recipe of a training"):
+        Training.load(tmp_path)
+
+
+def test_the_command_exports(op3: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    make_training(tmp_path / "training", op3)
+    file = tmp_path / "policy.onnx"
+    assert main(["export", str(tmp_path / "training"), "--out", str(file)]) == 0
+    assert "after 42 iterations" in capsys.readouterr().out
+    assert OnnxPolicy.load(file, op3, op3.control_period).fault is None

@@ -1,0 +1,266 @@
+"""Training: one seed one policy, and a kill that takes nothing back."""
+
+import csv
+import hashlib
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
+pytest.importorskip("gymnasium")
+pytest.importorskip("tensorboard")
+
+import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
+
+from humanoid_getup.policy.observation import list_terms
+from robots import Robot
+from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
+from sim2real.environment.initial_states import StartPool
+from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
+from sim2real.training.config import RECIPE, STEPS, OtherTrainingError, Recipe
+from sim2real.training.export import Training
+from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
+from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
+from sim2real.training.runner import Runner, build_config
+from sim2real.training.train import PROGRESS, train
+
+TINY = Recipe(
+    rewards="quick",
+    randomisation="all",
+    wide=True,
+    iterations=4,
+    robots=8,
+    hidden=(16, 16),
+    falls=8,
+    lift=0.8,
+)
+
+
+class KilledError(Exception):
+    """The training was killed."""
+
+
+def read_policy(folder: Path) -> dict[str, torch.Tensor]:
+    state = torch.load(folder / CHECKPOINT, weights_only=False)
+    parts = ("actor_state_dict", "critic_state_dict", AVERAGE)
+    return {f"{part}.{name}": value for part in parts for name, value in state[part].items()}
+
+
+def read_rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / PROGRESS).open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def assert_same_policy(one: Path, other: Path) -> None:
+    first, second = read_policy(one), read_policy(other)
+    assert first.keys() == second.keys()
+    assert len(first) > 8
+    different = [name for name, value in first.items() if not torch.equal(value, second[name])]
+    assert different == []
+
+
+def kill_at(iteration: int):
+    def report(progress) -> None:
+        if progress.iteration == iteration:
+            raise KilledError
+
+    return report
+
+
+def what_was_learnt(folder: Path) -> list[dict[str, str]]:
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in read_rows(folder)]
+
+
+@pytest.fixture(scope="module")
+def unbroken(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("unbroken")
+    train(op3, TINY, 1, folder, threads=1)
+    return folder
+
+
+def test_one_seed_is_one_policy_on_any_number_of_threads(op3, unbroken, tmp_path):
+    train(op3, TINY, 1, tmp_path, threads=2)
+    assert_same_policy(unbroken, tmp_path)
+    assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
+
+
+def average_and_newest(folder: Path) -> tuple[torch.Tensor, torch.Tensor]:
+    policy = read_policy(folder)
+    name = "mlp.0.weight"
+    return policy[f"{AVERAGE}.{name}"], policy[f"actor_state_dict.{name}"]
+
+
+def test_the_average_of_a_short_training_is_that_of_all_its_policies(op3, unbroken, tmp_path):
+    train(op3, replace(TINY, iterations=1), 1, tmp_path, threads=1)
+    first, newest = average_and_newest(tmp_path)
+    assert torch.equal(first, newest), "the random policy that came before counts nothing"
+    train(op3, replace(TINY, iterations=3), 1, tmp_path, threads=1)
+    before, _ = average_and_newest(tmp_path)
+    average, newest = average_and_newest(unbroken)
+    assert torch.equal(average, before.lerp(newest, 1.0 / 4.0))
+    assert not torch.equal(average, newest)
+
+
+def test_the_average_of_a_long_training_forgets_its_begin(op3, tmp_path):
+    train(op3, replace(TINY, iterations=1), 1, tmp_path, threads=1)
+    before, _ = average_and_newest(tmp_path)
+    state = torch.load(tmp_path / CHECKPOINT, weights_only=False)
+    torch.save(state | {UPDATES: 1000}, tmp_path / CHECKPOINT)
+    train(op3, replace(TINY, iterations=2), 1, tmp_path, threads=1)
+    average, newest = average_and_newest(tmp_path)
+    assert torch.equal(average, before.lerp(newest, SHARE))
+
+
+def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
+    folder = tmp_path / "training"
+    shutil.copytree(unbroken, folder)
+    record = json.loads((folder / RECIPE).read_text("utf-8"))
+    record["rewards"]["stands"] = 7.0
+    (folder / RECIPE).write_text(json.dumps(record), "utf-8")
+    with pytest.raises(OtherTrainingError, match=r"rewards\.stands is 7\.0 there"):
+        train(op3, TINY, 1, folder, threads=1)
+
+
+def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
+    name = "actor_state_dict.mlp.0.weight"
+    assert not torch.equal(read_policy(unbroken)[name], read_policy(tmp_path)[name])
+
+
+@pytest.mark.parametrize("killed_at", [0, 1, 3])
+def test_a_killed_training_goes_on_as_if_nothing_had_happened(op3, unbroken, tmp_path, killed_at):
+    with pytest.raises(KilledError):
+        train(op3, TINY, 1, tmp_path, threads=1, report=kill_at(killed_at))
+    train(op3, TINY, 1, tmp_path, threads=1)
+    assert_same_policy(unbroken, tmp_path)
+    assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
+
+
+def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp_path):
+    train(op3, replace(TINY, iterations=2), 1, tmp_path, threads=1)
+    train(op3, TINY, 1, tmp_path, threads=1)
+    assert_same_policy(unbroken, tmp_path)
+
+
+def test_a_training_that_is_done_is_left_as_it_is(op3, unbroken):
+    before = (unbroken / CHECKPOINT).read_bytes(), (unbroken / PROGRESS).read_bytes()
+    train(op3, TINY, 1, unbroken, threads=1)
+    assert ((unbroken / CHECKPOINT).read_bytes(), (unbroken / PROGRESS).read_bytes()) == before
+
+
+def test_progress_has_a_row_for_every_iteration(unbroken):
+    rows = read_rows(unbroken)
+    assert [int(row["iteration"]) for row in rows] == list(range(TINY.iterations))
+    assert [int(row["steps"]) for row in rows] == [
+        (i + 1) * STEPS * TINY.robots for i in range(TINY.iterations)
+    ]
+    seconds = [float(row["seconds"]) for row in rows]
+    assert seconds == sorted(seconds)
+    assert all(int(row["stood"]) <= int(row["falls"]) for row in rows)
+
+
+def test_progress_tells_the_lift(unbroken):
+    # Nobody rises in four iterations, so the help stays what it was.
+    assert [float(row["lift"]) for row in read_rows(unbroken)] == [TINY.lift] * TINY.iterations
+
+
+@pytest.fixture(scope="module")
+def parent(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A training whose policy moves both sides alike."""
+    folder = tmp_path_factory.mktemp("parent")
+    train(op3, replace(TINY, wide=False, iterations=2), 1, folder, threads=1)
+    return folder
+
+
+def load_actor(robot: Robot, folder: Path, recipe: Recipe) -> MLPModel:
+    action = recipe.choose_actions(robot)
+    size = sum(term.size for term in list_terms(robot, action))
+    config = build_config(recipe, 0)["actor"]
+    del config["class_name"]
+    blank = TensorDict({"policy": torch.zeros(1, size)}, batch_size=[1])
+    actor = MLPModel(blank, {"actor": ["policy"]}, "actor", action.size, **config)
+    actor.load_state_dict(read_checkpoint(folder / CHECKPOINT)["actor_state_dict"])
+    return actor.eval()
+
+
+def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkeypatch):
+    def save_and_stop(self: Runner, *_: object, **__: object) -> None:
+        self.save("")
+
+    monkeypatch.setattr(Runner, "learn", save_and_stop)  # before the first update
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
+    old = load_actor(op3, parent, replace(TINY, wide=False))
+    new = load_actor(op3, tmp_path, TINY)
+    k = len(op3.rising_joints)
+    seen = torch.randn(32, new.obs_dim, generator=torch.Generator().manual_seed(0))
+    # The last numbers of the last action, which the parent does not know, and the torque share.
+    known = torch.cat((seen[:, : old.obs_dim - 1], seen[:, -1:]), dim=1)
+    acted, wanted = (
+        model(TensorDict({"policy": values}, batch_size=[32])).detach()
+        for model, values in ((new, seen), (old, known))
+    )
+    assert torch.allclose(acted[:, :k], wanted, atol=1e-6)
+    assert wanted.abs().max() > 1e-3
+    assert acted[:, k:].eq(0.0).all()
+
+
+def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, tmp_path):
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
+    told = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
+    digest = hashlib.sha256((parent / CHECKPOINT).read_bytes()).hexdigest()
+    assert told == {"recipe": "quick", "seed": 1, "iterations": 2, "sha256": digest}
+    assert Training.load(tmp_path).provenance.items() >= {
+        ("parent.recipe", "quick"),
+        ("parent.seed", 1),
+        ("parent.iterations", 2),
+        ("parent.sha256", digest),
+    }
+    assert [row["iteration"] for row in read_rows(tmp_path)] == ["0"]
+    with pytest.raises(OtherTrainingError, match="parent"):
+        train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
+
+
+def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(parent, other)
+    record = json.loads((other / RECIPE).read_text("utf-8"))
+    (other / RECIPE).write_text(json.dumps(record | {"robot": "nao"}), "utf-8")
+    with pytest.raises(OtherTrainingError, match="is a training of robot 'nao', allowed 'op3'"):
+        train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=other)
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+def test_a_parent_whose_recipe_is_none_is_refused(op3, tmp_path):
+    for text in ("{}", "[]", '{"robot": "op3", "recipe": 3}', "what?"):
+        (tmp_path / RECIPE).write_text(text, "utf-8")
+        with pytest.raises(OtherTrainingError, match="is no recipe of a training"):
+            train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=tmp_path)
+
+
+def test_a_checkpoint_is_never_half_written(unbroken):
+    assert not [file for file in unbroken.iterdir() if ".part" in file.name]
+
+
+def test_symmetry_appends_the_mirror_images(op3, action, pool):
+    env = RslEnv(GetUpEnv(op3, action, StartPool.of(pool.qpos), EnvOptions(robots=4, threads=1)))
+    env.begin(0, np.random.default_rng(0))
+    actions = torch.ones(4, action.size)
+    both, doubled = mirror_batch(env, env.get_observations(), actions)
+    assert both is not None
+    assert doubled is not None
+    assert both.batch_size[0] == 8
+    assert torch.equal(both["policy"][:4], env.observations["policy"])
+    again, _ = mirror_batch(env, both[4:], None)
+    assert again is not None
+    assert torch.equal(again["policy"][4:], env.observations["policy"])
+    assert torch.equal(again["critic"][4:], env.observations["critic"])
+    assert doubled[4:, : action.size // 2].eq(1.0).all()
+    assert doubled[4:, action.size // 2 :].eq(-1.0).all()
+    assert mirror_batch(env) == (None, None)

@@ -1,0 +1,153 @@
+"""The main job through its real parts: a fall, a plan, the filter, the twin, a held stand."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers import Ending, SafetyGuard, Twin
+from humanoid_getup.cli.main import main
+from humanoid_getup.cli.play import Play
+from humanoid_getup.cli.results import hand_over
+from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.standing import HOLD_TIME
+from humanoid_getup.execution.get_up import Rise, play
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
+from humanoid_getup.reporting.report import KEYS
+from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.world import Stage
+from humanoid_getup.strategies.plan import RiseOptions
+from humanoid_getup.strategies.planned_rise import RisePlanner
+from robots import Robot, load_robot
+from robots.kinematics import place
+
+MOTION = "supine_sit_up_fast"
+LIMIT = 3.0  # N·m
+SEEDED = ("rise", "--from", "supine", "--seed", "1", "--torque-limit", f"{LIMIT}")
+
+
+@pytest.fixture(scope="module")
+def risen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that one rise from a supine fall leaves behind."""
+    out = tmp_path_factory.mktemp("rise") / "new" / "out"
+    code = main([*SEEDED, "--out", str(out), "--json", str(out / "figures.json")])
+    assert code == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def report(risen: Path) -> dict:
+    return json.loads((risen / "report.json").read_text())
+
+
+def has_gl(robot: Robot, stage: Stage) -> bool:
+    try:
+        render_frames(robot, stage.model, place(robot, stage.model, robot.standing)[None])
+    except NoRendererError:
+        return False
+    return True
+
+
+def test_a_fallen_robot_gets_up(report: dict):
+    assert set(KEYS) <= set(report)
+    assert (report["robot"], report["seed"], report["start_class"]) == ("op3", 1, "supine")
+    assert (report["planned"], report["stood"], report["attempts"]) == (True, True, 1)
+    assert report["reason"] == "held stand"
+    assert report["hold_s"] >= HOLD_TIME
+    assert 0.5 < report["stand_time_s"] < 15.0
+    assert 0.0 < report["peak_torque_nm"] <= LIMIT + 1e-9
+    assert report["torque_use"] == pytest.approx(report["peak_torque_nm"] / LIMIT)
+    assert report["limit_violations"] == 0
+
+
+def test_everything_lies_in_the_output_folder(risen: Path, report: dict, op3: Robot, stage: Stage):
+    pictures = ["strip.png", "torque.png"] if has_gl(op3, stage) else ["torque.png"]
+    expected = ["figures.json", "flight.mcap", "motion.npz", "report.json", *pictures]
+    assert sorted(path.name for path in risen.iterdir()) == sorted(expected)
+    assert [path.name for path in risen.parent.iterdir()] == ["out"]
+    assert (report["strip_reason"] is None) == ("strip.png" in pictures)
+    assert json.loads((risen / "figures.json").read_text()) == report
+
+
+def test_the_motion_of_a_rise_goes_from_the_fall_to_the_stand(risen: Path, op3: Robot):
+    motion = Motion.load(risen / "motion.npz")
+    assert classify(motion.orientation[0]) == "supine"
+    np.testing.assert_allclose(motion.joint_target[-1], op3.standing.joint_pos, atol=0.1)
+    assert np.all((motion.joint_target >= op3.lower) & (motion.joint_target <= op3.upper))
+
+
+def test_the_motion_of_a_rise_can_be_played_again(
+    risen: Path, tmp_path: Path, op3: Robot, capsys: pytest.CaptureFixture[str]
+):
+    motion = Motion.load(risen / "motion.npz")
+    fallen = tmp_path / "fallen.json"
+    fallen.write_text(motion.posture(0).to_json(op3))
+    arguments = ["play", str(risen / "motion.npz"), "--from", str(fallen)]
+    assert main([*arguments, "--torque-limit", f"{LIMIT}", "--json", "-"]) == 0
+    out, error = capsys.readouterr()
+    again = json.loads(out)  # JSON alone
+    assert (again["motion"], again["start_class"]) == (motion.name, "supine")
+    assert (again["stood"], again["planned"]) == (True, False)
+    assert error.startswith("stood after ")
+
+
+def test_one_seed_gives_one_rise(report: dict, tmp_path: Path):
+    figures = tmp_path / "again.json"
+    assert main([*SEEDED, "--json", str(figures)]) == 0
+    again = json.loads(figures.read_text())
+    for key in ("stand_time_s", "hold_s", "peak_torque_nm", "rehearsals", "connection", "robust"):
+        assert again[key] == report[key]
+
+
+@pytest.mark.parametrize("start", ["prone", "left", "right"])
+def test_a_robot_gets_up_from_every_side(start: str, tmp_path: Path):
+    figures = tmp_path / "figures.json"
+    assert main(["rise", "--from", start, "--json", str(figures)]) == 0
+    report = json.loads(figures.read_text())
+    assert (report["start_class"], report["stood"]) == (start, True)
+
+
+def test_a_motion_that_does_not_fit_the_fall_ends_lying(tmp_path: Path):
+    figures = tmp_path / "figures.json"
+    assert main(["play", MOTION, "--from", "prone", "--json", str(figures)]) == 1
+    report = json.loads(figures.read_text())
+    assert (report["stood"], report["start_class"]) == (False, "prone")
+    assert report["reason"].startswith("fell: held ")
+    assert report["stand_time_s"] is None
+
+
+@pytest.mark.parametrize(("ending", "code"), [(Ending.FAULT, 3), (Ending.DONE, 0)])
+def test_a_fault_of_the_hardware_has_its_own_exit_code(
+    played: Rise, stage: Stage, tmp_path: Path, ending: Ending, code: int
+):
+    assert played.run is not None
+    ended = replace(played, run=replace(played.run, ending=ending))
+    options = Play(motion=MOTION, json=str(tmp_path / "figures.json"))
+    assert hand_over(ended, stage, options, "here", {}) == code
+
+
+def test_an_interrupted_rise_writes_nothing(played: Rise, stage: Stage, tmp_path: Path):
+    assert played.run is not None
+    ended = replace(played, run=replace(played.run, ending=Ending.INTERRUPTED))
+    options = Play(motion=MOTION, out=tmp_path / "out", json=str(tmp_path / "figures.json"))
+    with pytest.raises(KeyboardInterrupt):
+        hand_over(ended, stage, options, "here", {})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def played(op3: Robot, stage: Stage) -> Rise:
+    """A squat that stood up, neither planned nor filtered."""
+    database = load_database(op3)
+    squat = next(m for m in database.motions if m.name == "squat_to_stand")
+    options = RiseOptions(planning=False, filtering=False)
+    twin = Twin(op3, stage.model)
+    twin.place(squat.posture(0))
+    plan = RisePlanner(stage, database, options).plan(squat.posture(0), np.random.default_rng(0))
+    run, watched = play(SafetyGuard(twin), Watch(twin.simulation, None), squat, None)
+    assert watched.stand.stood
+    return Rise(robot=load_robot("op3"), start_class="squat", plan=plan, run=run, watched=watched)

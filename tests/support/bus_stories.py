@@ -1,0 +1,94 @@
+"""A robot on a virtual bus for the commands that look at one, and a person who holds it."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from paths import TINY
+
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.cli.main import main
+from robots import Posture, Robot, load_robot
+
+
+def copy_tiny(folder: Path) -> Path:
+    """Copy the smallest robot to where a calibration may be saved."""
+    return Path(shutil.copytree(TINY, folder / "mine"))
+
+
+class Served:
+    """A virtual robot, its port, and what a person or a fault does to it."""
+
+    def __init__(self, virtual: VirtualRobot, ports: VirtualPorts) -> None:
+        self.virtual, self.robot, self._ports = virtual, virtual.robot, ports
+
+    @property
+    def path(self) -> str:
+        return self._ports.main.path
+
+    def place(self, **angles_deg: float) -> None:
+        """Hold joints at angles [degrees], all others at 0."""
+        angles = np.zeros(self.robot.n)
+        for name, angle in angles_deg.items():
+            angles[self.robot.joint_names.index(name)] = np.radians(angle)
+        self.hold(angles)
+
+    def hold(self, joint_pos: np.ndarray) -> None:
+        standing = self.robot.standing
+        posture = Posture(
+            position=standing.position, orientation=standing.orientation, joint_pos=joint_pos
+        )
+        self._ports.main.call(lambda: self.virtual.place(posture))
+
+    def poke(self, joint: str, item: str, value: int) -> None:
+        servo = self.virtual.servos[self.robot.joint_names.index(joint)]
+        self._ports.main.call(lambda: servo.poke(item, value))
+
+    def peek(self, item: str) -> list[int]:
+        servos = self.virtual.servos
+        return self._ports.main.call(lambda: [servo.peek(item) for servo in servos])
+
+    def add(self, device) -> None:
+        """Hang one more device on the bus."""
+        self._ports.main.call(lambda: self._chain.devices.append(device))
+
+    def exchange(self, place: int, device) -> None:
+        """Put another device where one was."""
+
+        def swap() -> None:
+            self._chain.devices[place] = device
+
+        self._ports.main.call(swap)
+
+    @property
+    def _chain(self):
+        return next(iter(self.virtual.chains.values()))
+
+
+@contextmanager
+def serving(
+    robot: Robot | str | Path,
+    *,
+    pace: Pace = Pace.LOCK_STEP,
+    powered: bool = True,
+    voltage: float | None = None,
+    prepare: Callable[[VirtualRobot], None] = lambda _: None,
+) -> Iterator[Served]:
+    """Serve a robot on a virtual bus."""
+    if not isinstance(robot, Robot):
+        robot = load_robot(robot)
+    virtual = VirtualRobot(Simulation(robot, voltage=voltage), powered=powered)
+    prepare(virtual)
+    with VirtualPorts(virtual, pace=pace) as ports:
+        yield Served(virtual, ports)
+
+
+def run_json(*arguments: str, capsys) -> tuple[int, dict]:
+    """Run `getup` with its figures on standard output; return exit code and figures."""
+    code = main((*arguments, "--json", "-"))
+    return code, json.loads(capsys.readouterr().out)

@@ -1,0 +1,66 @@
+"""Policies small enough to be written by hand: a matrix, a bias, and what follows."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+from humanoid_getup.policy.action import ActionSpec, build_action_spec
+from humanoid_getup.policy.contract import METADATA_KEY, PolicyContract
+from humanoid_getup.policy.observation import list_terms
+from robots import Robot
+
+
+def actions_of(robot: Robot) -> ActionSpec:
+    """Let the first joint of each mirrored pair that rises move both sides."""
+    return build_action_spec(robot, robot.rising_joints or robot.joint_names[:1])
+
+
+def contract_of(made_for: Robot, **changes) -> PolicyContract:
+    made = PolicyContract.of(made_for, actions_of(made_for), made_for.control_period, {"seed": 0})
+    return replace(made, **changes)
+
+
+def save_policy(
+    file: Path,
+    robot: Robot,
+    *,
+    weight: np.ndarray | None = None,
+    bias: np.ndarray | float = 0.0,
+    then: tuple[str, ...] = (),
+    contract: str | None = "",
+) -> Path:
+    """Write ``then(observation @ weight + bias)``; an empty contract is the right one."""
+    size = sum(term.size for term in list_terms(robot, actions_of(robot)))
+    k = actions_of(robot).size
+    if weight is None:
+        weight = np.zeros((size, k))
+    bias = np.broadcast_to(np.asarray(bias, dtype=float), weight.shape[1:])
+    nodes = [helper.make_node("Gemm", ["obs", "weight", "bias"], ["h0"])]
+    nodes += [helper.make_node(op, [f"h{i}"], [f"h{i + 1}"]) for i, op in enumerate(then)]
+    values = {"weight": weight, "bias": bias}
+    graph = helper.make_graph(
+        nodes,
+        "tiny",
+        [helper.make_tensor_value_info("obs", TensorProto.FLOAT, ["N", weight.shape[0]])],
+        [helper.make_tensor_value_info(f"h{len(then)}", TensorProto.FLOAT, ["N", weight.shape[1]])],
+        [numpy_helper.from_array(np.float32(value), name) for name, value in values.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    if contract is not None:
+        text = contract or contract_of(robot).to_json()
+        helper.set_model_props(model, {METADATA_KEY: text})
+    onnx.save(model, str(file))
+    return file
+
+
+def weights_of(robot: Robot, **terms: np.ndarray | float) -> np.ndarray:
+    """Make a matrix that gives some terms of the observation a weight, and the others none."""
+    action = actions_of(robot)
+    rows = [
+        np.broadcast_to(terms.get(term.name, 0.0), (term.size, action.size))
+        for term in list_terms(robot, action)
+    ]
+    return np.concatenate(rows)

@@ -1,0 +1,73 @@
+"""Talk to virtual devices: frames in, statuses out."""
+
+from collections.abc import Iterable
+
+from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
+from drivers.virtual_bus.devices.chain import Answer, Chain
+from drivers.virtual_bus.devices.device import VirtualDevice
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+ROOM = 25.0  # °C
+FULL_PWM = 885  # counts
+
+
+def request(frame: bytes) -> Packet:
+    """Read the one good frame in some bytes."""
+    (item,) = FrameParser().feed(frame)
+    assert isinstance(item, Packet)
+    return item
+
+
+def talk(chain: Chain, frame: bytes) -> bytes:
+    """Send a frame; return all bytes that come back."""
+    return b"".join(answer.data for answer in chain.handle(request(frame)))
+
+
+def read_answers(answers: Iterable[Answer]) -> list[Status]:
+    """Read ordinary statuses; each answer must be one good frame."""
+    statuses = []
+    for answer in answers:
+        statuses.append(Status.from_packet(request(answer.data)))
+        assert statuses[-1].id == answer.device
+    return statuses
+
+
+def write(device: VirtualDevice, name: str, value: int) -> int:
+    """Write an item as a client would; return the status' error byte."""
+    item = device.table[name]
+    params = item.address.to_bytes(2, "little") + item.encode(value)
+    status = device.handle(0x03, params)
+    assert status is not None
+    return status.error
+
+
+def read(device: VirtualDevice, name: str) -> int:
+    """Read an item as a client would; there must be no error number."""
+    item = device.table[name]
+    status = device.handle(
+        0x02, item.address.to_bytes(2, "little") + item.size.to_bytes(2, "little")
+    )
+    assert status is not None
+    assert status.number == 0
+    return item.decode(status.data)
+
+
+def feel(
+    servo: VirtualServo,
+    *,
+    ticks: float = 2048.0,
+    velocity: float = 0.0,
+    current: float = 0.0,
+    pwm_share: float = 0.0,
+    voltage: float = 12.0,
+    temperature: float = ROOM,
+) -> None:
+    """Tell a servo what physics says, calm where unsaid."""
+    servo.sense(
+        ticks=ticks,
+        velocity=velocity,
+        current=current,
+        pwm_share=pwm_share,
+        voltage=voltage,
+        temperature=temperature,
+    )

@@ -35,7 +35,7 @@ class DriverTally:
 
     bytes: int = 0
     cycles: int = 0
-    spoilt: int = 0
+    spoiled: int = 0
     """Answers that were damaged."""
     faults: int = 0
     """Times that the guard let go and was cleared."""
@@ -76,7 +76,7 @@ def fuzz_driver(
         out: list[bytes] = []
         for answer in answers:
             if rng.random() < share:
-                tally.spoilt += 1
+                tally.spoiled += 1
                 answer = mutate(rng, answer)
             out.append(answer)
         tally.bytes += sum(map(len, out))
@@ -89,7 +89,7 @@ def fuzz_driver(
                 share = SPOILT[tally.cycles // STRETCH % len(SPOILT)]
             _turn(guard, virtual, units, tally, rng)
     # A damaged answer passes its CRC once in 65536.
-    tally.expected_wrong = tally.spoilt / 65536
+    tally.expected_wrong = tally.spoiled / 65536
     return tally
 
 
@@ -102,9 +102,9 @@ def _turn(
 ) -> None:
     """Run one cycle and compare."""
     robot = guard.robot
-    before = units.quantise(virtual.simulation.joint_pos)
+    before = units.quantize(virtual.simulation.joint_pos)
     state = guard.read()
-    after = units.quantise(virtual.simulation.joint_pos)
+    after = units.quantize(virtual.simulation.joint_pos)
     low, high = np.minimum(before, after), np.maximum(before, after)
     off = np.maximum(low - state.joint_pos, state.joint_pos - high)
     wrong = (state.joint_age == 0.0) & (off > 1.5 * RAD_PER_TICK)

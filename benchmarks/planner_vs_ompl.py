@@ -32,7 +32,7 @@ from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.shortcut import length
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, load_robot, quaternion
 from robots.quaternion import Array
 
@@ -137,7 +137,7 @@ def compare(
     return attempts
 
 
-def summarise(attempts: list[Attempt]) -> dict[str, float]:
+def summarize(attempts: list[Attempt]) -> dict[str, float]:
     """Count the successes and take the medians and 95th percentiles."""
     times = [attempt.time_s for attempt in attempts]
     return {
@@ -170,13 +170,13 @@ def main() -> None:
     robot, scene = load_robot(arguments.robot), load_scene(arguments.scene)
     ou.setLogLevel(ou.LOG_ERROR)
     ou.RNG.setSeed(arguments.seed + 1)  # once: OMPL seeds all later generators from it
-    stage = Stage.build(robot, scene)
-    falls = sample_falls(stage, COUNTS, np.random.default_rng(arguments.seed))
+    world = World.build(robot, scene)
+    falls = sample_falls(world, COUNTS, np.random.default_rng(arguments.seed))
     database = load_database(robot)
     starts = [fall.posture for fall in falls]
     goals = [database.select(start)[0].posture for start in starts]
     attempts = compare(starts, goals, CollisionChecker(robot, scene), arguments.limit)
-    table = {name: summarise(rows) for name, rows in attempts.items()}
+    table = {name: summarize(rows) for name, rows in attempts.items()}
     for name, row in table.items():
         print(
             f"{name:18s} {row['planned']:.0f}/{row['n']:.0f} planned, "

@@ -33,49 +33,49 @@ from robots.kinematics import read_posture
 from robots.quaternion import Array
 from sim2real.environment.model_variants import PHYSICS
 from sim2real.environment.training_world import build_world
-from sim2real.perturbations import Trial, run_trial, summarise_trial
+from sim2real.perturbations import Perturbation, run_trial, summarize_trial
 from sim2real.policy_evaluation import Rises
 
-GROUPS: dict[str, dict[str, Trial]] = {
+GROUPS: dict[str, dict[str, Perturbation]] = {
     "torque": {
-        "4.1 N·m": Trial(),
-        "3.0 N·m": Trial(torque_limit=3.0),
-        "2.5 N·m": Trial(torque_limit=2.5),
-        "2.0 N·m": Trial(torque_limit=2.0),
-        "3.0 N·m by PWM": Trial(torque_limit=3.0, pwm_limited=True),
-        "2.5 N·m by PWM": Trial(torque_limit=2.5, pwm_limited=True),
-        "2.0 N·m by PWM": Trial(torque_limit=2.0, pwm_limited=True),
+        "4.1 N·m": Perturbation(),
+        "3.0 N·m": Perturbation(torque_limit=3.0),
+        "2.5 N·m": Perturbation(torque_limit=2.5),
+        "2.0 N·m": Perturbation(torque_limit=2.0),
+        "3.0 N·m by PWM": Perturbation(torque_limit=3.0, pwm_limited=True),
+        "2.5 N·m by PWM": Perturbation(torque_limit=2.5, pwm_limited=True),
+        "2.0 N·m by PWM": Perturbation(torque_limit=2.0, pwm_limited=True),
     },
     "robustness": {
-        "delay 20 ms": Trial(delay=0.02),
-        "delay 40 ms": Trial(delay=0.04),
-        "delay 60 ms": Trial(delay=0.06),
-        "supply 10.5 V": Trial(voltage=10.5),
-        "supply 11.1 V": Trial(voltage=11.1),
-        "supply 12.6 V": Trial(voltage=12.6),
-        "friction 0.3": Trial(friction=0.3),
-        "friction 0.5": Trial(friction=0.5),
-        "friction 1.2": Trial(friction=1.2),
-        "mass -15 %": Trial(mass=0.85),
-        "mass +15 %": Trial(mass=1.15),
-        "backlash 0.25 deg": Trial(backlash=math.radians(0.25)),
-        "backlash 1 deg": Trial(backlash=math.radians(1.0)),
-        "backlash 2 deg": Trial(backlash=math.radians(2.0)),
-        "one servo at 60 %": Trial(weak_servo=0.6),
-        "pushes 0.3 m/s": Trial(push=0.3),
-        "pushes 0.5 m/s": Trial(push=0.5),
-        "sensor noise": Trial(noise=True),
-        "gyro bias 2 deg/s": Trial(gyro_bias=math.radians(2.0)),
-        "IMU turned 2 deg": Trial(imu_tilt=math.radians(2.0)),
-        "IMU turned 5 deg": Trial(imu_tilt=math.radians(5.0)),
+        "delay 20 ms": Perturbation(delay=0.02),
+        "delay 40 ms": Perturbation(delay=0.04),
+        "delay 60 ms": Perturbation(delay=0.06),
+        "supply 10.5 V": Perturbation(voltage=10.5),
+        "supply 11.1 V": Perturbation(voltage=11.1),
+        "supply 12.6 V": Perturbation(voltage=12.6),
+        "friction 0.3": Perturbation(friction=0.3),
+        "friction 0.5": Perturbation(friction=0.5),
+        "friction 1.2": Perturbation(friction=1.2),
+        "mass -15 %": Perturbation(mass=0.85),
+        "mass +15 %": Perturbation(mass=1.15),
+        "backlash 0.25 deg": Perturbation(backlash=math.radians(0.25)),
+        "backlash 1 deg": Perturbation(backlash=math.radians(1.0)),
+        "backlash 2 deg": Perturbation(backlash=math.radians(2.0)),
+        "one servo at 60 %": Perturbation(weak_servo=0.6),
+        "pushes 0.3 m/s": Perturbation(push=0.3),
+        "pushes 0.5 m/s": Perturbation(push=0.5),
+        "sensor noise": Perturbation(noise=True),
+        "gyro bias 2 deg/s": Perturbation(gyro_bias=math.radians(2.0)),
+        "IMU turned 2 deg": Perturbation(imu_tilt=math.radians(2.0)),
+        "IMU turned 5 deg": Perturbation(imu_tilt=math.radians(5.0)),
     },
-    "transfer": {name: Trial(physics=name) for name in PHYSICS},
+    "transfer": {name: Perturbation(physics=name) for name in PHYSICS},
 }
-STANDING: dict[str, Trial] = {
-    "undisturbed": Trial(),
-    "pushes 0.3 m/s": Trial(push=0.3),
-    "pushes 0.5 m/s": Trial(push=0.5),
-    "pushes 0.7 m/s": Trial(push=0.7),
+STANDING: dict[str, Perturbation] = {
+    "undisturbed": Perturbation(),
+    "pushes 0.3 m/s": Perturbation(push=0.3),
+    "pushes 0.5 m/s": Perturbation(push=0.5),
+    "pushes 0.7 m/s": Perturbation(push=0.7),
 }
 
 
@@ -116,7 +116,7 @@ def main(options: Options) -> None:
         raise SystemExit(f"{options.json} holds the figures of another policy, falls or seed")
     console = Console(width=160)
 
-    def put_through(trial: Trial, starts: Sequence[Posture]) -> list[Rises]:
+    def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[Rises]:
         action, act = policy.action, policy.act
         return run_trial(robot, action, act, starts, trial, options.seed, threads=options.threads)
 
@@ -143,25 +143,27 @@ def main(options: Options) -> None:
         for name, trial in GROUPS[group].items():
             measure(
                 f"{group}: {name}, n {len(starts)}",
-                lambda t=trial, f=some.falls, s=starts: summarise_trial(
+                lambda t=trial, f=some.falls, s=starts: summarize_trial(
                     f, put_through(t, s), CLASSES
                 ),
             )
 
 
 def _find_stands(
-    robot: Robot, put_through: Callable[[Trial, Sequence[Posture]], list[Rises]], falls: FallSet
+    robot: Robot,
+    put_through: Callable[[Perturbation, Sequence[Posture]], list[Rises]],
+    falls: FallSet,
 ) -> list[Posture]:
     """Let robots rise; return where those are that stand."""
     model = build_world(robot, load_scene(falls.scene), 0.002)
-    risen = put_through(Trial(), [fall.posture for fall in falls.falls])
+    risen = put_through(Perturbation(), [fall.posture for fall in falls.falls])
     return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.stood]]
 
 
 def _hold(robot: Robot, stands: Sequence[Posture], rises: list[Rises]) -> dict[str, Any]:
-    """Summarise who stays up for all of the time: a robot that fell and rose again did not."""
+    """Summarize who stays up for all of the time: a robot that fell and rose again did not."""
     held = [Fall(posture=posture, start_class="held") for posture in stands]
-    figures = summarise_trial(held, rises, ("held",))
+    figures = summarize_trial(held, rises, ("held",))
     stayed = np.concatenate([r.upright.all(axis=1) for r in rises])
     low, high = wilson_interval(int(stayed.sum()), len(stayed))
     for row in (figures["all"], figures["classes"]["held"]):

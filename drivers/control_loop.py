@@ -57,7 +57,7 @@ class Timing:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pace:
+class TimingSummary:
     """How well the cycles of a run kept their deadlines."""
 
     late_median: float
@@ -72,8 +72,8 @@ class Pace:
     """[s]"""
 
     @classmethod
-    def of(cls, timings: Array) -> Pace:
-        """Summarise cycles.
+    def of(cls, timings: Array) -> TimingSummary:
+        """Summarize cycles.
 
         Args:
             timings: Late, read, step and write times [s], shape (cycles, 4).
@@ -122,7 +122,7 @@ class RunReport:
     """What the guard cut."""
     holds: int
     """Cycles in which the targets stood still because a measurement was too old."""
-    pace: Pace
+    pace: TimingSummary
 
 
 def run(
@@ -167,7 +167,7 @@ def run(
         duration=loop.duration,
         clips=guard.clips,
         holds=guard.holds,
-        pace=Pace.of(np.array(loop.timings, dtype=float).reshape(-1, 4)),
+        pace=TimingSummary.of(np.array(loop.timings, dtype=float).reshape(-1, 4)),
     )
 
 

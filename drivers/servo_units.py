@@ -30,7 +30,7 @@ class ServoUnits:
         """Convert joint angles [rad] to the nearest encoder ticks, (..., n)."""
         return np.rint(self._sign * joint_pos / RAD_PER_TICK).astype(int) + self._zero
 
-    def quantise(self, joint_pos: Array) -> Array:
+    def quantize(self, joint_pos: Array) -> Array:
         """Round joint angles [rad] to what the encoders tell, (..., n)."""
         return self._sign * np.rint(self._sign * joint_pos / RAD_PER_TICK) * RAD_PER_TICK
 

@@ -7,20 +7,20 @@ from humanoid_getup.execution.get_up import rise
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import load_robot
 
 
 def main() -> bool:
     robot = load_robot("op3")
-    stage = Stage.build(robot, load_scene("flat"))
+    world = World.build(robot, load_scene("flat"))
     rng = np.random.default_rng(1)
-    fall = sample_falls(stage, {"prone": 1}, rng)[0]
+    fall = sample_falls(world, {"prone": 1}, rng)[0]
 
-    planner = RisePlanner(stage, load_database(robot), RiseOptions(torque_limit=3.0))
-    result = rise(Twin(robot, stage.model), planner, fall.posture, fall.start_class, rng)
+    planner = PlannedRise(world, load_database(robot), RiseOptions(torque_limit=3.0))
+    result = rise(Twin(robot, world.model), planner, fall.posture, fall.start_class, rng)
 
     connection = result.plan.connection
     if connection:

@@ -11,9 +11,9 @@ from humanoid_getup.execution.get_up import rise
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import load_robot
 
 
@@ -25,12 +25,12 @@ def main() -> bool:
         model.write_text(model.read_text().replace('mass="0.13631"', 'mass="0.25"'))
 
         robot = load_robot(mine)
-        stage = Stage.build(robot, load_scene("flat"))
+        world = World.build(robot, load_scene("flat"))
         rng = np.random.default_rng(2)
-        fall = sample_falls(stage, {"supine": 1}, rng)[0]
-        planner = RisePlanner(stage, load_database(robot), RiseOptions())
-        result = rise(Twin(robot, stage.model), planner, fall.posture, fall.start_class, rng)
-        print(f"{robot.name} of {stage.model.body_mass.sum():.2f} kg: {result.reason}")
+        fall = sample_falls(world, {"supine": 1}, rng)[0]
+        planner = PlannedRise(world, load_database(robot), RiseOptions())
+        result = rise(Twin(robot, world.model), planner, fall.posture, fall.start_class, rng)
+        print(f"{robot.name} of {world.model.body_mass.sum():.2f} kg: {result.reason}")
         return result.stood
 
 

@@ -12,37 +12,37 @@ from drivers import SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.get_up import Rise, get_up
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import load_robot
 
 
-def rise(stage: Stage, backend: DynamixelBackend, *, realtime: bool) -> Rise:
-    planner = RisePlanner(stage, load_database(stage.robot), RiseOptions(pwm_limited=True))
+def rise(world: World, backend: DynamixelBackend, *, realtime: bool) -> Rise:
+    planner = PlannedRise(world, load_database(world.robot), RiseOptions(pwm_limited=True))
     options = AttemptOptions(pwm_limited=True, realtime=realtime)
     rng = np.random.default_rng(0)
-    return get_up(SafetyGuard(backend), stage, planner, rng, options, services=backend)
+    return get_up(SafetyGuard(backend), world, planner, rng, options, services=backend)
 
 
 def main(port: str | None = None) -> bool:
     robot = load_robot("op3")
-    stage = Stage.build(robot, load_scene("flat"))
+    world = World.build(robot, load_scene("flat"))
     if port is not None:
-        result = rise(stage, DynamixelBackend(robot, {"main": port}), realtime=True)
+        result = rise(world, DynamixelBackend(robot, {"main": port}), realtime=True)
     else:
-        virtual = VirtualRobot(Simulation(robot, stage.model))
-        virtual.place(sample_falls(stage, {"prone": 1}, np.random.default_rng(3))[0].posture)
-        with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+        virtual = VirtualRobot(Simulation(robot, world.model))
+        virtual.place(sample_falls(world, {"prone": 1}, np.random.default_rng(3))[0].posture)
+        with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
             backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
-            result = rise(stage, backend, realtime=False)
+            result = rise(world, backend, realtime=False)
             print(backend.statistics["main"])
     print(f"{result.start_class}: {result.reason}, judged by sensors alone")
     return result.stood

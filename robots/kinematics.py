@@ -1,4 +1,4 @@
-"""Kinematics of a robot in a compiled world: positions, heights, centre of mass, gravity."""
+"""Kinematics of a robot in a compiled world: positions, heights, center of mass, gravity."""
 
 from __future__ import annotations
 
@@ -100,15 +100,15 @@ def read_posture(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Posture:
     root = layout.root_qpos
     return Posture(
         position=qpos[root : root + 3].copy(),
-        orientation=quaternion.normalise(qpos[root + 3 : root + 7]),
+        orientation=quaternion.normalize(qpos[root + 3 : root + 7]),
         joint_pos=np.clip(qpos[layout.qpos], robot.lower, robot.upper),
     )
 
 
-def centre_of_mass(
+def center_of_mass(
     robot: Robot, model: mujoco.MjModel, position: Array, orientation: Array, joint_pos: Array
 ) -> Array:
-    """Compute the centre of mass of postures (T, ...) in the world [m], (T, 3)."""
+    """Compute the center of mass of postures (T, ...) in the world [m], (T, 3)."""
     data = mujoco.MjData(model)
     layout = robot.layout(model)
     root, out = layout.root_qpos, np.zeros((len(joint_pos), 3))

@@ -80,7 +80,7 @@ def load_posture(path: Path, robot: Robot) -> Posture:
         raise ValueError(f"posture file {path}: " + "; ".join(faults))
     return Posture(
         position=np.array(record["position"], dtype=float),
-        orientation=quaternion.normalise(np.array(record["orientation"], dtype=float)),
+        orientation=quaternion.normalize(np.array(record["orientation"], dtype=float)),
         joint_pos=np.array([record["joint_pos"][name] for name in robot.joint_names], dtype=float),
     )
 

@@ -52,10 +52,10 @@ def slerp(p: Array, q: Array, t: Array | float) -> Array:
     safe = np.where(near, 1.0, sine)
     a = np.where(near, 1.0 - t, np.sin((1.0 - t) * half) / safe)
     b = np.where(near, t, np.sin(t * half) / safe)
-    return normalise(a * p + b * q)
+    return normalize(a * p + b * q)
 
 
-def normalise(q: Array) -> Array:
+def normalize(q: Array) -> Array:
     """Scale quaternions to unit length."""
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.statistics import summarise, wilson_interval
+from humanoid_getup.evaluation.statistics import summarize, wilson_interval
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.simulation.falls import Fall
 from humanoid_getup.simulation.scene import load_scene
@@ -38,7 +38,7 @@ CHUNK = 250  # robots that are simulated at once
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class Perturbation:
     """What differs from the robot's description; nothing by default."""
 
     torque_limit: float | None = None
@@ -85,7 +85,7 @@ def run_trial(
     action: ActionSpec,
     policy: Policy,
     starts: Sequence[Posture],
-    trial: Trial,
+    trial: Perturbation,
     seed: int,
     *,
     scene: str = "flat",
@@ -144,10 +144,10 @@ def run_trial(
     return records
 
 
-def summarise_trial(
+def summarize_trial(
     starts: Sequence[Fall], records: Sequence[Rises], classes: Sequence[str]
 ) -> dict[str, Any]:
-    """Summarise by class and over all: counts, intervals, times [s], load, impact."""
+    """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
     columns = {
         "stood": np.concatenate([r.stood for r in records]),
@@ -159,23 +159,23 @@ def summarise_trial(
     }
     everyone = np.ones(len(kinds), dtype=bool)
     return {
-        "classes": {name: _summarise_rows(columns, kinds == name) for name in classes},
-        "all": _summarise_rows(columns, everyone),
+        "classes": {name: _summarize_rows(columns, kinds == name) for name in classes},
+        "all": _summarize_rows(columns, everyone),
     }
 
 
-def _summarise_rows(columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[str, Any]:
+def _summarize_rows(columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[str, Any]:
     stood = columns["stood"][rows]
     figures: dict[str, Any] = {"n": int(rows.sum()), "stood": int(stood.sum())}
     figures["stood_interval_95"] = list(wilson_interval(int(stood.sum()), int(rows.sum())))
     for name, values in columns.items():
         if name != "stood":
-            figures[name] = summarise(values[rows])
+            figures[name] = summarize(values[rows])
     return figures
 
 
 def make_conditions(
-    herd: Herd, trial: Trial, friction: float, rng: np.random.Generator
+    herd: Herd, trial: Perturbation, friction: float, rng: np.random.Generator
 ) -> Conditions:
     """Make the conditions of a herd's robots under a trial.
 

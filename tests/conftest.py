@@ -10,7 +10,7 @@ from humanoid_getup.cli.main import choose_gl
 choose_gl(os.environ)  # before anything imports MuJoCo
 
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 
 TINY = Path(__file__).parent / "robots" / "tiny"
@@ -31,11 +31,11 @@ def tiny() -> Robot:
 
 
 @pytest.fixture(scope="session")
-def stage(op3: Robot) -> Stage:
-    return Stage.build(op3, load_scene("flat"))
+def world(op3: Robot) -> World:
+    return World.build(op3, load_scene("flat"))
 
 
 @pytest.fixture
 def own_robot(tmp_path: Path) -> Path:
-    """A user's own robot folder, to be spoilt by the test."""
+    """A user's own robot folder, to be spoiled by the test."""
     return Path(shutil.copytree(TINY, tmp_path / "mine"))

@@ -11,13 +11,13 @@ import numpy as np
 from drivers.backend import ClosesItself
 from drivers.dynamixel.bus import ANSWER_MARGIN, BusStatistics, DynamixelBus
 from drivers.dynamixel.clock import Clock, WallClock
-from drivers.dynamixel.command_writer import FRESH, Orders, Translator
-from drivers.dynamixel.diagnostics import Audit, AuditError, name_of
+from drivers.dynamixel.command_writer import FRESH, RegisterCommands, Translator
+from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
 from drivers.dynamixel.opencr import BodyImu, OpenCr
 from drivers.dynamixel.port import Port, PortError, SerialPort
 from drivers.dynamixel.protocol2 import ALERT
-from drivers.dynamixel.servo_chain import ServoLine
-from drivers.dynamixel.servo_states import ServoBank
+from drivers.dynamixel.servo_chain import ServoChain
+from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import (
     BOOT_MARGIN,
     BOOT_TIME,
@@ -104,7 +104,7 @@ class DynamixelBackend(ClosesItself):
         self._translator, self._units = Translator(robot), ServoUnits(robot)
         self._margin = answer_margin
         self._watchdog = max(1, round(self._bus_settings.watchdog / WATCHDOG_STEP))
-        self.audit = Audit((), ())
+        self.audit = Diagnostics((), ())
         """What `connect` found."""
         self.unreleased: tuple[str, ...] = ()
         """Joints that did not confirm, at the last `close`, that they are limp."""
@@ -113,7 +113,7 @@ class DynamixelBackend(ClosesItself):
         self._forget()
 
     def _forget(self) -> None:
-        self._bank = ServoBank(self._robot, self._period)
+        self._bank = ServoStates(self._robot, self._period)
         self._imu = BodyImu(self._period)
         self._state: State | None = None
         self._written_at = -np.inf
@@ -172,7 +172,7 @@ class DynamixelBackend(ClosesItself):
                 period = self._period if self._clock.is_real else None
                 self.audit = look_at_all(self._robot, lines, period)
                 if self.audit.errors:
-                    raise AuditError(self.audit.errors)
+                    raise DiagnosticsError(self.audit.errors)
                 set_up_all(self.audit, lines, bank)
                 now = self._clock.now()
                 self._imu.start(measure_first(lines, bank, now), now)
@@ -219,14 +219,16 @@ class DynamixelBackend(ClosesItself):
             bank.must_seed |= bank.is_on
         fresh = now - bank.stamp < FRESH * self._period
         may = asked.torque & bank.is_ready & ~bank.is_locked & (bank.is_on | fresh)
-        orders = Orders(goal=asked.goal, p_gain=asked.p_gain, pwm=asked.pwm, torque=may)
+        orders = RegisterCommands(goal=asked.goal, p_gain=asked.p_gain, pwm=asked.pwm, torque=may)
         for line in self.lines:
             line.write(orders, bank, fresh)
             line.note_loss(bank)
         self._written_at, self._state = now, None
         self._clock.pass_period(self._period)
         return self._translator.to_command(
-            Orders(goal=orders.goal, p_gain=orders.p_gain, pwm=orders.pwm, torque=bank.is_on & may),
+            RegisterCommands(
+                goal=orders.goal, p_gain=orders.p_gain, pwm=orders.pwm, torque=bank.is_on & may
+            ),
             command,
         )
 
@@ -300,7 +302,7 @@ class DynamixelBackend(ClosesItself):
         except PortError as error:
             raise RebootError(device, str(error)) from error
 
-    def _restart(self, line: ServoLine, row: int) -> None:
+    def _restart(self, line: ServoChain, row: int) -> None:
         device, bank = self._robot.joints[row], self._bank
         if line.bus.reboot(device.servo.id, REBOOT_TRIES) is None:
             raise RebootError(device, "does not confirm that it reboots")
@@ -320,7 +322,7 @@ class DynamixelBackend(ClosesItself):
 
     # Helpers ----------------------------------------------------------------------------------
 
-    def _build_lines(self, ports: Mapping[str, str], make_port: MakePort) -> list[ServoLine]:
+    def _build_lines(self, ports: Mapping[str, str], make_port: MakePort) -> list[ServoChain]:
         settings, lines = self._bus_settings, []
         names = self._robot.joint_names
         for port in settings.ports:
@@ -332,7 +334,7 @@ class DynamixelBackend(ClosesItself):
             board = settings.board
             here = OpenCr(bus, board) if board and board.port == port.name else None
             rows = np.sort([names.index(joint) for joint in port.joints])
-            lines.append(ServoLine(bus, self._robot, rows, self._watchdog, here))
+            lines.append(ServoChain(bus, self._robot, rows, self._watchdog, here))
         return lines
 
     def _check_connected(self) -> None:

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from drivers.dynamixel.bus import DynamixelBus, Question
+from drivers.dynamixel.bus import DynamixelBus, Request
 from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.cyclic_read import MISSES
 from drivers.dynamixel.opencr import BodyImu, OpenCr
 from drivers.dynamixel.protocol2 import ALERT, Span, Status
-from drivers.dynamixel.servo_states import ServoBank
+from drivers.dynamixel.servo_states import ServoStates
 
 TORQUE, WATCHDOG, SUPPLY = "torque_enable", "bus_watchdog", "present_input_voltage"
 ERROR = "hardware_error_status"
@@ -23,7 +23,7 @@ POLL_BOARD_EVERY = 5  # cycles between two questions to a board that is silent
 SPARE = 0.0005  # s of a cycle beyond an answer's bytes without which it is not asked for
 
 
-class SlowLook:
+class BackgroundRead:
     """Asks a line's board for its IMU and one of its servos for what changes slowly.
 
     Both go in one question, which spares a turn-round. What is urgent goes first: the cause of
@@ -54,11 +54,11 @@ class SlowLook:
         self._turns = self._take_turns()
         self._cycle = 0
         self._board_misses = 0
-        self._questions: dict[tuple[int, str, int, bool, bool], Question | None] = {}
-        self._prepared: tuple[Question | None, int, str] = None, -1, ""
-        self._open: tuple[Question, int, str] | None = None
+        self._questions: dict[tuple[int, str, int, bool, bool], Request | None] = {}
+        self._prepared: tuple[Request | None, int, str] = None, -1, ""
+        self._open: tuple[Request, int, str] | None = None
 
-    def prepare(self, bank: ServoBank, left_out: Sequence[int]) -> None:
+    def prepare(self, bank: ServoStates, left_out: Sequence[int]) -> None:
         """Choose and build this cycle's question, while others are on the wire.
 
         Args:
@@ -84,7 +84,7 @@ class SlowLook:
             self._bus.ask(question)
             self._open = question, row, item
 
-    def take(self, bank: ServoBank, imu: BodyImu, now: float, limit: float) -> None:
+    def take(self, bank: ServoStates, imu: BodyImu, now: float, limit: float) -> None:
         """Take in the answers.
 
         Args:
@@ -125,7 +125,7 @@ class SlowLook:
             return False
         return self._board_misses < MISSES or self._cycle % POLL_BOARD_EVERY == 0
 
-    def _choose(self, bank: ServoBank, left_out: Sequence[int]) -> tuple[int, str]:
+    def _choose(self, bank: ServoStates, left_out: Sequence[int]) -> tuple[int, str]:
         """Choose whom to ask for what: what is urgent, else whose turn it is."""
         rows = self._rows
         for flags, item in ((bank.alert == ALERT, ERROR), (bank.is_unsure, TORQUE)):
@@ -141,7 +141,7 @@ class SlowLook:
                 return row, item
         return -1, ""
 
-    def _build(self, row: int, item: str) -> Question | None:
+    def _build(self, row: int, item: str) -> Request | None:
         """Build the question to the board and to a servo; the same ones come round again."""
         is_board_last = self._board_misses > 0
         key = (row, item, self._cycle % 2, is_board_last, self._is_board_due)
@@ -152,14 +152,14 @@ class SlowLook:
                 board = {self._board.id: self._board.span(self._cycle)}
             # A board that is silent may keep from answering who comes behind it.
             spans = servo | board if is_board_last else board | servo
-            self._questions[key] = Question.group(spans) if spans else None
+            self._questions[key] = Request.group(spans) if spans else None
         return self._questions[key]
 
     def _span(self, row: int, item: str) -> Span:
         table = self._tables[row]
         return table.span(SUPPLY, "present_temperature") if item == SUPPLY else table[item].span
 
-    def _take_value(self, bank: ServoBank, row: int, item: str, status: Status) -> None:
+    def _take_value(self, bank: ServoStates, row: int, item: str, status: Status) -> None:
         data = status.data
         if item == TORQUE:
             bank.take_torque(row, data[0])
@@ -173,6 +173,6 @@ class SlowLook:
             bank.temperature[row] = data[2]
 
 
-def has_time(bus: DynamixelBus, question: Question | None, limit: float) -> bool:
+def has_time(bus: DynamixelBus, question: Request | None, limit: float) -> bool:
     """Tell whether a question can be answered before a time of the monotonic clock [s]."""
     return question is not None and time.monotonic() + bus.duration(question) + SPARE < limit

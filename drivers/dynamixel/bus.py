@@ -49,7 +49,7 @@ class BusStatistics:
 
 
 @dataclass(frozen=True)
-class Question:
+class Request:
     """An instruction and the answers that it shall bring."""
 
     frame: bytes
@@ -78,7 +78,7 @@ class Question:
         return FastFrame(self)
 
     @classmethod
-    def group(cls, spans: Mapping[int, Span], *, fast: bool = False) -> Question:
+    def group(cls, spans: Mapping[int, Span], *, fast: bool = False) -> Request:
         """Ask devices for registers: one alone, the same of all, or each for its own."""
         lengths = {device: span.length for device, span in spans.items()}
         different = set(spans.values())
@@ -91,7 +91,7 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False)
-class Answers:
+class Replies:
     """What a group told, in the order in which it was asked; who is silent is not in it."""
 
     devices: NDArray[np.uint8]
@@ -113,13 +113,13 @@ class Answers:
         size = np.dtype(kind).itemsize
         return np.ascontiguousarray(self.data[:, offset : offset + size]).view(kind)[:, 0]
 
-    def choose(self, rows: NDArray[np.bool_]) -> Answers:
+    def choose(self, rows: NDArray[np.bool_]) -> Replies:
         """Return some of them."""
         devices, errors, data = self.devices[rows], self.errors[rows], self.data[rows]
-        return Answers(devices, errors, data, self.is_cut)
+        return Replies(devices, errors, data, self.is_cut)
 
     @classmethod
-    def of(cls, statuses: Sequence[Status], length: int, *, is_cut: bool = False) -> Answers:
+    def of(cls, statuses: Sequence[Status], length: int, *, is_cut: bool = False) -> Replies:
         """Line up statuses that hold ``length`` bytes each; others are left out."""
         whole = [status for status in statuses if len(status.data) == length]
         data = np.frombuffer(b"".join([s.data for s in whole]), np.uint8)
@@ -161,7 +161,7 @@ class DynamixelBus:
 
     # Questions --------------------------------------------------------------------------------
 
-    def duration(self, question: Question) -> float:
+    def duration(self, question: Request) -> float:
         """Compute how long a question and its answers are on the wire [s]."""
         delays = self.return_delay * (1 if question.is_fast else len(question.lengths))
         return (len(question.frame) + question.answer_size) * self.byte_time + delays
@@ -171,7 +171,7 @@ class DynamixelBus:
         self.port.write(frame)
         self._note_sent(frame)
 
-    def ask(self, question: Question) -> None:
+    def ask(self, question: Request) -> None:
         """Send a question; what came unasked before it is thrown away."""
         if self.port.flush():
             self.statistics.stale += 1
@@ -180,7 +180,7 @@ class DynamixelBus:
         answering = self.duration(question) - len(question.frame) * self.byte_time
         self._deadline = self._quiet_at + answering + self.answer_margin
 
-    def collect(self, question: Question, limit: float = np.inf) -> Iterator[Status]:
+    def collect(self, question: Request, limit: float = np.inf) -> Iterator[Status]:
         """Take in the answers to the question that was asked last, one by one.
 
         Args:
@@ -194,17 +194,17 @@ class DynamixelBus:
             statuses = self._take_statuses(question, limit)
         yield from statuses
 
-    def collect_group(self, question: Question, limit: float = np.inf) -> Answers:
+    def collect_group(self, question: Request, limit: float = np.inf) -> Replies:
         """Take in the answers of a group, of which each has the same length."""
         length = max(question.lengths.values())
         if not question.is_fast:
             damaged = self.statistics.damaged
             statuses = self._take_statuses(question, limit)
-            return Answers.of(statuses, length, is_cut=self.statistics.damaged > damaged)
+            return Replies.of(statuses, length, is_cut=self.statistics.damaged > damaged)
         found, is_cut = self._take_fast(question, limit)
-        return found if isinstance(found, Answers) else Answers.of(found, length, is_cut=is_cut)
+        return found if isinstance(found, Replies) else Replies.of(found, length, is_cut=is_cut)
 
-    def put(self, question: Question, tries: int = 1) -> dict[int, Status]:
+    def put(self, question: Request, tries: int = 1) -> dict[int, Status]:
         """Ask and take in the answers; ask again for those that are missing.
 
         Args:
@@ -231,20 +231,20 @@ class DynamixelBus:
 
     def ping(self, device: int, tries: int = 1) -> Status | None:
         """Ask a device for its model and firmware; ``None`` when it is silent."""
-        return self.put(Question(protocol2.ping(device), {device: PING_DATA}), tries).get(device)
+        return self.put(Request(protocol2.ping(device), {device: PING_DATA}), tries).get(device)
 
     def read(self, device: int, span: Span, tries: int = 1) -> Status | None:
         """Read registers of a device; ``None`` when it is silent."""
-        return self.put(Question.group({device: span}), tries).get(device)
+        return self.put(Request.group({device: span}), tries).get(device)
 
     def write(self, device: int, address: int, data: bytes, tries: int = 1) -> Status | None:
         """Set registers of a device; ``None`` when it does not confirm."""
         frame = protocol2.write(device, address, data)
-        return self.put(Question(frame, {device: 0}), tries).get(device)
+        return self.put(Request(frame, {device: 0}), tries).get(device)
 
     def reboot(self, device: int, tries: int = 1) -> Status | None:
         """Restart a device; ``None`` when it does not confirm."""
-        return self.put(Question(protocol2.reboot(device), {device: 0}), tries).get(device)
+        return self.put(Request(protocol2.reboot(device), {device: 0}), tries).get(device)
 
     # All devices ------------------------------------------------------------------------------
 
@@ -278,7 +278,7 @@ class DynamixelBus:
             if left > _NAP_END:
                 time.sleep(left)
 
-    def _take_statuses(self, question: Question, limit: float) -> list[Status]:
+    def _take_statuses(self, question: Request, limit: float) -> list[Status]:
         limit = min(limit, self._deadline)
         order = question.places
         parser, found = FrameParser(), list[tuple[int, Status]]()
@@ -309,7 +309,7 @@ class DynamixelBus:
             elif item.instruction == Instruction.STATUS and item.params:
                 yield Status(item.id, item.params[0], item.params[1:])
 
-    def _take_fast(self, question: Question, limit: float) -> tuple[Answers | list[Status], bool]:
+    def _take_fast(self, question: Request, limit: float) -> tuple[Replies | list[Status], bool]:
         """Take in one frame of all; tell also whether it was damaged."""
         limit = min(limit, self._deadline)
         frame = question.fast_frame
@@ -337,7 +337,7 @@ class DynamixelBus:
 class FastFrame:
     """Finds the one frame that answers a fast read in what came over the wire."""
 
-    def __init__(self, question: Question) -> None:
+    def __init__(self, question: Request) -> None:
         self.size = question.answer_size
         """Bytes of the whole frame."""
         self.stale = 0
@@ -350,7 +350,7 @@ class FastFrame:
             [("error", "u1"), ("id", "u1"), ("data", "u1", self._lengths[0]), ("crc", "<u2")]
         )
 
-    def decode(self, buffer: bytes) -> Answers | None:
+    def decode(self, buffer: bytes) -> Replies | None:
         """Read the frame if it is there, whole and of the right devices."""
         self.stale = 0
         for start in self._find_starts(buffer):
@@ -363,7 +363,7 @@ class FastFrame:
             if rows["id"].tobytes() != self._order:
                 self.stale += 1
                 continue
-            return Answers(rows["id"], rows["error"], rows["data"])
+            return Replies(rows["id"], rows["error"], rows["data"])
         return None
 
     def salvage(self, buffer: bytes) -> list[Status]:
@@ -426,7 +426,7 @@ class SyncWriter:
         )
 
 
-def _as_statuses(answers: Answers) -> list[Status]:
+def _as_statuses(answers: Replies) -> list[Status]:
     rows = zip(answers.devices, answers.errors, answers.data, strict=True)
     return [Status(int(device), int(error), data.tobytes()) for device, error, data in rows]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.dynamixel.bus import DynamixelBus, SyncWriter
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.protocol2 import bulk_write
-from drivers.dynamixel.servo_states import ServoBank
+from drivers.dynamixel.servo_states import ServoStates
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
@@ -24,7 +24,7 @@ FRESH = 2.5  # periods; an older position is no place to begin from
 
 
 @dataclass(frozen=True, eq=False)
-class Orders:
+class RegisterCommands:
     """What each servo is to hold, in joint order, each of shape (n,)."""
 
     goal: Integers
@@ -47,7 +47,7 @@ class Translator:
         self.pwm_limit = np.full(robot.n, PWM_FULL_SCALE)
         """What each servo's PWM limit allows [counts]."""
 
-    def to_orders(self, command: Command) -> Orders:
+    def to_orders(self, command: Command) -> RegisterCommands:
         """Convert a command; nothing in it is rounded beyond what it allows.
 
         Raises:
@@ -59,14 +59,14 @@ class Translator:
         allowed = np.minimum(command.torque_limit / self._stall, command.pwm_limit)
         pwm = np.minimum(count_pwm(allowed), self.pwm_limit).astype(int)
         gain = np.rint(DEFAULT_P_GAIN * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
-        return Orders(
+        return RegisterCommands(
             goal=np.minimum(np.maximum(goal, 0), TICKS_PER_TURN - 1),
             p_gain=gain.astype(int),
             pwm=pwm,
             torque=pwm > 0,
         )
 
-    def to_command(self, orders: Orders, asked: Command) -> Command:
+    def to_command(self, orders: RegisterCommands, asked: Command) -> Command:
         """Tell what orders mean."""
         share = orders.pwm / PWM_FULL_SCALE
         torque: Array = share * self._stall
@@ -78,7 +78,7 @@ class Translator:
         )
 
 
-class Shadow:
+class LastWritten:
     """What servos were last told of one register: only news are sent, and each of them twice."""
 
     def __init__(self, n: int) -> None:
@@ -98,7 +98,7 @@ class Shadow:
         self._sent = np.full(len(self._sent), -1)
 
 
-class OrderWriter:
+class CommandWriter:
     """Sends orders to the servos of one bus, in the order that is safe.
 
     Torque goes off first. Where it comes on, gain and limit are set before, the goal is the
@@ -130,12 +130,12 @@ class OrderWriter:
         self._p_gain, self._pwm = writer("position_p_gain"), writer("goal_pwm")
         self._dog = writer("bus_watchdog")
         self._return_level = writer("status_return_level")
-        self._shadows = Shadow(len(rows)), Shadow(len(rows))
+        self._shadows = LastWritten(len(rows)), LastWritten(len(rows))
         self._all = np.ones(len(rows), dtype=bool)
         self._zeros = np.zeros(len(rows), dtype=int)
         self._cycle = 0
 
-    def write(self, orders: Orders, bank: ServoBank, fresh: NDArray[np.bool_]) -> None:
+    def write(self, orders: RegisterCommands, bank: ServoStates, fresh: NDArray[np.bool_]) -> None:
         """Send orders.
 
         Args:
@@ -183,12 +183,12 @@ class OrderWriter:
         """Set everybody's status return level."""
         self._bus.send(self._return_level.encode(np.full(len(self._rows), level)))
 
-    def _switch_off(self, off: NDArray[np.bool_], bank: ServoBank) -> None:
+    def _switch_off(self, off: NDArray[np.bool_], bank: ServoStates) -> None:
         self._bus.send(self._torque.encode_some(off, self._zeros))
         chosen = self._rows[off]
         bank.is_on[chosen] = bank.must_release[chosen] = bank.must_seed[chosen] = False
 
-    def _switch_on(self, on: NDArray[np.bool_], bank: ServoBank) -> None:
+    def _switch_on(self, on: NDArray[np.bool_], bank: ServoStates) -> None:
         send, chosen = self._bus.send, self._rows[on]
         # A watchdog that has tripped locks the goals until it is cleared.
         send(self._dog.encode_some(on, self._zeros))

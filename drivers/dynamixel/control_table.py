@@ -246,7 +246,8 @@ def table_named(model: str, firmware: int | None = None) -> ControlTable:
 
 @cache
 def _read_file() -> dict[str, Any]:
-    return tomllib.loads(files(__package__).joinpath("control_tables.toml").read_text("utf-8"))
+    file = files("drivers.dynamixel").joinpath("control_tables.toml")
+    return tomllib.loads(file.read_text("utf-8"))
 
 
 def _settings_of(model: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from drivers.dynamixel.bus import Answers, DynamixelBus, Question
+from drivers.dynamixel.bus import DynamixelBus, Replies, Request
 from drivers.dynamixel.protocol2 import ALERT, Span
 
 MISSES = 3  # silences in a row after which a servo is left out
@@ -28,7 +28,7 @@ class GroupKind(Enum):
     BULK = "bulk read"
 
 
-class GroupRead:
+class CyclicRead:
     """Reads the same values of several servos, again and again.
 
     A silent servo breaks the frame of a fast read, and on some buses the answers of all
@@ -62,8 +62,8 @@ class GroupRead:
         self._fast_failures = 0
         self._fast_again = 0
         self._cycle = 0
-        self._question: Question | None = None
-        self._questions: dict[tuple[bytes, int, bool], Question] = {}
+        self._question: Request | None = None
+        self._questions: dict[tuple[bytes, int, bool], Request] = {}
 
     @property
     def left_out(self) -> list[int]:
@@ -71,7 +71,7 @@ class GroupRead:
         return list(self._next_poll)
 
     @property
-    def question(self) -> Question | None:
+    def question(self) -> Request | None:
         """Return what was asked last, ``None`` when there was nobody to ask."""
         return self._question
 
@@ -89,7 +89,7 @@ class GroupRead:
         self._question = self._ask_for(active[turn:] + active[:turn])
         self._bus.ask(self._question)
 
-    def collect(self, limit: float) -> Answers:
+    def collect(self, limit: float) -> Replies:
         """Take in the answers, and ask once more for those that are missing if there is time.
 
         Args:
@@ -97,7 +97,7 @@ class GroupRead:
         """
         question = self._question
         if question is None:
-            return Answers.of([], self._length)
+            return Replies.of([], self._length)
         answers = self._collect_one(question, limit)
         if len(answers.devices) < len(question.lengths):
             missing = self._find_missing(question, answers)
@@ -128,7 +128,7 @@ class GroupRead:
         if self._returns[device] >= FAST_FAILURES:
             self._give_up_fast()
 
-    def _ask_for(self, devices: list[int]) -> Question:
+    def _ask_for(self, devices: list[int]) -> Request:
         """Build the question to some, those that were silent last time at the end."""
         suspects = [device for device in devices if device in self._suspects]
         order = devices
@@ -144,21 +144,21 @@ class GroupRead:
             if len(self._questions) > MOST_QUESTIONS:
                 self._questions.clear()
             spans = {i: Span(self._spans[i].address, self._length + extra) for i in order}
-            question = self._questions[key] = Question.group(spans, fast=is_fast)
+            question = self._questions[key] = Request.group(spans, fast=is_fast)
         return question
 
-    def _collect_one(self, question: Question, limit: float) -> Answers:
+    def _collect_one(self, question: Request, limit: float) -> Replies:
         answers = self._bus.collect_group(question, limit)
         if answers.data.shape[1] == self._length:
             return answers
         data = answers.data[:, : self._length]
-        return Answers(answers.devices, answers.errors, data, answers.is_cut)
+        return Replies(answers.devices, answers.errors, data, answers.is_cut)
 
-    def _find_missing(self, question: Question, answers: Answers) -> list[int]:
+    def _find_missing(self, question: Request, answers: Replies) -> list[int]:
         told = set(answers.devices.tolist())
         return [device for device in question.lengths if device not in told]
 
-    def _judge(self, question: Question, answers: Answers) -> None:
+    def _judge(self, question: Request, answers: Replies) -> None:
         """Remember who was silent."""
         is_whole = len(answers.devices) == len(self._ids) - len(self._next_poll)
         if is_whole and not self._suspects:
@@ -180,7 +180,7 @@ class GroupRead:
             if self._fast_failures >= FAST_FAILURES:
                 self._give_up_fast()
 
-    def _find_silent(self, question: Question, answers: Answers) -> list[int]:
+    def _find_silent(self, question: Request, answers: Replies) -> list[int]:
         """Find who was silent himself; whom that may have kept from answering is excused."""
         if answers.is_cut:
             return []
@@ -194,8 +194,8 @@ class GroupRead:
             self._fast_again = self._cycle + FAST_PAUSE
 
 
-def _join(first: Answers, second: Answers) -> Answers:
-    return Answers(
+def _join(first: Replies, second: Replies) -> Replies:
+    return Replies(
         np.concatenate([first.devices, second.devices]),
         np.concatenate([first.errors, second.errors]),
         np.concatenate([first.data, second.data]),
@@ -203,10 +203,10 @@ def _join(first: Answers, second: Answers) -> Answers:
     )
 
 
-def _without_refusals(answers: Answers) -> Answers:
+def _without_refusals(answers: Replies) -> Replies:
     """Leave out who told an error instead of values."""
     refused = answers.errors & ~np.uint8(ALERT)
     if not refused.any():
         return answers
     kept = refused == 0
-    return Answers(answers.devices[kept], answers.errors[kept], answers.data[kept], answers.is_cut)
+    return Replies(answers.devices[kept], answers.errors[kept], answers.data[kept], answers.is_cut)

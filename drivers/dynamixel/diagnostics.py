@@ -58,7 +58,7 @@ class Finding:
         return f"{self.device}: {self.text}; {self.remedy}"
 
 
-class AuditError(DriverError):
+class DiagnosticsError(DriverError):
     """A robot's bus is not fit to move the robot; tells all that is wrong at once."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
@@ -111,7 +111,7 @@ class ServoFacts:
 
 
 @dataclass(frozen=True)
-class Audit:
+class Diagnostics:
     """The result of a look at a bus."""
 
     servos: tuple[ServoFacts, ...]
@@ -157,7 +157,7 @@ AUDITED = (
 )
 
 
-def audit(bus: DynamixelBus, joints: Iterable[Joint]) -> Audit:
+def audit(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
     """Look at the servos of some joints, change nothing, and tell all that is wrong."""
     servos: list[ServoFacts] = []
     findings: list[Finding] = []
@@ -176,13 +176,13 @@ def audit(bus: DynamixelBus, joints: Iterable[Joint]) -> Audit:
                 findings += judge(servo)
     if silent:
         findings[:0] = _explain_silence(bus, silent, anybody=bool(servos or findings))
-    return Audit(tuple(servos), tuple(findings))
+    return Diagnostics(tuple(servos), tuple(findings))
 
 
 def read_items(
     bus: DynamixelBus, device: int, table: ControlTable, names: Iterable[str]
 ) -> dict[str, int] | None:
-    """Read items of a servo, neighbours together; ``None`` when it did not tell all.
+    """Read items of a servo, neighbors together; ``None`` when it did not tell all.
 
     Items that its table does not have are left out.
     """

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drivers.dynamixel.background_read import SlowLook, has_time
-from drivers.dynamixel.bus import Answers, DynamixelBus, Question
-from drivers.dynamixel.command_writer import Orders, OrderWriter
+from drivers.dynamixel.background_read import BackgroundRead, has_time
+from drivers.dynamixel.bus import DynamixelBus, Replies, Request
+from drivers.dynamixel.command_writer import CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
 from drivers.dynamixel.control_table import ControlTable, table_named
-from drivers.dynamixel.cyclic_read import GroupKind, GroupRead
+from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.opencr import BodyImu, OpenCr
 from drivers.dynamixel.port import PortError, PortLostError
 from drivers.dynamixel.protocol2 import ALERT, Span
-from drivers.dynamixel.servo_states import GROUP_BYTES, ServoBank
+from drivers.dynamixel.servo_states import GROUP_BYTES, ServoStates
 from drivers.errors import SetupError
 from robots import Joint, Robot
 from robots.servo import TICKS_PER_TURN
@@ -39,7 +39,7 @@ VERIFY_TRIES = 3  # reads of torque registers after a change, before the servos 
 POLL_WAIT = 0.0015  # s for a left-out servo's answer to a ping
 
 
-class ServoLine:
+class ServoChain:
     """What hangs on one port, from the first reading to the last torque off.
 
     Nothing here raises for a silent servo, nor for a port that is gone: then the line
@@ -67,19 +67,19 @@ class ServoLine:
         self.joints: list[Joint] = [robot.joints[row] for row in rows]
         self.is_lost = False
         self.eeprom_writes = 0
-        self.writer = OrderWriter(bus, self.joints, rows, watchdog)
+        self.writer = CommandWriter(bus, self.joints, rows, watchdog)
         self._ids = np.array([joint.servo.id for joint in self.joints])
         self._tables = [table_named(joint.servo.model.name) for joint in self.joints]
         _check_registers(self._tables)
         self._facts: dict[int, ServoFacts] = {}
         self._setups: dict[int, ServoSetup] = {}
-        self._group: GroupRead | None = None
-        self._look = SlowLook(bus, rows, self._ids.tolist(), self._tables, board)
+        self._group: CyclicRead | None = None
+        self._look = BackgroundRead(bus, rows, self._ids.tolist(), self._tables, board)
         self._cycle = 0
         self._reopen_at = 0.0
         self._heard, self._heard_at = -1, 0.0
         self._verify_left = 0
-        self._answers: Answers | None = None
+        self._answers: Replies | None = None
 
     @property
     def places(self) -> list[tuple[Joint, int]]:
@@ -91,7 +91,7 @@ class ServoLine:
     def adopt(self, servos: Mapping[int, ServoFacts]) -> None:
         """Take over what the audit found of each joint, by place in the joint order."""
         self._facts = dict(servos)
-        self._group = GroupRead(
+        self._group = CyclicRead(
             self.bus,
             {servo.id: _group_span(servo.table) for servo in servos.values()},
             can_fast=all(servo.supports_fast_read for servo in servos.values()),
@@ -136,7 +136,7 @@ class ServoLine:
         elif self._group is not None and self._is_usable():
             self._ask(self._group)
 
-    def _ask(self, group: GroupRead) -> None:
+    def _ask(self, group: CyclicRead) -> None:
         try:
             group.ask()
         except PortLostError:
@@ -161,7 +161,7 @@ class ServoLine:
         """Tell whether a servo tells an alert in the answers that came last."""
         return self._answers is not None and bool((self._answers.errors & ALERT).any())
 
-    def take_group(self, bank: ServoBank, now: float) -> None:
+    def take_group(self, bank: ServoStates, now: float) -> None:
         """Take over the answers.
 
         Args:
@@ -172,7 +172,7 @@ class ServoLine:
             bank.take(self._answers, now)
         self._answers = None
 
-    def prepare_look(self, bank: ServoBank) -> None:
+    def prepare_look(self, bank: ServoStates) -> None:
         """Choose which servo is asked for which of the values that change slowly."""
         if not self.is_lost:
             self._look.prepare(bank, self.left_out)
@@ -186,7 +186,7 @@ class ServoLine:
         except PortLostError:
             self._lose()
 
-    def take_look(self, bank: ServoBank, imu: BodyImu, now: float, limit: float) -> None:
+    def take_look(self, bank: ServoStates, imu: BodyImu, now: float, limit: float) -> None:
         """Take in what `ask_look` asked for."""
         if self.is_lost:
             return
@@ -195,7 +195,7 @@ class ServoLine:
         except PortLostError:
             self._lose()
 
-    def tend(self, bank: ServoBank, limit: float) -> None:
+    def tend(self, bank: ServoStates, limit: float) -> None:
         """Do what is left of a cycle's reading: verify torque, find lost servos, set up again."""
         if self.is_lost or self._group is None:
             return
@@ -212,7 +212,7 @@ class ServoLine:
 
     # Writing ----------------------------------------------------------------------------------
 
-    def write(self, orders: Orders, bank: ServoBank, fresh: np.ndarray) -> None:
+    def write(self, orders: RegisterCommands, bank: ServoStates, fresh: np.ndarray) -> None:
         """Send everybody's orders."""
         if self.is_lost:
             return
@@ -225,7 +225,7 @@ class ServoLine:
         if not np.array_equal(bank.is_on[self.rows], was_on):
             self._verify_left = VERIFY_TRIES
 
-    def note_loss(self, bank: ServoBank) -> None:
+    def note_loss(self, bank: ServoStates) -> None:
         """Bring the flags of a lost line's servos up to date."""
         if self.is_lost:
             bank.note_lost_port(self.rows)
@@ -301,7 +301,7 @@ class ServoLine:
 
     # Servos that need care --------------------------------------------------------------------
 
-    def _verify_torque(self, bank: ServoBank, limit: float) -> None:
+    def _verify_torque(self, bank: ServoStates, limit: float) -> None:
         """Read back the torque registers that nobody confirmed when they were written."""
         out = self.left_out
         span = self._tables[0]["torque_enable"].span
@@ -309,7 +309,7 @@ class ServoLine:
         if not spans:
             return
         fast = self.group_kind is GroupKind.FAST and len(spans) > 1
-        question = Question.group(spans, fast=fast)
+        question = Request.group(spans, fast=fast)
         if not has_time(self.bus, question, limit):
             return
         self.bus.ask(question)
@@ -326,7 +326,7 @@ class ServoLine:
         if len(told.devices) == len(spans) and np.array_equal(is_on, bank.is_on[rows]):
             self._verify_left = 0
 
-    def _poll(self, bank: ServoBank, limit: float) -> None:
+    def _poll(self, bank: ServoStates, limit: float) -> None:
         """Look whether a servo that was left out is back."""
         if not self.left_out or self._group is None:
             return
@@ -337,14 +337,14 @@ class ServoLine:
         if device is None:
             return
         row = bank.row(device)
-        question = Question.group({device: self._table(row)["torque_enable"].span})
+        question = Request.group({device: self._table(row)["torque_enable"].span})
         self.bus.ask(question)
         for _ in self.bus.collect(question, limit):
             self._group.restore(device)
             if not bank.is_on[row]:
                 bank.note_restart(row)
 
-    def _set_up_again(self, bank: ServoBank, limit: float) -> None:
+    def _set_up_again(self, bank: ServoStates, limit: float) -> None:
         """Bring servos that may have restarted to where they may have torque again."""
         if bank.is_ready.all():
             return

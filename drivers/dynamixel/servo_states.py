@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from drivers.dynamixel.bus import Answers
+from drivers.dynamixel.bus import Replies
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.protocol2 import ALERT
@@ -21,7 +21,7 @@ FASTEST = 20.0 / RAD_PER_TICK  # ticks/s; four times the no-load speed of the se
 MISSED = 2.5  # periods of silence in which a servo may have restarted
 
 
-class ServoBank:
+class ServoStates:
     """Arrays over all joints, in the robot's joint order; lines fill them, the backend reads.
 
     The flags tell how far a servo may be trusted. Torque comes on only where ``is_ready``
@@ -80,7 +80,7 @@ class ServoBank:
             row = self.row(servo.id)
             self.voltage[row], self.temperature[row] = servo.voltage, servo.temperature
 
-    def take(self, answers: Answers, now: float) -> None:
+    def take(self, answers: Replies, now: float) -> None:
         """Take over what a group told at a time [s].
 
         A position further away than any joint can have gone is not believed until the next

@@ -12,8 +12,8 @@ import numpy as np
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
 from drivers.dynamixel.configuration import ALL_ANSWERED
 from drivers.dynamixel.diagnostics import (
-    Audit,
-    AuditError,
+    Diagnostics,
+    DiagnosticsError,
     Finding,
     Severity,
     audit,
@@ -23,8 +23,8 @@ from drivers.dynamixel.diagnostics import (
 )
 from drivers.dynamixel.opencr import ImuSample, blame_board, check_board
 from drivers.dynamixel.port import PortError
-from drivers.dynamixel.servo_chain import ServoLine
-from drivers.dynamixel.servo_states import ServoBank
+from drivers.dynamixel.servo_chain import ServoChain
+from drivers.dynamixel.servo_states import ServoStates
 from drivers.errors import SetupError
 from robots import Joint, Robot
 
@@ -34,7 +34,7 @@ BOOT_MARGIN = 0.01  # s to wait for each answer meanwhile
 FIRST_READS = 10  # tries to get a first value of every joint
 
 
-def open_ports(lines: Sequence[ServoLine]) -> None:
+def open_ports(lines: Sequence[ServoChain]) -> None:
     """Open every line's port.
 
     Raises:
@@ -53,7 +53,7 @@ def open_ports(lines: Sequence[ServoLine]) -> None:
         raise SetupError("; ".join(map(str, errors)))
 
 
-def look_at_all(robot: Robot, lines: Sequence[ServoLine], period: float | None) -> Audit:
+def look_at_all(robot: Robot, lines: Sequence[ServoChain], period: float | None) -> Diagnostics:
     """Power the servos, release them, and find all that is wrong.
 
     Args:
@@ -69,7 +69,7 @@ def look_at_all(robot: Robot, lines: Sequence[ServoLine], period: float | None) 
         found = check_board(line.board) if line.board else []
         findings += found
         if found and line.board and line.board.settings.powers_servos:
-            return Audit((), tuple(findings))  # servos without power are silent anyway
+            return Diagnostics((), tuple(findings))  # servos without power are silent anyway
     await_servos(lines)
     servos = []
     for line in lines:
@@ -78,10 +78,10 @@ def look_at_all(robot: Robot, lines: Sequence[ServoLine], period: float | None) 
         told = audit(line.bus, line.joints)
         servos += told.servos
         findings += told.findings
-    return Audit(tuple(servos), tuple(findings))
+    return Diagnostics(tuple(servos), tuple(findings))
 
 
-def set_up_all(found: Audit, lines: Sequence[ServoLine], bank: ServoBank) -> None:
+def set_up_all(found: Diagnostics, lines: Sequence[ServoChain], bank: ServoStates) -> None:
     """Set the registers of all servos that an audit found.
 
     Raises:
@@ -99,12 +99,12 @@ def set_up_all(found: Audit, lines: Sequence[ServoLine], bank: ServoBank) -> Non
             else:
                 bank.note_ready(row)
     if faults:
-        raise AuditError(faults)
+        raise DiagnosticsError(faults)
     for line in lines:
         line.bus.return_delay = 0.0
 
 
-def measure_first(lines: Sequence[ServoLine], bank: ServoBank, now: float) -> ImuSample:
+def measure_first(lines: Sequence[ServoChain], bank: ServoStates, now: float) -> ImuSample:
     """Take one value of every joint, and one of the IMU: none is ever made up.
 
     Raises:
@@ -128,7 +128,7 @@ def measure_first(lines: Sequence[ServoLine], bank: ServoBank, now: float) -> Im
     if sample is None:
         faults.append(blame_board(board.settings, "does not tell its IMU"))
     if faults or sample is None:
-        raise AuditError(faults)
+        raise DiagnosticsError(faults)
     return sample
 
 

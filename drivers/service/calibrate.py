@@ -12,9 +12,9 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from drivers.dynamixel.bus import Question
+from drivers.dynamixel.bus import Request
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.diagnostics import REVERSED, AuditError, Finding, name_all, name_of
+from drivers.dynamixel.diagnostics import REVERSED, DiagnosticsError, Finding, name_all, name_of
 from drivers.errors import SetupError
 from drivers.service.session import RobotBus
 from robots import Joint, Robot
@@ -199,7 +199,7 @@ class Calibrator:
             if finding.device not in usable and finding not in self._bus.findings
         ]
         if blocking:
-            raise AuditError(blocking)
+            raise DiagnosticsError(blocking)
 
     def release(self) -> None:
         """Make every joint of the robot limp that has torque.
@@ -293,7 +293,7 @@ def locate(bus: RobotBus, joints: Sequence[Joint], tries: int = PATIENCE) -> dic
             items = {
                 i: table_named(j.servo.model.name)["present_position"] for i, j in asked.items()
             }
-            told = line.bus.put(Question.group({i: item.span for i, item in items.items()}))
+            told = line.bus.put(Request.group({i: item.span for i, item in items.items()}))
             for device, status in told.items():
                 if not status.number and len(status.data) == items[device].size:
                     ticks[asked[device].name] = items[device].decode(status.data)

@@ -12,10 +12,10 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.backend import READ_SHARE
-from drivers.dynamixel.bus import BITS_PER_BYTE, DynamixelBus, Question
+from drivers.dynamixel.bus import BITS_PER_BYTE, DynamixelBus, Request
 from drivers.dynamixel.configuration import list_eeprom_settings
 from drivers.dynamixel.control_table import ControlTable
-from drivers.dynamixel.cyclic_read import GroupRead
+from drivers.dynamixel.cyclic_read import CyclicRead
 from drivers.dynamixel.diagnostics import Finding, ServoFacts, Severity, name_all
 from drivers.dynamixel.opencr import ImuSample, OpenCr
 from drivers.dynamixel.port import read_latency_timer
@@ -69,12 +69,12 @@ class CycleReading:
         look = {servos[0].id: slow}
         if board is not None:
             look = {board.id: board.span(0)} | look
-        self._look = Question.group(look)
+        self._look = Request.group(look)
 
     @property
     def bytes(self) -> int:
         """Return the bytes of one cycle on the wire, both ways, goals included."""
-        group = Question.group(self._spans, fast=self._can_fast)
+        group = Request.group(self._spans, fast=self._can_fast)
         goal = self._servos[0].table["goal_position"].address
         goals = protocol2.sync_write(goal, {servo.id: bytes(GOAL_BYTES) for servo in self._servos})
         asked = (group, self._look)
@@ -83,7 +83,7 @@ class CycleReading:
     def measure(self, rounds: int = ROUNDS) -> Latency:
         """Read as a cycle does, again and again, and take the time."""
         bus = self._bus
-        group = GroupRead(bus, self._spans, can_fast=self._can_fast)
+        group = CyclicRead(bus, self._spans, can_fast=self._can_fast)
         kind, lost, damaged = group.kind.value, bus.statistics.lost, bus.statistics.damaged
         times = np.zeros((rounds, 2))
         for row in times:
@@ -136,7 +136,7 @@ class LineReport:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Checkup:
+class HealthCheck:
     """All that was found of a robot."""
 
     robot: Robot
@@ -164,7 +164,7 @@ class Checkup:
         return tuple(f for f in self.findings if f.severity is Severity.WARNING)
 
 
-def examine(bus: RobotBus, rounds: int = ROUNDS) -> Checkup:
+def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     """Examine a robot; its joints keep the torque that they have, and nothing is set."""
     robot, torque = bus.robot, bus.find_torque()
     told = bus.look()
@@ -176,7 +176,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> Checkup:
     findings = [*told.findings, *_judge_torque(torque), *_judge_heat(servos)]
     findings += [f for line in lines for f in _judge_line(line, robot.control_period)]
     findings += [*_judge_imu(imu), *_judge_settings(servos), *_judge_calibration(robot)]
-    return Checkup(
+    return HealthCheck(
         robot=robot,
         servos=servos,
         findings=tuple(sorted(findings, key=lambda f: list(Severity).index(f.severity))),

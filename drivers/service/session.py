@@ -11,8 +11,8 @@ from drivers.dynamixel.configuration import ALL_ANSWERED
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import (
     TRIES,
-    Audit,
-    AuditError,
+    Diagnostics,
+    DiagnosticsError,
     Finding,
     ServoFacts,
     Severity,
@@ -67,7 +67,7 @@ class RobotBus:
             for joint in line.joints:
                 self._unmute(line.bus, joint)
 
-    def look(self, joints: tuple[Joint, ...] | None = None) -> Audit:
+    def look(self, joints: tuple[Joint, ...] | None = None) -> Diagnostics:
         """Audit all joints, or some."""
         servos: list[ServoFacts] = []
         findings = list(self.findings)
@@ -75,7 +75,7 @@ class RobotBus:
             told = audit(line.bus, [j for j in line.joints if joints is None or j in joints])
             servos += told.servos
             findings += told.findings
-        return Audit(tuple(servos), tuple(findings))
+        return Diagnostics(tuple(servos), tuple(findings))
 
     def line_of(self, joint: Joint) -> Line:
         """Return the line that a joint is on."""
@@ -99,7 +99,9 @@ class RobotBus:
         held = [joint for joint in joints if not self._release(joint)]
         if held:
             text, remedy = "does not confirm that it is limp", "check its cable, or switch it off"
-            raise AuditError([Finding(Severity.ERROR, name_of(j), text, remedy) for j in held])
+            raise DiagnosticsError(
+                [Finding(Severity.ERROR, name_of(j), text, remedy) for j in held]
+            )
 
     def _release(self, joint: Joint) -> bool:
         item = table_named(joint.servo.model.name)["torque_enable"]

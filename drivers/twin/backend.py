@@ -10,13 +10,13 @@ from drivers.errors import NotConnectedError
 from drivers.orientation_filter import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
-from drivers.twin.ground_truth import GroundHeight, Truth, flat_ground
+from drivers.twin.ground_truth import GroundHeight, GroundTruth, flat_ground
 from drivers.twin.servo_model import (
     CURRENT_STEP,
     VELOCITY_STEP,
     VOLTAGE_STEP,
     SensorNoise,
-    quantise,
+    quantize,
 )
 from drivers.twin.simulation import Drives, Simulation
 from robots import Posture, Robot
@@ -94,7 +94,7 @@ class Twin(ClosesItself):
         return self.simulation.data
 
     @property
-    def truth(self) -> Truth:
+    def truth(self) -> GroundTruth:
         """Return what only a simulation knows."""
         return self.simulation.truth
 
@@ -120,9 +120,9 @@ class Twin(ClosesItself):
         body = self.simulation
         return State(
             time=body.time,
-            joint_pos=self._units.quantise(body.joint_pos),
-            joint_vel=quantise(body.joint_vel, VELOCITY_STEP),
-            joint_current=quantise(body.joint_current, CURRENT_STEP),
+            joint_pos=self._units.quantize(body.joint_pos),
+            joint_vel=quantize(body.joint_vel, VELOCITY_STEP),
+            joint_current=quantize(body.joint_current, CURRENT_STEP),
             gyro=body.imu.gyro,
             orientation=self._filter.orientation,
             temperature=np.rint(body.temperature),

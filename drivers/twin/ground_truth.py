@@ -35,7 +35,7 @@ def flat_ground(_x: float, _y: float) -> float:
     return 0.0
 
 
-class Truth:
+class GroundTruth:
     """The true state of a twin, at the end of its last period."""
 
     def __init__(

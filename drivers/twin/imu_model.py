@@ -11,7 +11,7 @@ from drivers.orientation_filter import (
     GYRO_RANGE,
     GYRO_STEP,
 )
-from drivers.twin.servo_model import SensorNoise, quantise
+from drivers.twin.servo_model import SensorNoise, quantize
 from robots.quaternion import Array
 
 
@@ -58,7 +58,7 @@ class TwinImu:
     def _sense_gyro(self, rate_b: Array) -> Array:
         if self._noise.gyro:
             rate_b = rate_b + self._rng.normal(0.0, self._noise.gyro, 3)
-        return quantise(np.minimum(np.maximum(rate_b, -GYRO_RANGE), GYRO_RANGE), GYRO_STEP)
+        return quantize(np.minimum(np.maximum(rate_b, -GYRO_RANGE), GYRO_RANGE), GYRO_STEP)
 
     def _sense_force(self, data: mujoco.MjData, acceleration: Array) -> Array:
         R = data.site_xmat[self._site].reshape(3, 3)
@@ -66,4 +66,4 @@ class TwinImu:
         if self._noise.accelerometer:
             force_b = force_b + self._rng.normal(0.0, self._noise.accelerometer, 3)
         force_b = np.minimum(np.maximum(force_b, -ACCELEROMETER_RANGE), ACCELEROMETER_RANGE)
-        return quantise(force_b, ACCELEROMETER_STEP)
+        return quantize(force_b, ACCELEROMETER_STEP)

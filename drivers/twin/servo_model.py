@@ -64,6 +64,6 @@ class Windings:
         self.temperature += (loss - cooling) * (duration / HEAT_CAPACITY)
 
 
-def quantise(value: Array, step: float) -> Array:
+def quantize(value: Array, step: float) -> Array:
     """Round to whole steps of a sensor's resolution."""
     return np.rint(value / step) * step

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from drivers.errors import ModelError
-from drivers.twin.ground_truth import GroundHeight, Truth, flat_ground
+from drivers.twin.ground_truth import GroundHeight, GroundTruth, flat_ground
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
 from robots import Posture, Robot
@@ -84,7 +84,7 @@ class Simulation:
         self._rng = rng or np.random.default_rng(0)
         self._windings = Windings(robot)
         self.imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
-        self.truth = Truth(robot, self.model, self.data, ground)
+        self.truth = GroundTruth(robot, self.model, self.data, ground)
         self.on_look: list[Callable[[], None]] = []
         """Called after each look of the sensors, by whoever lets time pass."""
         self.place(robot.standing)

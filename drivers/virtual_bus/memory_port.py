@@ -1,6 +1,6 @@
 """A port without a device file: instructions go straight to a chain of virtual servos.
 
-For tests and fuzzing: no thread, no pseudo-terminal, and any answer may be spoilt.
+For tests and fuzzing: no thread, no pseudo-terminal, and any answer may be spoiled.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from collections.abc import Callable
 from drivers.dynamixel.port import PortError, PortLostError
 from drivers.dynamixel.protocol2 import FrameParser, Packet
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.serving.interfaces import Body
+from drivers.virtual_bus.serving.interfaces import Physics
 from drivers.virtual_bus.serving.lock_step import QUIET, asks_for_answer, ends_cycle
 
 
 class MemoryPort:
     """Answers at once; ``spoil`` may change what comes back, and ``unplugged`` ends all."""
 
-    def __init__(self, chain: Chain, baud: int, body: Body | None = None) -> None:
+    def __init__(self, chain: Chain, baud: int, body: Physics | None = None) -> None:
         """Plug a port into a chain.
 
         Args:

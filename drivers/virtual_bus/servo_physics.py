@@ -23,7 +23,7 @@ PLAIN_MODES = (OperatingMode.POSITION, OperatingMode.EXTENDED_POSITION)
 CONTROL_RATE = 1000.0  # Hz, of a servo's integrators; not published
 
 
-class Body:
+class ServoPhysics:
     """Lets time pass in a simulation whose joints are driven by servos' registers.
 
     Before each stretch of physics the servos tell what they do; after it they are told

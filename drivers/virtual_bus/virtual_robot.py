@@ -16,8 +16,8 @@ from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.fault_schedule import Schedule
-from drivers.virtual_bus.serving.server import Pace, VirtualBus
-from drivers.virtual_bus.servo_physics import Body
+from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
+from drivers.virtual_bus.servo_physics import ServoPhysics
 from robots import BusSettings, Posture, Robot
 
 FIRMWARE = 46
@@ -75,7 +75,7 @@ class VirtualRobot:
             elif self.bus.board.powers_servos:
                 self._switch_power(False)
         axes = self.bus.board.imu_axes if self.bus.board else (1, 1, 1)
-        self.body = Body(simulation, self.servos, self.board, axes)
+        self.body = ServoPhysics(simulation, self.servos, self.board, axes)
         self.chains = {port.name: self._build_chain(port.name, quirks) for port in self.bus.ports}
 
     def place(self, posture: Posture) -> None:
@@ -110,7 +110,7 @@ class VirtualRobot:
 class _Passenger:
     """The body as a second port sees it: the first port's traffic lets time pass."""
 
-    body: Body
+    body: ServoPhysics
 
     @property
     def time(self) -> float:
@@ -144,7 +144,7 @@ class VirtualPorts:
         self,
         robot: VirtualRobot,
         *,
-        pace: Pace,
+        pace: TimeMode,
         link: Path | None = None,
         rng: np.random.Generator | None = None,
         schedule: Schedule | None = None,
@@ -164,7 +164,7 @@ class VirtualPorts:
         self.buses: dict[str, VirtualBus] = {}
         for name in names:
             leads = name == names[-1]
-            passenger = pace is Pace.LOCK_STEP and not leads
+            passenger = pace is TimeMode.LOCK_STEP and not leads
             self.buses[name] = VirtualBus(
                 robot.chains[name],
                 _Passenger(robot.body) if passenger else robot.body,

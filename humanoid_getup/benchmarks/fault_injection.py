@@ -19,17 +19,17 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import Faults
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import Sights, Witness
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD
-from humanoid_getup.evaluation.statistics import summarise
+from humanoid_getup.evaluation.statistics import summarize
 from humanoid_getup.execution.motion_player import MotionPlayer
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import read_posture
 
@@ -43,7 +43,7 @@ class FaultyError(Exception):
 
 
 @dataclass(frozen=True)
-class Trial:
+class FaultTrial:
     """One rise into which a fault comes."""
 
     ending: str
@@ -169,7 +169,7 @@ class Spoiled:
 
 
 def bench_faults(
-    stage: Stage,
+    world: World,
     motion: Motion,
     *,
     seed: int,
@@ -180,7 +180,7 @@ def bench_faults(
     """Break each thing some times during a rise on the virtual bus; say what came of it.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         motion: Rise to play, from its own start.
         seed: Seed of the moments, the servos and the damage.
         each: Rises of each case.
@@ -189,27 +189,30 @@ def bench_faults(
     """
     table = {}
     for name, case in cases.items():
-        trials = [_try(stage, motion, case, np.random.default_rng([seed, i])) for i in range(each)]
-        table[name] = _summarise(trials)
+        trials = [_try(world, motion, case, np.random.default_rng([seed, i])) for i in range(each)]
+        table[name] = _summarize(trials)
         report(table[name])
     return {"name": "faults", "seed": seed, "n": each, "motion": motion.name, "cases": table}
 
 
-def _try(stage: Stage, motion: Motion, case: Case, rng: np.random.Generator) -> Trial:
-    robot = stage.robot
-    virtual = VirtualRobot(Simulation(robot, stage.model), powered=True)
-    with VirtualPorts(virtual, pace=Pace.LOCK_STEP, rng=rng) as ports:
+def _try(world: World, motion: Motion, case: Case, rng: np.random.Generator) -> FaultTrial:
+    robot = world.robot
+    virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
+    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP, rng=rng) as ports:
         backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
         with backend:
             pass  # the first connection sets the servos up; time may pass in it
-        at_rest = settle_posture(stage, motion.posture(0))
-        start = read_posture(robot, stage.model, at_rest)
+        at_rest = settle_posture(world, motion.posture(0))
+        start = read_posture(robot, world.model, at_rest)
         ports.main.call(lambda: virtual.place(start))
         witness = Witness(backend, virtual, ports)
         guard = SafetyGuard(witness, GuardLimits.of(robot))
         at = motion.duration * rng.uniform(*WINDOW)
         moment = Moment(ports.main.faults, guard, _draw_servo(robot, rng), _board_id(robot))
-        player, watch = MotionPlayer(robot, motion, hold=HOLD), Watch(virtual.simulation, None)
+        player, watch = (
+            MotionPlayer(robot, motion, hold=HOLD),
+            GroundTruthJudge(virtual.simulation, None),
+        )
         controller = Spoiled(player, case, moment, at)
         struck_at: list[float] = []
 
@@ -225,7 +228,7 @@ def _try(stage: Stage, motion: Motion, case: Case, rng: np.random.Generator) -> 
         since = struck_at[0] - robot.control_period if struck_at else ports.main.time
         ports.main.call(lambda: virtual.body.advance(virtual.body.time + AFTERMATH))
     went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
-    return Trial(
+    return FaultTrial(
         ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
         reason=report.reason if isinstance(report, RunReport) else report,
         stood=went_on and stood,
@@ -244,7 +247,7 @@ def _board_id(robot: Robot) -> int:
     return robot.bus.board.id if robot.bus and robot.bus.board else 0
 
 
-def _summarise(trials: list[Trial]) -> dict[str, Any]:
+def _summarize(trials: list[FaultTrial]) -> dict[str, Any]:
     reasons = Counter(trial.reason.partition(":")[0] for trial in trials)
     safe = [trial.safe for trial in trials if trial.ending != Ending.DONE.name.lower()]
     return {
@@ -252,7 +255,7 @@ def _summarise(trials: list[Trial]) -> dict[str, Any]:
         "stood": sum(trial.stood for trial in trials),
         "endings": dict(Counter(trial.ending for trial in trials)),
         "reasons": dict(reasons),
-        "safe_s": summarise(safe),
+        "safe_s": summarize(safe),
         "safe_max_s": max((s for s in safe if s is not None), default=None),
         "never_safe": sum(s is None for s in safe),
         "beyond_limits": sum(trial.beyond_limits for trial in trials),
@@ -268,7 +271,7 @@ LOOK = 0.01  # s between two looks for torque
 
 
 def bench_kill(
-    stage: Stage,
+    world: World,
     motion: Motion,
     *,
     seed: int,
@@ -278,7 +281,7 @@ def bench_kill(
     """Kill a client (SIGKILL) in the middle of a rise on a real-time bus; time the stop.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         motion: Rise that the client plays, from its own start.
         seed: Seed of the moments.
         each: Kills.
@@ -288,7 +291,7 @@ def bench_kill(
     trials: list[dict[str, Any]] = []
     refused = 0
     while len(trials) < each:
-        trial = _kill_once(stage, motion, float(rng.uniform(*KILL_WINDOW)))
+        trial = _kill_once(world, motion, float(rng.uniform(*KILL_WINDOW)))
         if trial is not None:
             trials.append(trial)
             report(trial)
@@ -302,7 +305,7 @@ def bench_kill(
         "stood": 0,
         "endings": {"killed": each, "never began": refused},
         "tripped": sum(bool(trial["tripped"]) for trial in trials),
-        "safe_s": summarise(stops),
+        "safe_s": summarize(stops),
         "safe_max_s": max((s for s in stops if s is not None), default=None),
         "never_safe": sum(stop is None for stop in stops),
         "beyond_limits": sum(int(trial["beyond_limits"]) for trial in trials),
@@ -312,13 +315,13 @@ def bench_kill(
     return {"name": "kill", "seed": seed, "n": each, "cases": {name: case}}
 
 
-def _kill_once(stage: Stage, motion: Motion, share: float) -> dict[str, Any] | None:
+def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | None:
     """Kill a client; ``None`` when it never began, on a machine too busy for it."""
-    robot = stage.robot
-    virtual = VirtualRobot(Simulation(robot, stage.model))
-    virtual.place(read_posture(robot, stage.model, settle_posture(stage, motion.posture(0))))
+    robot = world.robot
+    virtual = VirtualRobot(Simulation(robot, world.model))
+    virtual.place(read_posture(robot, world.model, settle_posture(world, motion.posture(0))))
     sights = Sights(virtual)
-    with VirtualPorts(virtual, pace=Pace.REAL_TIME) as ports:
+    with VirtualPorts(virtual, pace=TimeMode.REAL_TIME) as ports:
         command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
         command += ["--robot", str(robot.folder)]
         command += ["--backend", "virtual", "--port", ports.main.path]

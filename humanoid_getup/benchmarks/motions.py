@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers import GuardLimits, SafetyGuard, Twin
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.execution.get_up import play
@@ -19,7 +19,7 @@ from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.randomization import Disturbance, disturb
 from humanoid_getup.simulation.rollout import Conditions, Rehearsal
 from humanoid_getup.simulation.scene import GROUND, Scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import read_posture
 from robots.quaternion import Array
@@ -40,15 +40,15 @@ def bench_motions(
     Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
     friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
     """
-    stage = Stage.build(robot, scene)
+    world = World.build(robot, scene)
     motions = [m for m in load_database(robot).motions if not m.name.endswith(MIRRORED_SUFFIX)]
     cases = {}
     for number, motion in enumerate(motions):
-        start = settle_posture(stage, motion.posture(0))
-        record = _play_once(stage, motion, start)
-        record["lowest_torque_limit_nm"] = find_lowest_limit(stage, motion, start)
+        start = settle_posture(world, motion.posture(0))
+        record = _play_once(world, motion, start)
+        record["lowest_torque_limit_nm"] = find_lowest_limit(world, motion, start)
         rng = np.random.default_rng([seed, number])
-        stood = sum(_play_disturbed(stage, motion, start, plays, rng))
+        stood = sum(_play_disturbed(world, motion, start, plays, rng))
         record |= {
             "disturbed_n": plays,
             "disturbed_stood": stood,
@@ -59,34 +59,34 @@ def bench_motions(
     return {"name": "motions", "seed": seed, "n": plays, "robot": robot.name, "cases": cases}
 
 
-def _play_once(stage: Stage, motion: Motion, start: Array) -> dict[str, Any]:
-    robot = stage.robot
-    twin = Twin(robot, stage.model)
-    twin.place(read_posture(robot, stage.model, start))
-    run, watched = play(SafetyGuard(twin), Watch(twin.simulation, None), motion, None)
+def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
+    robot = world.robot
+    twin = Twin(robot, world.model)
+    twin.place(read_posture(robot, world.model, start))
+    run, outcome = play(SafetyGuard(twin), GroundTruthJudge(twin.simulation, None), motion, None)
     return {
         "start_class": motion.start_class,
         "strategy": motion.strategy,
-        "stood": watched.stand.stood,
-        "stand_time_s": watched.stand.start_time,
-        "peak_torque_nm": watched.peak_torque,
-        "rms_torque_nm": watched.rms_torque,
-        "peak_velocity_rad_s": watched.peak_velocity,
-        "self_collisions": watched.self_collisions,
-        "limit_violations": watched.limit_violations,
+        "stood": outcome.stand.stood,
+        "stand_time_s": outcome.stand.start_time,
+        "peak_torque_nm": outcome.peak_torque,
+        "rms_torque_nm": outcome.rms_torque,
+        "peak_velocity_rad_s": outcome.peak_velocity,
+        "self_collisions": outcome.self_collisions,
+        "limit_violations": outcome.limit_violations,
         "clips": run.clips.total,
     }
 
 
-def find_lowest_limit(stage: Stage, motion: Motion, start: Array) -> float | None:
+def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | None:
     """Find the lowest torque limit [N·m] down to which the motion stands at every one."""
-    robot, period = stage.robot, stage.robot.control_period
+    robot, period = world.robot, world.robot.control_period
     n, hold = len(LIMITS), round((HOLD_TIME + 0.3) / period)
     targets = motion.sample(np.arange(motion.time[0], motion.time[-1] + 0.5 * period, period))
     targets = np.concatenate([targets, np.repeat(targets[-1:], hold, axis=0)])
-    nominal = Conditions.nominal(stage, n)
+    nominal = Conditions.nominal(world, n)
     conditions = Conditions(friction=nominal.friction, voltage=nominal.voltage, torque_limit=LIMITS)
-    trace = Rehearsal(stage, n).play(
+    trace = Rehearsal(world, n).play(
         np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), conditions
     )
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
@@ -96,17 +96,19 @@ def find_lowest_limit(stage: Stage, motion: Motion, start: Array) -> float | Non
 
 
 def _play_disturbed(
-    stage: Stage, motion: Motion, start: Array, plays: int, rng: np.random.Generator
+    world: World, motion: Motion, start: Array, plays: int, rng: np.random.Generator
 ) -> list[bool]:
-    robot = stage.robot
+    robot = world.robot
     torque = float(robot.max_torque.max())
-    starts, conditions = disturb(stage, start, plays + 1, Disturbance(), torque, rng)
+    starts, conditions = disturb(world, start, plays + 1, Disturbance(), torque, rng)
     stood = []
     for i in range(1, plays + 1):  # the first is the undisturbed one
-        model = copy.copy(stage.model)
+        model = copy.copy(world.model)
         model.geom_friction[model.geom(GROUND).id, 0] = conditions.friction[i]
         twin = Twin(robot, model, voltage=float(conditions.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
         guard = SafetyGuard(twin, GuardLimits.of(robot))
-        stood.append(play(guard, Watch(twin.simulation, None), motion, None)[1].stand.stood)
+        stood.append(
+            play(guard, GroundTruthJudge(twin.simulation, None), motion, None)[1].stand.stood
+        )
     return stood

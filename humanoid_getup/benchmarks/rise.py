@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.evaluation.statistics import summarise, summarise_records
+from humanoid_getup.evaluation.statistics import summarize, summarize_records
 from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.get_up import lay_down_and_get_up, rise
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import Fall, sample_falls
 from humanoid_getup.simulation.scene import Scene
-from humanoid_getup.simulation.world import Stage
-from humanoid_getup.strategies.plan import Plans, RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import RiseOptions, Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 
 CLASSES = ("supine", "prone", "lateral")
@@ -42,12 +42,12 @@ def bench_rise(
         report: Called with the record of each rise.
     """
     options = options or RiseOptions()
-    stage = Stage.build(robot, scene)
-    planner = RisePlanner(stage, load_database(robot), options)
-    falls = sample_falls(stage, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
+    world = World.build(robot, scene)
+    planner = PlannedRise(world, load_database(robot), options)
+    falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     records = []
     for number, fall in enumerate(falls):
-        twin = Twin(robot, stage.model, pwm_limited=options.pwm_limited)
+        twin = Twin(robot, world.model, pwm_limited=options.pwm_limited)
         rng = np.random.default_rng([seed, number])
         record = rise(twin, planner, fall.posture, fall.start_class, rng).record()
         record["bench_class"] = CLASSES[number // each]
@@ -64,10 +64,10 @@ def bench_rise(
         "filtering": options.filtering,
         "assistance": options.assistance,
         "classes": {
-            name: summarise_records([r for r in records if r["bench_class"] == name])
+            name: summarize_records([r for r in records if r["bench_class"] == name])
             for name in CLASSES
         },
-        "all": summarise_records(records),
+        "all": summarize_records(records),
         "rises": records,
     }
 
@@ -77,8 +77,8 @@ REST = 5.0  # s between them, lying limp
 
 
 def bench_methods(
-    stage: Stage,
-    ways: Mapping[str, Plans],
+    world: World,
+    ways: Mapping[str, Strategy],
     *,
     seed: int,
     each: int,
@@ -89,7 +89,7 @@ def bench_methods(
     """Get up from the same settled falls in several ways, through the whole loop on the twin.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         ways: Finds what to play, by the way's name.
         seed: Of the falls and the plans.
         each: Falls of each class: supine, prone, lateral.
@@ -97,29 +97,29 @@ def bench_methods(
         pwm_limited: The cap is a PWM limit, as servos in position mode have it.
         report: Called with the record of each rise.
     """
-    falls = sample_falls(stage, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
+    falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     options = AttemptOptions(max_attempts=1, torque_limit=torque_limit, pwm_limited=pwm_limited)
     cases = {}
     for name, plans in ways.items():
         records, heat = [], []
         for number, fall in enumerate(falls):
-            twin = Twin(stage.robot, stage.model, pwm_limited=pwm_limited)
+            twin = Twin(world.robot, world.model, pwm_limited=pwm_limited)
             rng = np.random.default_rng([seed, number])
-            rise = lay_down_and_get_up(twin, stage, plans, fall, rng, options)
+            rise = lay_down_and_get_up(twin, world, plans, fall, rng, options)
             record = rise.record() | {"way": name}
             records.append(record)
             report(record)
         for first in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW):
-            heat.append(_heat_up(stage, plans, falls[first : first + IN_A_ROW], options, seed))
-        cases[name] = summarise_records(records) | {
-            "hottest_after_ten_rises_c": summarise(heat),
+            heat.append(_heat_up(world, plans, falls[first : first + IN_A_ROW], options, seed))
+        cases[name] = summarize_records(records) | {
+            "hottest_after_ten_rises_c": summarize(heat),
         }
     return {
         "name": "methods",
         "seed": seed,
         "n": len(falls),
-        "robot": stage.robot.name,
-        "scene": stage.scene.name,
+        "robot": world.robot.name,
+        "scene": world.scene.name,
         "torque_limit_nm": torque_limit,
         "pwm_limited": pwm_limited,
         "cases": cases,
@@ -127,15 +127,15 @@ def bench_methods(
 
 
 def _heat_up(
-    stage: Stage, plans: Plans, falls: list[Fall], options: AttemptOptions, seed: int
+    world: World, plans: Strategy, falls: list[Fall], options: AttemptOptions, seed: int
 ) -> float:
     """Rise, rest, rise again; return the hottest servo's temperature at the end [°C]."""
-    twin = Twin(stage.robot, stage.model, pwm_limited=options.pwm_limited)
+    twin = Twin(world.robot, world.model, pwm_limited=options.pwm_limited)
     body = twin.simulation
     warm = body.temperature.copy()
     for number, fall in enumerate(falls):
         rng = np.random.default_rng([seed, number])
-        lay_down_and_get_up(twin, stage, plans, fall, rng, options, temperature=warm)
+        lay_down_and_get_up(twin, world, plans, fall, rng, options, temperature=warm)
         body.release()
         for _ in range(round(REST / twin.period)):
             body.step(body.steps_per_period)

@@ -17,19 +17,19 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.lock_step import QUIET
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.benchmarks.witness import LookerOn
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.benchmarks.witness import ObservingBackend
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import Scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.quaternion import Array
 
@@ -40,7 +40,7 @@ SIT_DEPTH = 0.6  # share of the way from standing to all joints at their squat
 MEGABYTE = 2**20
 
 
-class Counted(LookerOn):
+class Counted(ObservingBackend):
     """Counts cycles, and remembers how old the oldest value was."""
 
     def __init__(self, backend: Backend) -> None:
@@ -128,20 +128,20 @@ def bench_soak(
         duration: Time on the bus to go on for [s].
         report: Told the bus time after each round [s].
     """
-    stage = Stage.build(robot, scene)
-    planner = RisePlanner(stage, load_database(robot), RiseOptions())
+    world = World.build(robot, scene)
+    planner = PlannedRise(world, load_database(robot), RiseOptions())
     rng = np.random.default_rng(seed)
-    virtual = VirtualRobot(Simulation(robot, stage.model), powered=True)
+    virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
     tally, began = Tally(), time.perf_counter()
-    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
         backend = Counted(driver)
         guard = SafetyGuard(backend)
-        start = sample_falls(stage, {"supine": 1}, rng)[0].posture
+        start = sample_falls(world, {"supine": 1}, rng)[0].posture
         ports.main.call(lambda: virtual.place(start))
         time_before = ports.main.time
         while ports.main.time - time_before < duration:
-            _go_round(stage, planner, virtual, guard, driver, tally, rng)
+            _go_round(world, planner, virtual, guard, driver, tally, rng)
             gc.collect()
             tally.memory.append(_resident_memory())
             report(ports.main.time - time_before)
@@ -184,8 +184,8 @@ def bench_soak(
 
 
 def _go_round(
-    stage: Stage,
-    planner: RisePlanner,
+    world: World,
+    planner: PlannedRise,
     virtual: VirtualRobot,
     guard: SafetyGuard,
     driver: DynamixelBackend,
@@ -193,14 +193,14 @@ def _go_round(
     rng: np.random.Generator,
 ) -> None:
     """Rise, then sit down if it stands, then tumble."""
-    robot, simulation = stage.robot, virtual.simulation
+    robot, simulation = world.robot, virtual.simulation
     rise = get_up(
         guard,
-        stage,
+        world,
         planner,
         rng,
         AttemptOptions(),
-        judge=lambda: Watch(simulation, None),
+        judge=lambda: GroundTruthJudge(simulation, None),
         services=driver,
     )
     tally.rises += 1

@@ -14,7 +14,7 @@ from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import Scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -29,14 +29,14 @@ def bench_filter(robot: Robot, scene: Scene, *, seed: int, repeats: int = 5) -> 
     thread against one loop. Whole: the filter as it is used, on all cores, against
     the same loop.
     """
-    stage = Stage.build(robot, scene)
+    world = World.build(robot, scene)
     database = load_database(robot)
-    falls = sample_falls(stage, {"supine": 2, "prone": 2}, np.random.default_rng(seed))
+    falls = sample_falls(world, {"supine": 2, "prone": 2}, np.random.default_rng(seed))
     cases: dict[str, list[float]] = {"one_thread": [], "all_threads": []}
     for _ in range(repeats):
         for key, threads in (("one_thread", 1), ("all_threads", 0)):
             ratios = [
-                _compare(stage, database.select(f.posture, 3), f.posture, threads) for f in falls
+                _compare(world, database.select(f.posture, 3), f.posture, threads) for f in falls
             ]
             cases[key].append(float(np.median(ratios)))
     return {
@@ -50,30 +50,30 @@ def bench_filter(robot: Robot, scene: Scene, *, seed: int, repeats: int = 5) -> 
     }
 
 
-def _compare(stage: Stage, connections: list, start: Posture, threads: int) -> float:
+def _compare(world: World, connections: list, start: Posture, threads: int) -> float:
     """Return the filter's steps per second as a share of a bare loop's."""
-    period = stage.robot.control_period
+    period = world.robot.control_period
     candidates = [
         Candidate(path=straight_path(start, align(c.posture, start), SPEED, period), connection=c)
         for c in connections
     ]
-    dynamics_filter = DynamicsFilter(stage, threads=threads)
+    dynamics_filter = DynamicsFilter(world, threads=threads)
     dynamics_filter.rehearse(start, candidates)  # builds what later calls find ready
     began = time.perf_counter()
     rehearsed = dynamics_filter.rehearse(start, candidates)
     filter_s = time.perf_counter() - began
     began = time.perf_counter()
     for one in rehearsed:
-        _step_bare(stage, start, one.target)
+        _step_bare(world, start, one.target)
     bare_s = time.perf_counter() - began
     return bare_s / filter_s
 
 
-def _step_bare(stage: Stage, start: Posture, target: Array) -> None:
-    model = stage.model
+def _step_bare(world: World, start: Posture, target: Array) -> None:
+    model = world.model
     data = mujoco.MjData(model)
-    data.qpos[:] = place(stage.robot, model, start)
-    substeps = round(stage.robot.control_period / model.opt.timestep)
+    data.qpos[:] = place(world.robot, model, start)
+    substeps = round(world.robot.control_period / model.opt.timestep)
     for row in target:
         data.ctrl[:] = row
         mujoco.mj_step(model, data, substeps)

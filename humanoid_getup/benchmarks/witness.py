@@ -16,7 +16,7 @@ from robots.quaternion import Array
 from robots.servo import RAD_PER_TICK
 
 
-class LookerOn(ClosesItself):
+class ObservingBackend(ClosesItself):
     """Hands everything through; who looks on overrides what it wants to see."""
 
     def __init__(self, backend: Backend) -> None:
@@ -81,7 +81,7 @@ class Sights:
                 time=self._virtual.body.time,
                 torque_on=np.array([drive.torque_on for drive in drives]),
                 target=self._units.to_rad(np.array([drive.target_ticks for drive in drives])),
-                ticks=self._units.quantise(self._virtual.simulation.joint_pos),
+                ticks=self._units.quantize(self._virtual.simulation.joint_pos),
             )
         )
 
@@ -114,7 +114,7 @@ class Sights:
         return safe if safe is None else max(safe - since, 0.0)
 
 
-class Witness(LookerOn):
+class Witness(ObservingBackend):
     """A backend around a backend of a virtual robot in lock-step, that compares.
 
     In lock-step nothing happens between an answer and the next request, so what the
@@ -151,7 +151,7 @@ class Witness(LookerOn):
 
     def _measure(self) -> Array:
         return self._ports.main.call(
-            lambda: self._units.quantise(self._virtual.simulation.joint_pos)
+            lambda: self._units.quantize(self._virtual.simulation.joint_pos)
         )
 
     def write(self, command: Command) -> Command:

@@ -12,11 +12,11 @@ from drivers import Backend, Twin
 from drivers.dynamixel.backend import DynamixelBackend, Release
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.execution.recovery import RebootsServos
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 
 TWIN, VIRTUAL, DYNAMIXEL = "twin", "virtual", "dynamixel"
@@ -26,7 +26,7 @@ LOCK_STEP_MARGIN = 0.2  # s to wait for an answer: nothing is timed, and the mac
 
 
 @dataclass(frozen=True, kw_only=True)
-class Body:
+class BackendChoice:
     """A robot to move, and what else can be done with it."""
 
     backend: Backend
@@ -51,38 +51,40 @@ class Body:
 
 @contextmanager
 def open_body(
-    stage: Stage,
+    world: World,
     backend: str,
     *,
     ports: Sequence[str] = (),
     realtime: bool = False,
     release: str = "limp",
     seed: int = 0,
-) -> Iterator[Body]:
+) -> Iterator[BackendChoice]:
     """Make a robot of one of `BACKENDS`, not yet connected; take away what was made.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         backend: One of `BACKENDS`; a virtual one with ports is a bus that runs elsewhere.
         ports: Serial ports: a path, or NAME=PATH for each of several.
         realtime: Let a simulated robot live at the speed of life.
         release: What is left when the robot's bus is closed, one of `RELEASES`.
         seed: Seed of a virtual bus' chance.
     """
-    robot = stage.robot
+    robot = world.robot
     if backend == TWIN:
-        twin = Twin(robot, stage.model)
-        yield Body(backend=twin, realtime=realtime, simulation=twin.simulation, place=twin.place)
+        twin = Twin(robot, world.model)
+        yield BackendChoice(
+            backend=twin, realtime=realtime, simulation=twin.simulation, place=twin.place
+        )
         return
     if ports:
         named = name_ports(robot, ports)
         driver = DynamixelBackend(robot, named, release=RELEASES[release])
         with driver:  # what is wrong with port or servos is told before anything is planned
             pass
-        yield Body(backend=driver, realtime=True, services=driver)
+        yield BackendChoice(backend=driver, realtime=True, services=driver)
         return
-    virtual = VirtualRobot(Simulation(robot, stage.model))
-    pace = Pace.REAL_TIME if realtime else Pace.LOCK_STEP
+    virtual = VirtualRobot(Simulation(robot, world.model))
+    pace = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
     with VirtualPorts(virtual, pace=pace, rng=np.random.default_rng(seed)) as served:
         driver = DynamixelBackend(robot, served.paths, release=RELEASES[release])
         if not realtime:
@@ -95,7 +97,7 @@ def open_body(
             )
         with driver:  # switches the servos' power on, as on a robot that was used before
             pass
-        yield Body(
+        yield BackendChoice(
             backend=driver,
             realtime=realtime,
             simulation=virtual.simulation,

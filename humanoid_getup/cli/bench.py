@@ -17,14 +17,14 @@ from humanoid_getup.benchmarks.soak import bench_soak
 from humanoid_getup.benchmarks.speed import bench_filter
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.options import StageOptions, find_torque_faults, load_policy
+from humanoid_getup.cli.options import WorldOptions, find_torque_faults, load_policy
 from humanoid_getup.cli.output import console_for, counting, format_figure, to_json, write_json
 from humanoid_getup.cli.play import find_motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
-from humanoid_getup.simulation.world import Stage
-from humanoid_getup.strategies.learned_rise import ThePolicy
-from humanoid_getup.strategies.plan import Plans, RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import RiseOptions, Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 
 RISE_FIGURES = ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s")
@@ -39,7 +39,7 @@ SPEED_FIGURES = ("n", "filter_over_bare_steps_per_s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchOptions(StageOptions):
+class BenchOptions(WorldOptions):
     """What every benchmark is told."""
 
     n: int = 1
@@ -49,12 +49,12 @@ class BenchOptions(StageOptions):
         faults = super().find_faults()
         return faults if self.n >= 1 else [*faults, f"n is {self.n}, allowed 1 or more"]
 
-    def load_stage(self) -> Stage:
+    def load_stage(self) -> World:
         """Check the options, load the robot, and see that its motions can be loaded."""
-        stage = super().load_stage()
+        world = super().load_stage()
         with refusing():
-            load_database(stage.robot)
-        return stage
+            load_database(world.robot)
+        return world
 
     def hand_over(self, result: dict[str, Any], figures: tuple[str, ...]) -> int:
         """Write the figures, and print some of them as a table."""
@@ -93,7 +93,7 @@ class BenchRise(BenchOptions):
 
     def run(self) -> int:
         """Run the benchmark."""
-        stage = self.load_stage()
+        world = self.load_stage()
         options = RiseOptions(
             planning=self.planning,
             filtering=self.filtering,
@@ -102,7 +102,7 @@ class BenchRise(BenchOptions):
             pwm_limited=self.pwm_limited,
         )
         with counting("rises", len(CLASSES) * self.n) as count:
-            robot, scene = stage.robot, stage.scene
+            robot, scene = world.robot, world.scene
             result = bench_rise(
                 robot,
                 scene,
@@ -123,10 +123,10 @@ class BenchMotions(BenchOptions):
 
     def run(self) -> int:
         """Run the benchmark."""
-        stage = self.load_stage()
-        motions = len(list((stage.robot.folder / MOTION_FOLDER).glob("*.npz")))
+        world = self.load_stage()
+        motions = len(list((world.robot.folder / MOTION_FOLDER).glob("*.npz")))
         with counting("motions", motions) as count:
-            robot, scene = stage.robot, stage.scene
+            robot, scene = world.robot, world.scene
             result = bench_motions(
                 robot, scene, seed=self.seed, plays=self.n, report=lambda _: count(1)
             )
@@ -142,9 +142,9 @@ class BenchFilter(BenchOptions):
 
     def run(self) -> int:
         """Run the benchmark."""
-        stage = self.load_stage()
+        world = self.load_stage()
         with Console(stderr=True).status("filtering"):
-            result = bench_filter(stage.robot, stage.scene, seed=self.seed, repeats=self.n)
+            result = bench_filter(world.robot, world.scene, seed=self.seed, repeats=self.n)
         return self.hand_over(result, SPEED_FIGURES)
 
 
@@ -163,11 +163,11 @@ class BenchFaults(BenchOptions):
 
     def run(self) -> int:
         """Run the benchmark; 1 when something was not safe."""
-        stage = self.load_stage()
-        motion = find_motion(stage.robot, self.motion)
+        world = self.load_stage()
+        motion = find_motion(world.robot, self.motion)
         with counting("cases", len(CASES)) as count:
             result = bench_faults(
-                stage, motion, seed=self.seed, each=self.n, report=lambda _: count(1)
+                world, motion, seed=self.seed, each=self.n, report=lambda _: count(1)
             )
         self.hand_over(result, FAULT_FIGURES)
         return judge_safety(result)
@@ -184,11 +184,11 @@ class BenchKill(BenchOptions):
 
     def run(self) -> int:
         """Run the benchmark; 1 when something was not safe."""
-        stage = self.load_stage()
-        motion = find_motion(stage.robot, self.motion)
+        world = self.load_stage()
+        motion = find_motion(world.robot, self.motion)
         with counting("kills", self.n) as count:
             result = bench_kill(
-                stage, motion, seed=self.seed, each=self.n, report=lambda _: count(1)
+                world, motion, seed=self.seed, each=self.n, report=lambda _: count(1)
             )
         self.hand_over(result, FAULT_FIGURES)
         return judge_safety(result)
@@ -217,13 +217,13 @@ class BenchSoak(BenchOptions):
 
     def run(self) -> int:
         """Run the benchmark."""
-        stage = self.load_stage()
+        world = self.load_stage()
         columns = (TextColumn("bus time"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
         with Progress(*columns, console=Console(stderr=True)) as progress:
             bar = progress.add_task("bus time", total=self.duration)
             result = bench_soak(
-                stage.robot,
-                stage.scene,
+                world.robot,
+                world.scene,
                 seed=self.seed,
                 duration=self.duration,
                 report=lambda passed: progress.update(bar, completed=passed),
@@ -262,11 +262,11 @@ class BenchMethods(BenchOptions):
 
     def run(self) -> int:
         """Run the benchmark."""
-        stage = self.load_stage()
-        ways = {name: self._make_plans(stage, name) for name in self.ways}
+        world = self.load_stage()
+        ways = {name: self._make_plans(world, name) for name in self.ways}
         with counting("rises", len(CLASSES) * self.n * len(ways)) as count:
             result = bench_methods(
-                stage,
+                world,
                 ways,
                 seed=self.seed,
                 each=self.n,
@@ -276,10 +276,10 @@ class BenchMethods(BenchOptions):
             )
         return self.hand_over(result, FIGURES)
 
-    def _make_plans(self, stage: Stage, name: str) -> Plans:
+    def _make_plans(self, world: World, name: str) -> Strategy:
         if name != PLAN:
-            return ThePolicy(load_policy(stage.robot, name, self.torque_limit), name)
+            return LearnedRise(load_policy(world.robot, name, self.torque_limit), name)
         with refusing():
-            database = load_database(stage.robot)
+            database = load_database(world.robot)
         options = RiseOptions(torque_limit=self.torque_limit, pwm_limited=self.pwm_limited)
-        return RisePlanner(stage, database, options)
+        return PlannedRise(world, database, options)

@@ -13,17 +13,17 @@ from tyro.conf import arg
 
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_schedule import Schedule
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.options import StageOptions, find_start
+from humanoid_getup.cli.options import WorldOptions, find_start
 
 LOOK = 0.2  # s between two looks whether a bus still runs
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeBus(StageOptions):
+class ServeBus(WorldOptions):
     """Serve a virtual bus with a simulated robot behind it, until stopped.
 
     Prints the path of the serial port; of a robot with several, one line each.
@@ -53,13 +53,13 @@ class ServeBus(StageOptions):
 
     def run(self) -> int:
         """Serve until stopped."""
-        stage = self.load_stage()
+        world = self.load_stage()
         rng = np.random.default_rng(self.seed)
-        robot = VirtualRobot(Simulation(stage.robot, stage.model, voltage=self.voltage))
+        robot = VirtualRobot(Simulation(world.robot, world.model, voltage=self.voltage))
         ids = [servo.id for servo in robot.servos]
         schedule = Schedule.from_file(self.faults, ids) if self.faults else None
-        robot.place(find_start(stage, self.origin, rng).posture)
-        pace = Pace.LOCK_STEP if self.lock_step else Pace.REAL_TIME
+        robot.place(find_start(world, self.origin, rng).posture)
+        pace = TimeMode.LOCK_STEP if self.lock_step else TimeMode.REAL_TIME
         ports = VirtualPorts(
             robot,
             pace=pace,
@@ -72,7 +72,7 @@ class ServeBus(StageOptions):
             for path in ports.paths.values():
                 print(path, flush=True)
             print(
-                f"getup: {stage.robot.name} on a virtual bus at {robot.bus.baud} bit/s, "
+                f"getup: {world.robot.name} on a virtual bus at {robot.bus.baud} bit/s, "
                 "Ctrl-C ends it",
                 file=sys.stderr,
             )

@@ -14,7 +14,7 @@ from tyro.conf import arg
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts, Severity
-from drivers.service.doctor import Checkup, LineReport, examine
+from drivers.service.doctor import HealthCheck, LineReport, examine
 from drivers.service.session import open_robot_bus
 from humanoid_getup.cli.backends import DYNAMIXEL, find_port_faults, name_ports
 from humanoid_getup.cli.errors import BadInputError
@@ -52,7 +52,7 @@ class Doctor(RobotOption):
 # For machines -------------------------------------------------------------------------------
 
 
-def record_checkup(checkup: Checkup) -> dict[str, Any]:
+def record_checkup(checkup: HealthCheck) -> dict[str, Any]:
     """Return a checkup as plain values, for JSON."""
     return {
         "robot": checkup.robot.name,
@@ -100,7 +100,7 @@ def _record_servo(servo: ServoFacts) -> dict[str, Any]:
 # For people ---------------------------------------------------------------------------------
 
 
-def print_checkup(checkup: Checkup, console: Console) -> None:
+def print_checkup(checkup: HealthCheck, console: Console) -> None:
     """Tell a person what was found, what to do about it, and all figures."""
     name, errors, warnings = checkup.robot.name, len(checkup.errors), len(checkup.warnings)
     told = f"{errors} errors, {warnings} warnings" if errors else f"healthy, {warnings} warnings"
@@ -120,7 +120,7 @@ def print_checkup(checkup: Checkup, console: Console) -> None:
     console.print(f"[dim]{escape('; '.join((NOTHING_SET, *checkup.written)))}")
 
 
-def _tabulate(checkup: Checkup) -> Table:
+def _tabulate(checkup: HealthCheck) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for title in (*HEADINGS, "torque", "error"):
         table.add_column(title, justify="left" if title in ("joint", "model") else "right")
@@ -145,7 +145,7 @@ def _tabulate(checkup: Checkup) -> Table:
     return table
 
 
-def _print_line(line: LineReport, checkup: Checkup, console: Console) -> None:
+def _print_line(line: LineReport, checkup: HealthCheck, console: Console) -> None:
     period = checkup.robot.control_period
     allowed = f"{1.0 / period:.0f} Hz needs at most {READ_SHARE * period * 1e3:.1f} ms"
     timer = "" if line.latency_timer is None else f", latency timer {line.latency_timer} ms"

@@ -14,7 +14,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.options import StageOptions, find_policy, find_torque_faults, load_policy
+from humanoid_getup.cli.options import WorldOptions, find_policy, find_torque_faults, load_policy
 from humanoid_getup.cli.output import (
     console_for,
     counting,
@@ -25,16 +25,16 @@ from humanoid_getup.cli.output import (
 )
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.falls import CLASSES, FallSet, sample_falls
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 
 if TYPE_CHECKING:
-    from sim2real.perturbations import Trial
+    from sim2real.perturbations import Perturbation
 
 FIGURES = ("n", "stood", "stood_interval_95", "stand_time_s", "rms_torque_nm", "head_impact_m_s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvalPolicy(StageOptions):
+class EvalPolicy(WorldOptions):
     """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
 
     policy: Annotated[Positional[str], arg(metavar="POLICY")]
@@ -97,12 +97,12 @@ class EvalPolicy(StageOptions):
 
     def run(self) -> int:
         """Draw falls, let the policy get up from each, judge."""
-        stage = self.load_stage()
-        policy = load_policy(stage.robot, self.policy, self.torque_limit)
-        from sim2real.perturbations import run_trial, summarise_trial
+        world = self.load_stage()
+        policy = load_policy(world.robot, self.policy, self.torque_limit)
+        from sim2real.perturbations import run_trial, summarize_trial
 
         trial = self._make_trial(policy.action.pwm_limit)
-        chosen = self._find_falls(stage)
+        chosen = self._find_falls(world)
         falls = chosen.falls
         with counting("rises", len(falls)) as count:
             rises = run_trial(
@@ -116,11 +116,11 @@ class EvalPolicy(StageOptions):
                 report=count,
             )
         about = {"falls_seed": chosen.seed, "falls_scene": chosen.scene, "trial": trial.label}
-        return self._hand_over(about | summarise_trial(falls, rises, CLASSES), policy)
+        return self._hand_over(about | summarize_trial(falls, rises, CLASSES), policy)
 
-    def _make_trial(self, pwm_limit: float) -> Trial:
+    def _make_trial(self, pwm_limit: float) -> Perturbation:
         from sim2real.environment.model_variants import MENAGERIE_SERVOS, PHYSICS
-        from sim2real.perturbations import Trial
+        from sim2real.perturbations import Perturbation
 
         if self.physics is not None and self.physics not in PHYSICS:
             raise BadInputError(
@@ -133,7 +133,7 @@ class EvalPolicy(StageOptions):
                 f"physics is '{self.physics}', allowed without torque limit, voltage, weak servo, "
                 "and a policy's own limit of the supply: its servos are not motors"
             )
-        return Trial(
+        return Perturbation(
             torque_limit=self.torque_limit,
             pwm_limited=self.pwm_limited,
             delay=self.delay / 1000.0,
@@ -149,16 +149,16 @@ class EvalPolicy(StageOptions):
             physics=self.physics,
         )
 
-    def _find_falls(self, stage: Stage) -> FallSet:
+    def _find_falls(self, world: World) -> FallSet:
         """Read the falls that are kept, or draw them."""
         if self.falls is not None and self.falls.exists():
             with refusing():
-                return FallSet.load(self.falls, stage.robot).choose(self.n // len(CLASSES))
+                return FallSet.load(self.falls, world.robot).choose(self.n // len(CLASSES))
         counts = {kind: self.n // len(CLASSES) for kind in CLASSES}
         with Console(stderr=True).status("falling"):
-            drawn = sample_falls(stage, counts, np.random.default_rng(self.seed))
+            drawn = sample_falls(world, counts, np.random.default_rng(self.seed))
         falls = FallSet(
-            robot=stage.robot.name, scene=stage.scene.name, seed=self.seed, falls=tuple(drawn)
+            robot=world.robot.name, scene=world.scene.name, seed=self.seed, falls=tuple(drawn)
         )
         if self.falls is not None:
             falls.save(self.falls)

@@ -38,13 +38,13 @@ from humanoid_getup.cli.output import (
     write_json,
 )
 from humanoid_getup.cli.play import find_motion
-from humanoid_getup.motions.build import CHOREOGRAPHIES, build_motion, load_authored, motion_file
-from humanoid_getup.motions.keyframes import Choreography
+from humanoid_getup.motions.build import KEYFRAMES, build_motion, load_authored, motion_file
+from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place
 
@@ -55,7 +55,7 @@ _news: Queue | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recipe:
+class BuildJob:
     """What all motions are built with."""
 
     robot: Robot
@@ -66,7 +66,7 @@ class Recipe:
 
 
 def build_all(
-    choreographies: list[Choreography], recipe: Recipe, save: Callable[[Motion], None]
+    keyframes: list[Keyframes], recipe: BuildJob, save: Callable[[Motion], None]
 ) -> list[str]:
     """Build motions, save each when it is there; return why the others are not.
 
@@ -78,12 +78,11 @@ def build_all(
     told = TextColumn("[dim]{task.fields[told]}")
     with Progress(*columns, TimeElapsedColumn(), told, console=Console(stderr=True)) as progress:
         bars = {
-            c.name: progress.add_task(c.name, total=recipe.generations, told="")
-            for c in choreographies
+            c.name: progress.add_task(c.name, total=recipe.generations, told="") for c in keyframes
         }
         pool = ProcessPoolExecutor(recipe.jobs, context, _start_worker, (news,))
         try:
-            waiting = {pool.submit(_build, c, recipe): c.name for c in choreographies}
+            waiting = {pool.submit(_build, c, recipe): c.name for c in keyframes}
             failures: list[str] = []
             while waiting:
                 _show(news, progress, bars)
@@ -122,14 +121,14 @@ def _start_worker(news: Queue) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
 
 
-def _build(choreography: Choreography, recipe: Recipe) -> Motion:
+def _build(keyframes: Keyframes, recipe: BuildJob) -> Motion:
     def report(generation: int, cost: float, stood: float) -> None:
         if _news is not None:
-            _news.put((choreography.name, generation, cost, stood))
+            _news.put((keyframes.name, generation, cost, stood))
 
     generations, seed = recipe.generations, recipe.seed
     motion, _ = build_motion(
-        recipe.robot, choreography, generations=generations, seed=seed, report=report
+        recipe.robot, keyframes, generations=generations, seed=seed, report=report
     )
     return motion
 
@@ -162,7 +161,7 @@ class BuildMotions(RobotOption):
     """Build rising motions from authored key postures into the robot's folder."""
 
     names: Positional[tuple[str, ...]] = ()
-    """Motions to build; all of the robot's choreographies when left out."""
+    """Motions to build; all of the robot's keyframes when left out."""
     generations: int = 20
     """Of the search that improves the key postures, 1 or more."""
     seed: int = 0
@@ -186,7 +185,7 @@ class BuildMotions(RobotOption):
         if faults := faults + find_folder_faults(folder, ()):
             raise BadInputError("; ".join(faults))
         chosen = _choose(robot, self.names)
-        recipe = Recipe(robot=robot, generations=self.generations, seed=self.seed, jobs=self.jobs)
+        recipe = BuildJob(robot=robot, generations=self.generations, seed=self.seed, jobs=self.jobs)
         console = console_for(None)
 
         def save(motion: Motion) -> None:
@@ -216,7 +215,7 @@ class ShowMotion(RobotOption):
         path = self.out or Path(f"{motion.name}.png")
         if faults := find_file_faults(path):
             raise BadInputError("; ".join(faults))
-        model = Stage.build(robot, load_scene("flat")).model
+        model = World.build(robot, load_scene("flat")).model
         rows = film_strip.pick_frames(_count_rising_frames(motion))
         qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
         try:
@@ -239,8 +238,8 @@ def _count_rising_frames(motion: Motion) -> int:
     return int(np.searchsorted(motion.time, min(end, motion.time[-1]), side="right"))
 
 
-def _choose(robot: Robot, names: tuple[str, ...]) -> list[Choreography]:
-    file = robot.folder / CHOREOGRAPHIES
+def _choose(robot: Robot, names: tuple[str, ...]) -> list[Keyframes]:
+    file = robot.folder / KEYFRAMES
     with refusing():
         try:
             authored = {c.name: c for c in load_authored(robot)}

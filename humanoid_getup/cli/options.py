@@ -11,14 +11,21 @@ from typing import Annotated
 import numpy as np
 from tyro.conf import arg
 
-from humanoid_getup.cli.backends import BACKENDS, RELEASES, TWIN, Body, find_port_faults, open_body
+from humanoid_getup.cli.backends import (
+    BACKENDS,
+    RELEASES,
+    TWIN,
+    BackendChoice,
+    find_port_faults,
+    open_body,
+)
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
 from humanoid_getup.execution.estimation import check_start
 from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy
 from humanoid_getup.simulation.falls import CLASSES, Fall, classify, sample_falls
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot, load_posture, load_robot
 
 UNCLASSED = "other"  # start class of a posture that lies on no side
@@ -38,7 +45,7 @@ class RobotOption:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StageOptions(RobotOption):
+class WorldOptions(RobotOption):
     """Which robot in which scene, by which seed, and where the figures go."""
 
     scene: str = "flat"
@@ -55,17 +62,17 @@ class StageOptions(RobotOption):
             faults.append(f"seed is {self.seed}, allowed 0 or more")
         return faults
 
-    def load_stage(self) -> Stage:
+    def load_stage(self) -> World:
         """Check the options, then load the robot into its scene."""
         if faults := self.find_faults():
             raise BadInputError("; ".join(faults))
         with refusing():
             scene = load_scene(self.scene)
-            return Stage.build(load_robot(self.robot), scene)
+            return World.build(load_robot(self.robot), scene)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialOptions(StageOptions):
+class RunOptions(WorldOptions):
     """What every command that moves a robot is told."""
 
     backend: str = TWIN
@@ -100,10 +107,10 @@ class TrialOptions(StageOptions):
         """Tell whether the robot may be a real one."""
         return bool(self.port)
 
-    def open_body(self, stage: Stage) -> AbstractContextManager[Body]:
+    def open_body(self, world: World) -> AbstractContextManager[BackendChoice]:
         """Make the robot that is to be moved."""
         return open_body(
-            stage,
+            world,
             self.backend,
             ports=self.port,
             realtime=self.realtime,
@@ -128,18 +135,18 @@ def find_torque_faults(limit: float | None) -> list[str]:
     return [f"torque limit is {limit:g} N·m, allowed a finite number above 0 N·m"]
 
 
-def find_start(stage: Stage, origin: str, rng: np.random.Generator) -> Fall:
+def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
     """Sample a settled fall of a class, or load a posture file."""
     if origin in CLASSES:
-        return sample_falls(stage, {origin: 1}, rng)[0]
+        return sample_falls(world, {origin: 1}, rng)[0]
     path = Path(origin)
     with refusing():
         if not path.exists():
             raise ValueError(
                 f"unknown start '{origin}': allowed {', '.join(CLASSES)}, or a posture file"
             )
-        posture = load_posture(path, stage.robot)
-        check_start(stage, posture)
+        posture = load_posture(path, world.robot)
+        check_start(world, posture)
     return Fall(posture=posture, start_class=classify(posture.orientation) or UNCLASSED)
 
 

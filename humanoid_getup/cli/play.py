@@ -13,20 +13,20 @@ from tyro.conf import Positional, arg
 
 from drivers import GuardLimits, SafetyGuard
 from drivers.twin.simulation import Simulation
-from humanoid_getup.cli.backends import Body
+from humanoid_getup.cli.backends import BackendChoice
 from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.options import TrialOptions, find_start, find_start_faults
+from humanoid_getup.cli.options import RunOptions, find_start, find_start_faults
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.cli.session import WHERE_IT_LAY, recording, stop_key
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.estimation import settle
 from humanoid_getup.execution.get_up import Rise, get_up, play
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import Fall, settle_posture
-from humanoid_getup.simulation.world import Stage
-from humanoid_getup.strategies.stored_motion import TheMotion, as_it_is
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.stored_motion import StoredMotion, as_it_is
 from robots import Posture, Robot
 from robots.kinematics import read_posture
 
@@ -34,7 +34,7 @@ OWN_START = "the motion's own"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Play(TrialOptions):
+class Play(RunOptions):
     """Play a rising motion and judge how it ends."""
 
     motion: Annotated[Positional[str], arg(metavar="MOTION")]
@@ -49,35 +49,35 @@ class Play(TrialOptions):
 
     def run(self) -> int:
         """Lie down, or find the robot lying, and play."""
-        stage = self.load_stage()
-        motion = find_motion(stage.robot, self.motion)
-        with Console(stderr=True).status("lying down") as status, self.open_body(stage) as body:
+        world = self.load_stage()
+        motion = find_motion(world.robot, self.motion)
+        with Console(stderr=True).status("lying down") as status, self.open_body(world) as body:
             status.update("playing")
-            guard = SafetyGuard(body.backend, GuardLimits.of(stage.robot, self.torque_limit))
+            guard = SafetyGuard(body.backend, GuardLimits.of(world.robot, self.torque_limit))
             with stop_key(body, guard):
                 if body.simulation is None or body.place is None:
-                    rise = self._play_where_it_lies(stage, motion, body, guard)
+                    rise = self._play_where_it_lies(world, motion, body, guard)
                 else:
-                    start = self._lie_down(stage, motion, guard, body.place)
+                    start = self._lie_down(world, motion, guard, body.place)
                     rise = self._play(motion, body, body.simulation, guard, start)
             status.update("drawing")
             extra = {"motion": motion.name, "strategy": motion.strategy}
             origin = WHERE_IT_LAY if self.is_real else self.origin or OWN_START
-            return hand_over(rise, stage, self, origin, extra)
+            return hand_over(rise, world, self, origin, extra)
 
     def _lie_down(
         self,
-        stage: Stage,
+        world: World,
         motion: Motion,
         guard: SafetyGuard,
         place: Callable[[Posture], None],
     ) -> Fall:
         if self.origin is None:
-            at_rest = settle_posture(stage, motion.posture(0))
-            posture = read_posture(stage.robot, stage.model, at_rest)
+            at_rest = settle_posture(world, motion.posture(0))
+            posture = read_posture(world.robot, world.model, at_rest)
             place(posture)
             return Fall(posture=posture, start_class=motion.start_class)
-        fall = find_start(stage, self.origin, np.random.default_rng(self.seed))
+        fall = find_start(world, self.origin, np.random.default_rng(self.seed))
         place(fall.posture)
         settle(guard)
         return fall
@@ -85,7 +85,7 @@ class Play(TrialOptions):
     def _play(
         self,
         motion: Motion,
-        body: Body,
+        body: BackendChoice,
         simulation: Simulation,
         guard: SafetyGuard,
         start: Fall,
@@ -93,9 +93,9 @@ class Play(TrialOptions):
         limit = self.torque_limit
         known = start.posture if self.origin is None else None
         with recording(self.out, guard.robot, self._about(motion), known) as recorder:
-            report, watched = play(
+            report, outcome = play(
                 guard,
-                Watch(simulation, limit),
+                GroundTruthJudge(simulation, limit),
                 motion,
                 limit,
                 realtime=body.realtime,
@@ -106,22 +106,22 @@ class Play(TrialOptions):
             start_class=start.start_class,
             plan=as_it_is(motion),
             run=report,
-            watched=watched,
+            outcome=outcome,
         )
 
     def _play_where_it_lies(
-        self, stage: Stage, motion: Motion, body: Body, guard: SafetyGuard
+        self, world: World, motion: Motion, body: BackendChoice, guard: SafetyGuard
     ) -> Rise:
         """Play on a robot that may be a real one: after the preflight, supervised, once."""
         options = AttemptOptions(
             max_attempts=1, torque_limit=self.torque_limit, pwm_limited=True, realtime=True
         )
         rng = np.random.default_rng(self.seed)
-        with recording(self.out, stage.robot, self._about(motion)) as recorder:
+        with recording(self.out, world.robot, self._about(motion)) as recorder:
             return get_up(
                 guard,
-                stage,
-                TheMotion(motion),
+                world,
+                StoredMotion(motion),
                 rng,
                 options,
                 services=body.services,

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.options import StageOptions
+from humanoid_getup.cli.options import WorldOptions
 from humanoid_getup.cli.output import console_for, to_json, write_json
 from humanoid_getup.cli.play import find_motion
 from humanoid_getup.execution.preflight import Severity, Verdict, preflight
@@ -24,7 +24,7 @@ SHOWN = 6  # joints in the table, the most loaded first
 
 
 @dataclass(frozen=True, kw_only=True)
-class Preflight(StageOptions):
+class Preflight(WorldOptions):
     """Judge a motion by limits, speed, torque at a supply, heat and self-collision."""
 
     motion: Annotated[Positional[str], arg(metavar="MOTION")]
@@ -38,19 +38,19 @@ class Preflight(StageOptions):
 
     def run(self) -> int:
         """Rehearse, judge, tell; 0 when the motion may be played, 1 when it is refused."""
-        stage = self.load_stage()
-        motion = find_motion(stage.robot, self.motion)
-        voltage = stage.robot.supply_voltage if self.voltage is None else self.voltage
+        world = self.load_stage()
+        motion = find_motion(world.robot, self.motion)
+        voltage = world.robot.supply_voltage if self.voltage is None else self.voltage
         with Console(stderr=True).status("rehearsing"), refusing():
             verdict = preflight(
-                stage,
+                world,
                 motion,
                 voltage=voltage,
                 torque_limit=self.torque_limit,
                 temperature=self.temperature,
             )
-        write_json(to_json(self._record(stage.robot, motion, verdict)), self.json)
-        print_verdict(stage.robot, motion, verdict, console_for(self.json))
+        write_json(to_json(self._record(world.robot, motion, verdict)), self.json)
+        print_verdict(world.robot, motion, verdict, console_for(self.json))
         return DID_IT if verdict.passed else DID_NOT_STAND
 
     def _record(self, robot: Robot, motion: Motion, verdict: Verdict) -> dict[str, Any]:
@@ -97,8 +97,8 @@ def record_verdict(robot: Robot, verdict: Verdict) -> dict[str, Any]:
 def print_verdict(robot: Robot, motion: Motion, verdict: Verdict, console: Console) -> None:
     """Tell a person the verdict, its reasons and the most loaded joints."""
     figures = verdict.figures
-    word, colour = ("passed", "green") if verdict.passed else ("refused", "red")
-    console.print(f"[bold {colour}]{motion.name}: {word} at {figures.voltage:.1f} V")
+    word, color = ("passed", "green") if verdict.passed else ("refused", "red")
+    console.print(f"[bold {color}]{motion.name}: {word} at {figures.voltage:.1f} V")
     for reason in verdict.reasons:
         mark = "[red]✗[/]" if reason.severity is Severity.REFUSE else "[yellow]![/]"
         console.print(f" {mark} {reason}")

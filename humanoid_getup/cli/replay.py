@@ -27,7 +27,7 @@ from humanoid_getup.execution.estimation import estimate_posture
 from humanoid_getup.reporting import plots
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import load_robot
 
 FIGURES, FLIGHT, DIFFERENCE = "replay.json", "flight.png", "replay.png"
@@ -59,9 +59,9 @@ class Replay:
             raise BadInputError("; ".join(faults))
         with Console(stderr=True).status("reading") as status, refusing():
             record = FlightRecord.load(self.log)
-            stage = self._load_stage(record)
+            world = self._load_stage(record)
             status.update("replaying")
-            report = self._replay(record, stage)
+            report = self._replay(record, world)
             status.update("drawing")
             figures = _describe(record) | report.record()
             if self.out is not None:
@@ -83,17 +83,17 @@ class Replay:
                 faults.append(f"{name} is {value:g} {unit}, allowed a finite number above 0 {unit}")
         return faults
 
-    def _load_stage(self, record: FlightRecord) -> Stage:
+    def _load_stage(self, record: FlightRecord) -> World:
         robot = load_robot(self.robot or record.robot)
         record.check_robot(robot)
-        return Stage.build(robot, load_scene(self.scene or str(record.about.get("scene", "flat"))))
+        return World.build(robot, load_scene(self.scene or str(record.about.get("scene", "flat"))))
 
-    def _replay(self, record: FlightRecord, stage: Stage) -> ReplayReport:
-        supply = choose_supply(record, stage.robot) if self.voltage is None else self.voltage
-        twin = Twin(stage.robot, stage.model, voltage=supply)
+    def _replay(self, record: FlightRecord, world: World) -> ReplayReport:
+        supply = choose_supply(record, world.robot) if self.voltage is None else self.voltage
+        twin = Twin(world.robot, world.model, voltage=supply)
         if not record.cycles:
             raise ValueError(f"flight log {self.log}: it holds no cycle, nothing to replay")
-        start = record.start or estimate_posture(stage, record.measurement(0))
+        start = record.start or estimate_posture(world, record.measurement(0))
         return replay(record, twin, start, threshold=self.threshold)
 
     def _write(

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers import Ending
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
-from humanoid_getup.cli.options import TrialOptions
+from humanoid_getup.cli.options import RunOptions
 from humanoid_getup.cli.output import (
     ARTEFACTS,
     MOTION,
@@ -24,12 +24,12 @@ from humanoid_getup.cli.output import (
 from humanoid_getup.cli.session import FLIGHT
 from humanoid_getup.execution.get_up import Rise
 from humanoid_getup.reporting import film_strip, plots
-from humanoid_getup.reporting.report import Circumstances, make_report, print_summary
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.reporting.report import RunContext, make_report, print_summary
+from humanoid_getup.simulation.world import World
 
 
 def hand_over(
-    rise: Rise, stage: Stage, options: TrialOptions, start: str, extra: dict[str, Any]
+    rise: Rise, world: World, options: RunOptions, start: str, extra: dict[str, Any]
 ) -> int:
     """Write and tell how a rise went; return the exit code.
 
@@ -38,9 +38,9 @@ def hand_over(
     """
     if rise.run is not None and rise.run.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt
-    asked = Circumstances(
-        robot=stage.robot.name,
-        period=stage.robot.control_period,
+    asked = RunContext(
+        robot=world.robot.name,
+        period=world.robot.control_period,
         seed=options.seed,
         start=start,
         scene=options.scene,
@@ -52,7 +52,7 @@ def hand_over(
     files: list[str] = []
     if options.out is not None:
         with staging(options.out) as folder:
-            report["strip_reason"] = _draw(rise, stage, options, folder)
+            report["strip_reason"] = _draw(rise, world, options, folder)
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
@@ -66,28 +66,28 @@ def hand_over(
     return DID_NOT_STAND
 
 
-def _draw(rise: Rise, stage: Stage, options: TrialOptions, folder: Path) -> str | None:
+def _draw(rise: Rise, world: World, options: RunOptions, folder: Path) -> str | None:
     """Write the motion and the pictures; return why there is no film strip."""
-    if rise.watched is None:
+    if rise.outcome is None:
         return "nothing was played"
-    robot, watched, motion = stage.robot, rise.watched, rise.plan.motion
+    robot, outcome, motion = world.robot, rise.outcome, rise.plan.motion
     if motion is not None:
         motion.save(folder / MOTION)
     side = "-side" if rise.start_class in ("left", "right") else ""
     way = rise.plan.title if motion is None else motion.strategy
     title = f"{robot.name}, {rise.start_class}{side} start: {way}"
-    plots.save_torque(robot, watched, options.torque_limit, folder / TORQUE, title=title)
+    plots.save_torque(robot, outcome, options.torque_limit, folder / TORQUE, title=title)
     period = robot.control_period
     end = (
-        watched.stand.start_time + film_strip.AFTERMATH
+        outcome.stand.start_time + film_strip.AFTERMATH
         if rise.stood
-        else len(watched.qpos) * period
+        else len(outcome.qpos) * period
     )
-    last = len(watched.qpos) - 1  # how it stands when all is over
+    last = len(outcome.qpos) - 1  # how it stands when all is over
     rows = film_strip.pick_frames(min(last, round(end / period)), film_strip.FRAMES - 1)
     rows = np.union1d(rows, [last])
     try:
-        pictures = film_strip.render_frames(robot, stage.model, watched.qpos[rows])
+        pictures = film_strip.render_frames(robot, world.model, outcome.qpos[rows])
     except film_strip.NoRendererError as error:
         return str(error)
     film_strip.save_strip(pictures, rows * period, folder / STRIP, title=title)

@@ -11,24 +11,24 @@ import numpy as np
 from rich.console import Console
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.backends import Body
+from humanoid_getup.cli.backends import BackendChoice
 from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.options import TrialOptions, find_start, find_start_faults, load_policy
+from humanoid_getup.cli.options import RunOptions, find_start, find_start_faults, load_policy
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.cli.session import WHERE_IT_LAY, try_to_rise
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.policy.onnx_policy import LONGEST
-from humanoid_getup.simulation.world import Stage
-from humanoid_getup.strategies.learned_rise import ThePolicy
-from humanoid_getup.strategies.plan import Plans, RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import RiseOptions, Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.selection import ByRecord
 from humanoid_getup.strategies.track_record import (
     BY_PWM,
     BY_TORQUE,
     PLAN,
     POLICY,
-    Records,
+    TrackRecord,
     Way,
     load_records,
 )
@@ -39,7 +39,7 @@ METHODS = (PLAN, POLICY, AUTO)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RiseCommand(TrialOptions):
+class RiseCommand(RunOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
     origin: Annotated[str | None, arg(name="from", metavar="supine|prone|left|right|FILE")] = None
@@ -69,14 +69,14 @@ class RiseCommand(TrialOptions):
 
     def run(self) -> int:
         """Lie down, or find the robot lying, and rise."""
-        stage = self.load_stage()
-        means = self._load_means(stage.robot)
+        world = self.load_stage()
+        means = self._load_means(world.robot)
         rng = np.random.default_rng(self.seed)
-        with Console(stderr=True).status("falling") as status, self.open_body(stage) as body:
-            plans = self._make_plans(stage, body, means)
-            start = None if self.origin is None else find_start(stage, self.origin, rng)
+        with Console(stderr=True).status("falling") as status, self.open_body(world) as body:
+            plans = self._make_plans(world, body, means)
+            start = None if self.origin is None else find_start(world, self.origin, rng)
             rise = try_to_rise(
-                stage,
+                world,
                 body,
                 plans,
                 start,
@@ -93,19 +93,19 @@ class RiseCommand(TrialOptions):
                 "planning": self.planning,
                 "filtering": self.filtering,
             }
-            return hand_over(rise, stage, self, self.origin or WHERE_IT_LAY, extra)
+            return hand_over(rise, world, self, self.origin or WHERE_IT_LAY, extra)
 
     def _load_means(self, robot: Robot) -> _Means:
         """Load what the method needs, before any robot is touched."""
         with refusing():
-            records = load_records(robot) if self.method == AUTO else Records()
+            records = load_records(robot) if self.method == AUTO else TrackRecord()
             database = None if self.method == POLICY else load_database(robot)
         learned = self.method == POLICY or records.knows(Way(POLICY, self.policy))
         policy = load_policy(robot, self.policy, self.torque_limit) if learned else None
-        return _Means(database, policy and ThePolicy(policy, self.policy), records)
+        return _Means(database, policy and LearnedRise(policy, self.policy), records)
 
-    def _make_plans(self, stage: Stage, body: Body, means: _Means) -> Plans:
-        ways: dict[Way, Plans] = {}
+    def _make_plans(self, world: World, body: BackendChoice, means: _Means) -> Strategy:
+        ways: dict[Way, Strategy] = {}
         if means.database is not None:
             options = RiseOptions(
                 planning=self.planning,
@@ -113,10 +113,10 @@ class RiseCommand(TrialOptions):
                 torque_limit=self.torque_limit,
                 pwm_limited=body.has_servos,
             )
-            ways[Way(PLAN)] = RisePlanner(stage, means.database, options)
+            ways[Way(PLAN)] = PlannedRise(world, means.database, options)
         if means.policy is not None:
             ways[Way(POLICY, self.policy)] = means.policy
-        limit = float(stage.robot.max_torque.max())
+        limit = float(world.robot.max_torque.max())
         cap = BY_PWM if body.has_servos else BY_TORQUE
         return ByRecord(ways, means.records, min(self.torque_limit or limit, limit), cap)
 
@@ -126,12 +126,12 @@ class _Means:
     """What ways of rising are made of, as far as the method needs them."""
 
     database: MotionDatabase | None
-    policy: ThePolicy | None
-    records: Records
+    policy: LearnedRise | None
+    records: TrackRecord
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunPolicy(TrialOptions):
+class RunPolicy(RunOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
     policy: Annotated[Positional[str], arg(metavar="POLICY")]
@@ -152,12 +152,12 @@ class RunPolicy(TrialOptions):
 
     def run(self) -> int:
         """Lie down, or find the robot lying, and let the policy rise."""
-        stage = self.load_stage()
-        policy = load_policy(stage.robot, self.policy, self.torque_limit, self.longest)
-        plans = ThePolicy(policy, Path(self.policy).stem)
+        world = self.load_stage()
+        policy = load_policy(world.robot, self.policy, self.torque_limit, self.longest)
+        plans = LearnedRise(policy, Path(self.policy).stem)
         rng = np.random.default_rng(self.seed)
-        with Console(stderr=True).status("falling") as status, self.open_body(stage) as body:
-            start = None if self.origin is None else find_start(stage, self.origin, rng)
-            rise = try_to_rise(stage, body, plans, start, self, rng, attempts=1, tell=status.update)
+        with Console(stderr=True).status("falling") as status, self.open_body(world) as body:
+            start = None if self.origin is None else find_start(world, self.origin, rng)
+            rise = try_to_rise(world, body, plans, start, self, rng, attempts=1, tell=status.update)
             status.update("drawing")
-            return hand_over(rise, stage, self, self.origin or WHERE_IT_LAY, {"method": "policy"})
+            return hand_over(rise, world, self, self.origin or WHERE_IT_LAY, {"method": "policy"})

@@ -12,16 +12,16 @@ import numpy as np
 from drivers import Cycle, GuardLimits, SafetyGuard
 from drivers.flight_log.writer import FlightLog
 from drivers.stop_key import StopKey
-from humanoid_getup.cli.backends import Body
-from humanoid_getup.cli.options import TrialOptions
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.cli.backends import BackendChoice
+from humanoid_getup.cli.options import RunOptions
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.estimation import check_start
 from humanoid_getup.execution.get_up import Rise, get_up
 from humanoid_getup.execution.result import PhaseChange
 from humanoid_getup.simulation.falls import Fall
-from humanoid_getup.simulation.world import Stage
-from humanoid_getup.strategies.plan import Plans
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import Strategy
 from robots import Posture, Robot
 
 FLIGHT = "flight.mcap"
@@ -91,17 +91,17 @@ def recording(
 WHERE_IT_LAY = "where the robot lay"
 
 
-def stop_key(body: Body, guard: SafetyGuard) -> StopKey | nullcontext[None]:
+def stop_key(body: BackendChoice, guard: SafetyGuard) -> StopKey | nullcontext[None]:
     """Let any key of the terminal stop a robot that lives at the speed of life."""
     return StopKey(guard.stop) if body.realtime else nullcontext()
 
 
 def try_to_rise(
-    stage: Stage,
-    body: Body,
-    plans: Plans,
+    world: World,
+    body: BackendChoice,
+    plans: Strategy,
     start: Fall | None,
-    options: TrialOptions,
+    options: RunOptions,
     rng: np.random.Generator,
     *,
     attempts: int,
@@ -111,7 +111,7 @@ def try_to_rise(
     """Get a robot up through the attempt manager, logging the flight.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         body: Robot to move.
         plans: Finds motions or policies.
         start: Where to lay a simulated robot; ``None`` for where it lies.
@@ -122,9 +122,9 @@ def try_to_rise(
         tell: Hears what is going on.
     """
     simulation, limit = body.simulation, options.torque_limit
-    guard = SafetyGuard(body.backend, GuardLimits.of(stage.robot, limit))
+    guard = SafetyGuard(body.backend, GuardLimits.of(world.robot, limit))
     if start is not None and body.place is not None:
-        check_start(stage, start.posture)
+        check_start(world, start.posture)
         body.place(start.posture)
     how = AttemptOptions(
         max_attempts=attempts,
@@ -134,7 +134,7 @@ def try_to_rise(
         realtime=body.realtime,
     )
     about = {"seed": options.seed, "scene": options.scene, "backend": options.backend}
-    with recording(options.out, stage.robot, about) as recorder, stop_key(body, guard):
+    with recording(options.out, world.robot, about) as recorder, stop_key(body, guard):
 
         def hear(change: PhaseChange) -> None:
             tell(change.phase.value)
@@ -142,11 +142,11 @@ def try_to_rise(
 
         return get_up(
             guard,
-            stage,
+            world,
             plans,
             rng,
             how,
-            judge=simulation and (lambda: Watch(simulation, limit)),
+            judge=simulation and (lambda: GroundTruthJudge(simulation, limit)),
             start_class=start and start.start_class,
             services=body.services,
             report=hear,

@@ -102,12 +102,12 @@ class Train(RobotOption):
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()
         with needing("train"):
-            from sim2real.training.distributed import Rank
+            from sim2real.training.distributed import DistributedProcess
             from sim2real.training.train import train
         recipe = self._choose_recipe()
         self._check_device()
-        leads = Rank.from_environment(os.environ).leads
-        with refusing(), learning(recipe.iterations, shown=leads) as learnt:
+        leads = DistributedProcess.from_environment(os.environ).leads
+        with refusing(), learning(recipe.iterations, shown=leads) as learned:
             train(
                 robot,
                 recipe,
@@ -116,10 +116,10 @@ class Train(RobotOption):
                 device=self.device,
                 threads=self.threads,
                 parent=self.parent,
-                report=learnt.note,
+                report=learned.note,
             )
         if leads:
-            console_for(None).print(f"{self.out}: {learnt.summary}")
+            console_for(None).print(f"{self.out}: {learned.summary}")
         return DID_IT
 
     def _choose_recipe(self) -> Recipe:
@@ -147,7 +147,7 @@ class Train(RobotOption):
         raise BadInputError(f"device is '{self.device}', allowed {allowed}")
 
 
-class Learnt:
+class Learned:
     """How far a training is, in words and in a bar."""
 
     def __init__(self, show: Callable[..., None]) -> None:
@@ -185,7 +185,7 @@ class Learnt:
 
 
 @contextmanager
-def learning(iterations: int, *, shown: bool) -> Iterator[Learnt]:
+def learning(iterations: int, *, shown: bool) -> Iterator[Learned]:
     """Show a bar on standard error; yield what moves it on."""
     fields = ("stood", "rate", "left")
     columns = (
@@ -198,7 +198,7 @@ def learning(iterations: int, *, shown: bool) -> Iterator[Learnt]:
     with Progress(*columns, console=console, disable=not shown) as progress:
         bar = progress.add_task("training", total=iterations, stood="", rate="", left="")
         try:
-            yield Learnt(lambda **fields: progress.update(bar, **fields))
+            yield Learned(lambda **fields: progress.update(bar, **fields))
         except KeyboardInterrupt:
             console.print("the last checkpoint is kept: the same command goes on from it")
             raise

@@ -9,7 +9,7 @@ import numpy as np
 from drivers import Cycle, State
 from drivers.twin.simulation import Simulation
 from humanoid_getup.evaluation.standing import Stand, is_upright, judge
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import NeckHeight, lowest_point, place, torso_orientation
 from robots.quaternion import Array
@@ -21,7 +21,7 @@ LIMIT_SLACK = np.radians(1.0)  # a soft joint stop gives this much
 
 
 @dataclass(frozen=True, kw_only=True)
-class Watched:
+class RunOutcome:
     """What happened in a run."""
 
     stand: Stand
@@ -69,7 +69,7 @@ def find_impact(touch: np.ndarray, speed: Array) -> Array:
     return np.where(begins, speed[..., :-1], 0.0).max(axis=-1, initial=0.0)
 
 
-class Watch:
+class GroundTruthJudge:
     """Looks at the truth of a simulation, period by period, while a servo has torque.
 
     It looks when the sensors do, from whatever thread lets time pass, so it judges the
@@ -114,7 +114,7 @@ class Watch:
             )
         )
 
-    def conclude(self) -> Watched:
+    def conclude(self) -> RunOutcome:
         """Judge what was seen; a run that ended before its first cycle did not stand."""
         if self._look in self._simulation.on_look:
             self._simulation.on_look.remove(self._look)
@@ -129,7 +129,7 @@ class Watch:
             np.array(self._faults, dtype=bool).reshape(-1, 3), round(APART / period)
         )
         head = np.array(self._head, dtype=float).reshape(-1, 2)
-        return Watched(
+        return RunOutcome(
             stand=stand,
             peak_torque=float(np.abs(torque).max(initial=0.0)),
             peak_velocity=max(self._velocity, default=0.0),
@@ -160,7 +160,7 @@ def estimate_torque(robot: Robot, current: Array) -> Array:
     return current * np.array([m.stall_torque / m.stall_current for m in models])
 
 
-class SensedWatch:
+class SensorJudge:
     """Looks at the measurement of each cycle; the judge of a robot without truth.
 
     It cannot feel whether anything but the feet touches the world, so a robot that leans
@@ -169,9 +169,9 @@ class SensedWatch:
     the lowest point touches flat ground.
     """
 
-    def __init__(self, stage: Stage, period: float, torque_limit: float | None) -> None:
-        self._stage, self._period = stage, period
-        limit = stage.robot.max_torque
+    def __init__(self, world: World, period: float, torque_limit: float | None) -> None:
+        self._stage, self._period = world, period
+        limit = world.robot.max_torque
         self._limit = limit if torque_limit is None else np.minimum(limit, torque_limit)
         self._seen: list[State] = []
 
@@ -179,7 +179,7 @@ class SensedWatch:
         """Look once."""
         self._seen.append(cycle.state)
 
-    def conclude(self) -> Watched:
+    def conclude(self) -> RunOutcome:
         """Judge what was measured; a run that ended before its second cycle did not stand."""
         robot = self._stage.robot
         seen = self._seen[1:]  # the first measurement is of before the first command
@@ -198,7 +198,7 @@ class SensedWatch:
         rising = torque[: round(stand.start_time / self._period) + 1] if stand.stood else torque
         beyond = np.maximum(robot.lower - angles, angles - robot.upper) > LIMIT_SLACK
         left = count_episodes(beyond.any(axis=1)[:, None], round(APART / self._period))
-        return Watched(
+        return RunOutcome(
             stand=stand,
             peak_torque=float(np.abs(torque).max(initial=0.0)),
             peak_velocity=float(np.abs(velocity).max(initial=0.0)),
@@ -215,15 +215,15 @@ class SensedWatch:
 
     def _lay_out(self, torso: Array, angles: Array) -> Array:
         """Draw where the robot went, on flat ground, (T, nq)."""
-        stage = self._stage
-        root = stage.robot.layout(stage.model).root_qpos
-        rows = np.zeros((len(torso), stage.model.nq))
+        world = self._stage
+        root = world.robot.layout(world.model).root_qpos
+        rows = np.zeros((len(torso), world.model.nq))
         for row, orientation, joint_pos in zip(rows, torso, angles, strict=True):
             posture = Posture(
                 position=np.zeros(3),
-                orientation=quaternion.normalise(orientation),
+                orientation=quaternion.normalize(orientation),
                 joint_pos=joint_pos,
             )
-            row[:] = place(stage.robot, stage.model, posture)
-            row[root + 2] = -lowest_point(stage.model, row)
+            row[:] = place(world.robot, world.model, posture)
+            row[root + 2] = -lowest_point(world.model, row)
         return rows

@@ -25,12 +25,12 @@ def wilson_interval(successes: int, n: int) -> tuple[float, float]:
     if n == 0:
         return 0.0, 1.0
     rate, z2 = successes / n, Z95 * Z95
-    centre = (rate + z2 / (2 * n)) / (1 + z2 / n)
+    center = (rate + z2 / (2 * n)) / (1 + z2 / n)
     half = Z95 / (1 + z2 / n) * math.sqrt(rate * (1 - rate) / n + z2 / (4 * n * n))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    return max(0.0, center - half), min(1.0, center + half)
 
 
-def summarise(values: Iterable[float | None]) -> dict[str, float | None]:
+def summarize(values: Iterable[float | None]) -> dict[str, float | None]:
     """Compute median and 95th percentile of the values that are numbers."""
     numbers = [v for v in values if v is not None and math.isfinite(v)]
     if not numbers:
@@ -41,8 +41,8 @@ def summarise(values: Iterable[float | None]) -> dict[str, float | None]:
     }
 
 
-def summarise_records(records: list[dict[str, Any]]) -> dict[str, Any]:
-    """Summarise rises: counts, interval, times [s], load, faults."""
+def summarize_records(records: list[dict[str, Any]]) -> dict[str, Any]:
+    """Summarize rises: counts, interval, times [s], load, faults."""
     stood = sum(bool(r["stood"]) for r in records)
     low, high = wilson_interval(stood, len(records))
     summary: dict[str, Any] = {
@@ -52,7 +52,7 @@ def summarise_records(records: list[dict[str, Any]]) -> dict[str, Any]:
         "stood_interval_95": [low, high],
     }
     for key in SUMMARISED:
-        summary[key] = summarise(r.get(key) for r in records)
+        summary[key] = summarize(r.get(key) for r in records)
     for key in ("self_collisions", "ground_penetrations", "limit_violations", "clips"):
         summary[key] = sum(r.get(key) or 0 for r in records)
     return summary

@@ -10,9 +10,9 @@ import numpy as np
 
 from drivers import Cycle, DriverError, Ending, FaultKind, SafetyGuard, State, run
 from drivers.control_loop import Controller, Pacer
-from humanoid_getup.evaluation.judge import SensedWatch, Watched
+from humanoid_getup.evaluation.judge import RunOutcome, SensorJudge
 from humanoid_getup.execution.estimation import FaultedError, StartError, estimate_posture, settle
-from humanoid_getup.execution.monitors import Abort, Supervision
+from humanoid_getup.execution.monitors import Abort, MonitorLimits
 from humanoid_getup.execution.preflight import check_body, preflight
 from humanoid_getup.execution.recovery import (
     Cooling,
@@ -30,9 +30,9 @@ from humanoid_getup.execution.result import (
 )
 from humanoid_getup.execution.supervisor import PolicySupervisor, Supervisor
 from humanoid_getup.simulation.falls import classify
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import PolicyPlan
-from humanoid_getup.strategies.plan import Plans, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 
 UNCLASSED = "other"  # start class of a robot that lies on no side
 MOST_REMEDIES = 5  # faults of a robot that only lies there, before it is left alone
@@ -46,7 +46,7 @@ class Judge(Protocol):
         """Look once."""
         ...
 
-    def conclude(self) -> Watched:
+    def conclude(self) -> RunOutcome:
         """Judge what was seen."""
         ...
 
@@ -83,7 +83,7 @@ class AttemptOptions:
     """False: play without asking; never on hardware."""
     realtime: bool = False
     """Pace the cycles by the wall clock, for backends that do not pace themselves."""
-    supervision: Supervision = field(default_factory=Supervision)
+    supervision: MonitorLimits = field(default_factory=MonitorLimits)
     cooling: Cooling = field(default_factory=Cooling)
 
     def __post_init__(self) -> None:
@@ -104,8 +104,8 @@ class AttemptManager:
     def __init__(
         self,
         guard: SafetyGuard,
-        stage: Stage,
-        plans: Plans,
+        world: World,
+        plans: Strategy,
         options: AttemptOptions | None = None,
         *,
         judge: Callable[[], Judge] | None = None,
@@ -117,15 +117,15 @@ class AttemptManager:
 
         Args:
             guard: Robot to get up; it is connected for each phase and limp after it.
-            stage: Robot and scene that plans and preflight work with.
-            plans: Finds motions or policies: a `RisePlanner`, `NearestMotion`, `ThePolicy`...
+            world: Robot and scene that plans and preflight work with.
+            plans: Finds motions or policies: a `PlannedRise`, `NearestMotion`, `LearnedRise`...
             options: How to try, and how often.
             judge: Makes the judge of one run; ``None`` for sensors alone.
             services: Reboots servos, where the backend can.
             report: Hears of every phase.
             on_cycle: Sees every cycle of the runs, to record it.
         """
-        self._guard, self._stage, self._plans = guard, stage, plans
+        self._guard, self._stage, self._plans = guard, world, plans
         self.options = options = options or AttemptOptions()
         self._judge = judge or self._judge_by_sensors
         self._report, self._on_cycle = report, on_cycle
@@ -271,7 +271,7 @@ class AttemptManager:
         return replace(
             attempt,
             run=report,
-            watched=judge.conclude(),
+            outcome=judge.conclude(),
             abort=supervisor.aborted,
             warnings=tuple(supervisor.warnings),
         )
@@ -294,7 +294,7 @@ class AttemptManager:
         self._recovery.cool_down()
 
     def _judge_by_sensors(self) -> Judge:
-        return SensedWatch(self._stage, self._guard.period, self.options.torque_limit)
+        return SensorJudge(self._stage, self._guard.period, self.options.torque_limit)
 
     def _tell(self, phase: Phase, detail: str) -> None:
         self._report(PhaseChange(phase, self._number, detail))

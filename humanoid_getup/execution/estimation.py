@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers import Command, DriverError, Fault, SafetyGuard, State
 from drivers.control_loop import Pacer
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.kinematics import lowest_point, place, torso_orientation
 
@@ -30,13 +30,13 @@ class FaultedError(DriverError):
         self.fault = fault
 
 
-def check_start(stage: Stage, start: Posture) -> None:
+def check_start(world: World, start: Posture) -> None:
     """Refuse a start that reaches into the ground or hangs high over it.
 
     Raises:
         StartError: saying how far.
     """
-    lowest = lowest_point(stage.model, place(stage.robot, stage.model, start))
+    lowest = lowest_point(world.model, place(world.robot, world.model, start))
     if lowest > MAX_DROP:
         raise StartError(
             f"start posture hangs {lowest:.3g} m over the ground, allowed {MAX_DROP} m: "
@@ -95,18 +95,18 @@ def lie_limp(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
     return guard.read()
 
 
-def estimate_posture(stage: Stage, state: State) -> Posture:
+def estimate_posture(world: World, state: State) -> Posture:
     """Estimate where a lying robot is: it touches the ground; place and heading are free.
 
     Angles, IMU orientation and the way the IMU sits in the torso give the rest.
     """
-    robot = stage.robot
+    robot = world.robot
     joint_pos = np.clip(state.joint_pos, robot.lower, robot.upper)
-    orientation = torso_orientation(stage.robot, stage.model, state.orientation)
+    orientation = torso_orientation(world.robot, world.model, state.orientation)
     raised = Posture(
         position=np.array([0.0, 0.0, 1.0]), orientation=orientation, joint_pos=joint_pos
     )
-    lowest = lowest_point(stage.model, place(robot, stage.model, raised))
+    lowest = lowest_point(world.model, place(robot, world.model, raised))
     return Posture(
         position=np.array([0.0, 0.0, 1.0 - lowest - SINKING]),
         orientation=orientation,

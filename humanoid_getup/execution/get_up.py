@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers import Cycle, Ending, GuardLimits, RunReport, SafetyGuard, Twin, run
-from humanoid_getup.evaluation.judge import Watch, Watched
+from humanoid_getup.evaluation.judge import GroundTruthJudge, RunOutcome
 from humanoid_getup.evaluation.standing import HOLD, HOLD_TIME
 from humanoid_getup.execution.attempt_manager import (
     UNCLASSED,
@@ -24,10 +24,10 @@ from humanoid_getup.execution.recovery import RebootsServos
 from humanoid_getup.execution.result import AttemptResult, AttemptStatus, PhaseChange
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.falls import Fall
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import PolicyPlan
-from humanoid_getup.strategies.plan import Plans, RisePlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot
 from robots.quaternion import Array
 
@@ -44,7 +44,7 @@ class Rise:
     plan: RisePlan
     run: RunReport | None
     """None when there was nothing to play."""
-    watched: Watched | None
+    outcome: RunOutcome | None
     result: AttemptResult | None = None
     """Every attempt; None for a motion that was played outside the attempt manager."""
 
@@ -54,20 +54,20 @@ class Rise:
         if self.result is not None:
             return self.result.status is AttemptStatus.STOOD
         finished = self.run is not None and self.run.ending is Ending.DONE
-        return finished and self.watched is not None and self.watched.stand.stood
+        return finished and self.outcome is not None and self.outcome.stand.stood
 
     @property
     def reason(self) -> str:
         """Return in one line why the rise ended as it did."""
         if self.result is not None:
             return self.result.reason
-        if self.run is None or self.watched is None:
+        if self.run is None or self.outcome is None:
             return self.plan.reason
         if self.stood:
             return "held stand"
         if self.run.ending is not Ending.DONE:
             return self.run.reason
-        return f"fell: held {self.watched.stand.hold_time:.1f} s, needed {HOLD_TIME:.1f} s"
+        return f"fell: held {self.outcome.stand.hold_time:.1f} s, needed {HOLD_TIME:.1f} s"
 
     @property
     def attempts(self) -> int:
@@ -78,15 +78,15 @@ class Rise:
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the rise under report.json's keys."""
-        watched, plan = self.watched, self.plan
+        outcome, plan = self.outcome, self.plan
         connection = plan.connection
         record: dict[str, Any] = {
             "start_class": self.start_class,
             "planned": plan.planned,
             "stood": self.stood,
             "reason": self.reason,
-            "stand_time_s": watched.stand.start_time if watched and self.stood else None,
-            "hold_s": watched.stand.hold_time if watched else 0.0,
+            "stand_time_s": outcome.stand.start_time if outcome and self.stood else None,
+            "hold_s": outcome.stand.hold_time if outcome else 0.0,
             "plan_s": plan.plan_s,
             "filter_s": plan.filter_s,
             "rehearsals": plan.rehearsals,
@@ -108,24 +108,24 @@ class Rise:
             tried = self.result.attempts
             record["attempt_reasons"] = [attempt.reason for attempt in tried]
             record["warnings"] = [text for attempt in tried for text in attempt.warnings]
-        if watched:
+        if outcome:
             record |= {
-                "judged_by": "sensors" if watched.is_sensed else "truth",
-                "peak_torque_nm": watched.peak_torque,
-                "peak_velocity_rad_s": watched.peak_velocity,
-                "torque_use": watched.torque_use,
-                "rms_torque_nm": watched.rms_torque,
-                "self_collisions": watched.self_collisions,
-                "ground_penetrations": watched.ground_penetrations,
-                "limit_violations": watched.limit_violations,
-                "head_impact_m_s": watched.head_impact,
+                "judged_by": "sensors" if outcome.is_sensed else "truth",
+                "peak_torque_nm": outcome.peak_torque,
+                "peak_velocity_rad_s": outcome.peak_velocity,
+                "torque_use": outcome.torque_use,
+                "rms_torque_nm": outcome.rms_torque,
+                "self_collisions": outcome.self_collisions,
+                "ground_penetrations": outcome.ground_penetrations,
+                "limit_violations": outcome.limit_violations,
+                "head_impact_m_s": outcome.head_impact,
             }
         return record
 
 
 def rise(
     twin: Twin,
-    planner: RisePlanner,
+    planner: PlannedRise,
     start: Posture,
     start_class: str,
     rng: np.random.Generator,
@@ -151,14 +151,14 @@ def rise(
     )
     fall = Fall(posture=start, start_class=start_class)
     return lay_down_and_get_up(
-        twin, planner.stage, planner, fall, rng, options, report=report, on_cycle=on_cycle
+        twin, planner.world, planner, fall, rng, options, report=report, on_cycle=on_cycle
     )
 
 
 def lay_down_and_get_up(
     twin: Twin,
-    stage: Stage,
-    plans: Plans,
+    world: World,
+    plans: Strategy,
     fall: Fall,
     rng: np.random.Generator,
     options: AttemptOptions,
@@ -171,7 +171,7 @@ def lay_down_and_get_up(
 
     Args:
         twin: Robot.
-        stage: Robot and scene that plans and preflight work with.
+        world: Robot and scene that plans and preflight work with.
         plans: Finds what to play.
         fall: How it lies.
         rng: Source of the plans' chance.
@@ -184,7 +184,7 @@ def lay_down_and_get_up(
         StartError: if the start reaches into the ground.
         KeyboardInterrupt: once the robot is limp, if somebody interrupted.
     """
-    check_start(stage, fall.posture)
+    check_start(world, fall.posture)
     limit = options.torque_limit
     guard = SafetyGuard(twin, GuardLimits.of(twin.robot, torque_limit=limit))
     twin.place(fall.posture)
@@ -192,11 +192,11 @@ def lay_down_and_get_up(
         twin.simulation.temperature[:] = temperature
     return get_up(
         guard,
-        stage,
+        world,
         plans,
         rng,
         options,
-        judge=lambda: Watch(twin.simulation, limit),
+        judge=lambda: GroundTruthJudge(twin.simulation, limit),
         start_class=fall.start_class,
         report=report,
         on_cycle=on_cycle,
@@ -205,8 +205,8 @@ def lay_down_and_get_up(
 
 def get_up(
     guard: SafetyGuard,
-    stage: Stage,
-    plans: Plans,
+    world: World,
+    plans: Strategy,
     rng: np.random.Generator,
     options: AttemptOptions,
     *,
@@ -220,7 +220,7 @@ def get_up(
 
     Args:
         guard: Robot.
-        stage: Robot and scene that plans and preflight work with.
+        world: Robot and scene that plans and preflight work with.
         plans: Finds motions.
         rng: Source of the plans' chance.
         options: How to try, and how often.
@@ -235,7 +235,7 @@ def get_up(
     """
     manager = AttemptManager(
         guard,
-        stage,
+        world,
         plans,
         options,
         judge=judge,
@@ -251,7 +251,7 @@ def get_up(
         start_class=start_class or measured,
         plan=(last and last.plan) or RisePlan(status=RiseStatus.NOT_PLANNED, reason=result.reason),
         run=last and last.run,
-        watched=last and last.watched,
+        outcome=last and last.outcome,
         result=result,
     )
 
@@ -264,7 +264,7 @@ def play(
     *,
     realtime: bool = False,
     on_cycle: Callable[[Cycle], None] = lambda _: None,
-) -> tuple[RunReport, Watched]:
+) -> tuple[RunReport, RunOutcome]:
     """Play a motion on a simulated robot through loop and guard and watch how it ends.
 
     Raises:

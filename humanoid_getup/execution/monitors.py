@@ -38,7 +38,7 @@ class Abort:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Supervision:
+class MonitorLimits:
     """How far, and for how long, a rise may differ from what its motion expects.
 
     Measured on the twin, through the sensors, on 24 planned rises (six seeds of each
@@ -94,13 +94,13 @@ class Lasting:
         return time - self._since
 
 
-class ServoWatch:
+class ServoMonitor:
     """Watches, each cycle, what the servos tell of their load, heat and supply.
 
     ``warnings`` tells what was odd but no reason to stop.
     """
 
-    def __init__(self, robot: Robot, limits: Supervision) -> None:
+    def __init__(self, robot: Robot, limits: MonitorLimits) -> None:
         self._robot, self._limits = robot, limits
         models = [joint.servo.model for joint in robot.joints]
         self._stall_per_volt = np.array([m.stall_current / m.nominal_voltage for m in models])

@@ -14,7 +14,7 @@ from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from humanoid_getup.execution.preflight_rollout import Cap, Figures, measure
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.falls import classify
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import torso_orientation
 from robots.quaternion import Array
@@ -77,7 +77,7 @@ class Verdict:
 
 
 def preflight(
-    stage: Stage,
+    world: World,
     motion: Motion,
     *,
     voltage: float,
@@ -93,7 +93,7 @@ def preflight(
     collisions are read off the motion and off the rehearsal.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         motion: What shall be played.
         voltage: Supply at the servos [V].
         torque_limit: Cap on every servo [N·m].
@@ -104,10 +104,10 @@ def preflight(
     Raises:
         ValueError: if voltage, torque limit or temperature is no sensible number.
     """
-    robot = stage.robot
+    robot = world.robot
     _check_input(voltage, torque_limit, temperature)
     heat = np.broadcast_to(np.asarray(temperature, dtype=float), (robot.n,))
-    figures = measure(stage, motion, voltage, Cap(torque_limit, pwm_limited), heat, start)
+    figures = measure(world, motion, voltage, Cap(torque_limit, pwm_limited), heat, start)
     reasons = [
         *_judge_supply(robot, voltage),
         *_judge_limits(robot, motion),
@@ -116,7 +116,7 @@ def preflight(
         *_judge_warmth(robot, heat),
         *_judge_heat(robot, figures, heat),
         *_judge_overlap(figures),
-        *_judge_start(stage, motion, figures, start),
+        *_judge_start(world, motion, figures, start),
     ]
     reasons.sort(key=lambda reason: reason.severity is Severity.WARN)
     refused = any(reason.severity is Severity.REFUSE for reason in reasons)
@@ -256,14 +256,14 @@ def _judge_overlap(figures: Figures) -> list[Reason]:
 
 
 def _judge_start(
-    stage: Stage, motion: Motion, figures: Figures, start: State | None
+    world: World, motion: Motion, figures: Figures, start: State | None
 ) -> list[Reason]:
     if start is None or figures.start_tilt is None or figures.start_angle is None:
         return []
     reasons = []
     if figures.start_tilt > FAR_TILT:
         lies = (
-            classify(torso_orientation(stage.robot, stage.model, start.orientation)) or "on no side"
+            classify(torso_orientation(world.robot, world.model, start.orientation)) or "on no side"
         )
         reasons.append(
             _refuse(
@@ -278,5 +278,5 @@ def _judge_start(
             f"is {figures.start_angle[worst]:+.2f} rad from the motion's first posture: "
             "the player leads it there first"
         )
-        reasons.append(_warn(text, stage.robot.joint_names[worst]))
+        reasons.append(_warn(text, world.robot.joint_names[worst]))
     return reasons

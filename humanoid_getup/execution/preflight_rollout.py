@@ -11,14 +11,14 @@ import numpy as np
 from drivers import Cycle, GuardLimits, SafetyGuard, State, Twin, run
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD, Stand
 from humanoid_getup.execution.estimation import estimate_posture
 from humanoid_getup.execution.motion_player import MotionPlayer
 from humanoid_getup.execution.supervisor import angle
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, read_posture, torso_orientation
 from robots.quaternion import Array
@@ -75,7 +75,7 @@ class Cap:
 
 
 def measure(
-    stage: Stage,
+    world: World,
     motion: Motion,
     voltage: float,
     cap: Cap,
@@ -85,16 +85,16 @@ def measure(
     """Rehearse a motion and read off it, and off the motion, all that a verdict needs.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         motion: What shall be played.
         voltage: Supply at the servos [V].
         cap: Cap on every servo.
         temperature: Of the servos now [°C], (n,).
         start: Measurement of the robot as it lies, to rehearse from there.
     """
-    robot = stage.robot
-    lying = _find_start(stage, motion, start)
-    trial = _rehearse(stage, motion, lying, voltage, cap)
+    robot = world.robot
+    lying = _find_start(world, motion, start)
+    trial = _rehearse(world, motion, lying, voltage, cap)
     torque_limit = cap.torque
     stall = robot.max_torque * voltage / robot.supply_voltage
     limit = np.minimum(stall, np.inf if torque_limit is None else torque_limit)
@@ -108,7 +108,7 @@ def measure(
     tilt = None
     if start is not None:
         measured = quaternion.gravity_in_body(
-            torso_orientation(stage.robot, stage.model, start.orientation)
+            torso_orientation(world.robot, world.model, start.orientation)
         )
         tilt = angle(measured, gravity_b)
     return Figures(
@@ -124,17 +124,17 @@ def measure(
         longest_saturation=_longest(saturated) * period,
         end_temperature=end,
         rises_in_a_row=rises,
-        overlap=max(trial.overlap, _find_overlap(stage, motion)),
+        overlap=max(trial.overlap, _find_overlap(world, motion)),
         start_angle=None if start is None else start.joint_pos - motion.joint_pos[0],
         start_tilt=tilt,
     )
 
 
-def _find_start(stage: Stage, motion: Motion, start: State | None) -> Posture:
+def _find_start(world: World, motion: Motion, start: State | None) -> Posture:
     if start is not None:
-        return estimate_posture(stage, start)
-    at_rest = settle_posture(stage, motion.posture(0))
-    return read_posture(stage.robot, stage.model, at_rest)
+        return estimate_posture(world, start)
+    at_rest = settle_posture(world, motion.posture(0))
+    return read_posture(world.robot, world.model, at_rest)
 
 
 @dataclass(frozen=True)
@@ -148,13 +148,13 @@ class _Trial:
     """[m]"""
 
 
-def _rehearse(stage: Stage, motion: Motion, start: Posture, voltage: float, cap: Cap) -> _Trial:
+def _rehearse(world: World, motion: Motion, start: Posture, voltage: float, cap: Cap) -> _Trial:
     """Play the motion on a twin, whatever the supply."""
-    robot = stage.robot
-    twin = Twin(robot, stage.model, voltage=voltage, pwm_limited=cap.by_pwm)
+    robot = world.robot
+    twin = Twin(robot, world.model, voltage=voltage, pwm_limited=cap.by_pwm)
     twin.place(start)
     limits = replace(GuardLimits.of(robot, cap.torque), min_voltage=0.0, max_temperature=math.inf)
-    watch = Watch(twin.simulation, cap.torque)
+    watch = GroundTruthJudge(twin.simulation, cap.torque)
     velocity: list[Array] = []
     overlap: list[float] = []
 
@@ -165,8 +165,8 @@ def _rehearse(stage: Stage, motion: Motion, start: Posture, voltage: float, cap:
 
     player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=cap.torque)
     run(player, SafetyGuard(twin, limits), max_time=math.inf, on_cycle=look)
-    watched = watch.conclude()
-    return _Trial(watched.stand, watched.torque, np.array(velocity), max(overlap, default=0.0))
+    outcome = watch.conclude()
+    return _Trial(outcome.stand, outcome.torque, np.array(velocity), max(overlap, default=0.0))
 
 
 def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array, int | None]:
@@ -190,9 +190,9 @@ def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array
     return first + AMBIENT_TEMPERATURE, None
 
 
-def _find_overlap(stage: Stage, motion: Motion) -> float:
+def _find_overlap(world: World, motion: Motion) -> float:
     """Find how deep the motion's own postures are in themselves [m]."""
-    model, robot = stage.model, stage.robot
+    model, robot = world.model, world.robot
     data = mujoco.MjData(model)
     deepest = 0.0
     for frame in range(0, len(motion.time), OVERLAP_STRIDE):

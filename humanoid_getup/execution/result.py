@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from drivers import Ending, RunReport
-from humanoid_getup.evaluation.judge import Watched
+from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.evaluation.standing import HOLD_TIME
 from humanoid_getup.execution.monitors import Abort
 from humanoid_getup.execution.preflight import Verdict
@@ -55,7 +55,7 @@ class Attempt:
     """Of the preflight."""
     run: RunReport | None = None
     """None when nothing was played."""
-    watched: Watched | None = None
+    outcome: RunOutcome | None = None
     abort: Abort | None = None
     """Why the supervisor gave up, if it did."""
     warnings: tuple[str, ...] = ()
@@ -65,14 +65,14 @@ class Attempt:
     @property
     def stood(self) -> bool:
         """Tell whether it ended in a held stand."""
-        if self.run is None or self.watched is None or self.abort is not None:
+        if self.run is None or self.outcome is None or self.abort is not None:
             return False
-        return self.run.ending is Ending.DONE and self.watched.stand.stood
+        return self.run.ending is Ending.DONE and self.outcome.stand.stood
 
     @property
     def reason(self) -> str:
         """Return in one line why it ended as it did."""
-        if self.run is None or self.watched is None:
+        if self.run is None or self.outcome is None:
             return self.refusal or (self.plan.reason if self.plan else "it was not begun")
         if self.stood:
             return "held stand"
@@ -80,7 +80,7 @@ class Attempt:
             return f"gave up after {self.abort.time:.1f} s: {self.abort}"
         if self.run.ending is not Ending.DONE:
             return self.run.reason
-        return f"fell: held {self.watched.stand.hold_time:.1f} s, needed {HOLD_TIME:.1f} s"
+        return f"fell: held {self.outcome.stand.hold_time:.1f} s, needed {HOLD_TIME:.1f} s"
 
 
 @dataclass(frozen=True, kw_only=True)

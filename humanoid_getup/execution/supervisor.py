@@ -8,11 +8,11 @@ import numpy as np
 
 from drivers import Command, State
 from humanoid_getup.evaluation.standing import HOLD
-from humanoid_getup.execution.monitors import Abort, AbortKind, Lasting, ServoWatch, Supervision
+from humanoid_getup.execution.monitors import Abort, AbortKind, Lasting, MonitorLimits, ServoMonitor
 from humanoid_getup.execution.motion_player import MotionPlayer
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
@@ -31,28 +31,28 @@ class Supervisor:
 
     def __init__(
         self,
-        stage: Stage,
+        world: World,
         motion: Motion,
         *,
         hold: float = HOLD,
         torque_limit: float | None = None,
-        supervision: Supervision | None = None,
+        supervision: MonitorLimits | None = None,
     ) -> None:
         """Prepare to play.
 
         Args:
-            stage: Robot and how its IMU sits in it.
+            world: Robot and how its IMU sits in it.
             motion: What to play.
             hold: How long to hold the last targets [s].
             torque_limit: Cap on every servo [N·m].
             supervision: What is too much; ``None`` for the defaults.
         """
-        self.robot, self._motion = stage.robot, motion
-        self._sense_gravity = GravitySense(stage.model.site(stage.robot.imu_site).quat)
-        self._player = MotionPlayer(stage.robot, motion, hold=hold, torque_limit=torque_limit)
-        self._limits = supervision or Supervision()
+        self.robot, self._motion = world.robot, motion
+        self._sense_gravity = GravitySense(world.model.site(world.robot.imu_site).quat)
+        self._player = MotionPlayer(world.robot, motion, hold=hold, torque_limit=torque_limit)
+        self._limits = supervision or MonitorLimits()
         self._gravity_b = quaternion.gravity_in_body(motion.orientation)  # (T, 3)
-        self._servos = ServoWatch(stage.robot, self._limits)
+        self._servos = ServoMonitor(world.robot, self._limits)
         self.longest = motion.duration + hold
         """Time that motion and hold take [s]."""
         self.aborted: Abort | None = None
@@ -176,10 +176,10 @@ class PolicySupervisor:
     tilt nor progress is held against it; its own time limit is.
     """
 
-    def __init__(self, policy: OnnxPolicy, supervision: Supervision | None = None) -> None:
+    def __init__(self, policy: OnnxPolicy, supervision: MonitorLimits | None = None) -> None:
         """Prepare to run a policy; ``None`` for the default limits."""
         self._policy = policy
-        self._servos = ServoWatch(policy.robot, supervision or Supervision())
+        self._servos = ServoMonitor(policy.robot, supervision or MonitorLimits())
         self.longest = policy.longest
         """Time after which it is done [s]."""
         self.aborted: Abort | None = None

@@ -13,7 +13,7 @@ from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.randomization import Disturbance, disturb
 from humanoid_getup.simulation.rollout import Conditions, Observation, Rehearsal, Trace
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -72,41 +72,41 @@ class DynamicsFilter:
 
     def __init__(
         self,
-        stage: Stage,
+        world: World,
         *,
         torque_limit: float | None = None,
         pwm_limited: bool = False,
         threads: int = 0,
     ) -> None:
-        self.stage = stage
+        self.world = world
         self.torque_limit, self.pwm_limited = torque_limit, pwm_limited
         self.count = 0
         self._threads = threads
-        self._limbs = LimbMap.of(stage)
+        self._limbs = LimbMap.of(world)
         self._rehearsals: dict[int, Rehearsal] = {}
 
     def rehearse(self, start: Posture, candidates: list[Candidate]) -> list[Rehearsed]:
         """Track every candidate from the start posture, at rest."""
-        stage, robot = self.stage, self.stage.robot
+        world, robot = self.world, self.world.robot
         references = [self._refer(c) for c in candidates]
         moving = [len(r.target) for r in references]
         length = max(moving) + round(FIRST_HOLD / robot.control_period)
         target = np.array([_extend(r.target, length) for r in references])
         steering = _Steering(
-            stage,
+            world,
             self._limbs,
             start,
             references,
             length,
             np.array([c.assistance for c in candidates]),
         )
-        starts = np.tile(place(robot, stage.model, start), (len(candidates), 1))
-        limits = Conditions.nominal(stage, len(candidates), torque_limit=self.torque_limit)
+        starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
+        limits = Conditions.nominal(world, len(candidates), torque_limit=self.torque_limit)
         trace = self._play(starts, target, limits, steering)
         return [self._read(trace, i, c, moving[i]) for i, c in enumerate(candidates)]
 
     def _refer(self, c: Candidate) -> Reference:
-        reference = compose(self.stage, c.path, c.connection.motion, c.connection.frame, c.tempo)
+        reference = compose(self.world, c.path, c.connection.motion, c.connection.frame, c.tempo)
         return reference if c.before is None else reference.after(c.before)
 
     def check(self, start: Posture, target: Array, rng: np.random.Generator) -> float:
@@ -114,10 +114,10 @@ class DynamicsFilter:
 
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
-        stage, robot = self.stage, self.stage.robot
+        world, robot = self.world, self.world.robot
         limit = float(robot.max_torque.max()) if self.torque_limit is None else self.torque_limit
         starts, conditions = disturb(
-            stage, place(robot, stage.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
+            world, place(robot, world.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
         )
         longer = _extend(
             target, len(target) + round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
@@ -134,12 +134,12 @@ class DynamicsFilter:
         conditions = replace(conditions, pwm_limited=self.pwm_limited)
         self.count += n
         if n not in self._rehearsals:
-            self._rehearsals[n] = Rehearsal(self.stage, n, threads=self._threads)
+            self._rehearsals[n] = Rehearsal(self.world, n, threads=self._threads)
         return self._rehearsals[n].play(starts, target, conditions, steering=steering)
 
     def _read(self, trace: Trace, i: int, candidate: Candidate, moving: int) -> Rehearsed:
         upright = is_upright(
-            trace.neck_height[i], trace.tilt[i], trace.foreign[i], self.stage.robot
+            trace.neck_height[i], trace.tilt[i], trace.foreign[i], self.world.robot
         )
         stand = judge(upright, trace.period, hold_time=FIRST_HOLD - 0.1)
         return Rehearsed(
@@ -158,16 +158,16 @@ class _Steering:
 
     def __init__(
         self,
-        stage: Stage,
+        world: World,
         limbs: LimbMap,
         start: Posture,
         references: list[Reference],
         length: int,
         assistance: Array,
     ) -> None:
-        robot = stage.robot
+        robot = world.robot
         self._limbs, self._robot = limbs, robot
-        self._torso = robot.layout(stage.model).torso
+        self._torso = robot.layout(world.model).torso
         self._period = robot.control_period
         self._assistance = assistance[:, None]
         self._com = np.array([_extend(r.com, length) for r in references])  # (N, T, 3)

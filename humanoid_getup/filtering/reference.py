@@ -9,20 +9,20 @@ import numpy as np
 from humanoid_getup.motions.motion import Motion, join
 from humanoid_getup.motions.posture_metric import best_yaw
 from humanoid_getup.planning.smoothing import Trajectory
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
-from robots.kinematics import centre_of_mass
+from robots.kinematics import center_of_mass
 from robots.quaternion import Array
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """Targets to send and where the centre of mass should be meanwhile."""
+    """Targets to send and where the center of mass should be meanwhile."""
 
     target: Array
     """Joint targets [rad], one a control period, (T, n)."""
     com: Array
-    """Centre of mass in the world [m], (T, 3)."""
+    """Center of mass in the world [m], (T, 3)."""
     joined: int
     """Cycle at which the database motion begins."""
     begins: int = 0
@@ -67,7 +67,7 @@ def align(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
 
 
 def compose(
-    stage: Stage, path: Trajectory, motion: Motion, frame: int, tempo: float = 1.0
+    world: World, path: Trajectory, motion: Motion, frame: int, tempo: float = 1.0
 ) -> Reference:
     """Chain a path and the rest of a motion into one reference, lying to stand.
 
@@ -77,13 +77,13 @@ def compose(
     is the motion's own, blended in over the seam.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         path: From the lying posture to the connecting one.
         motion: Motion to join.
         frame: Where to join it.
         tempo: Speed of the path as a share of its own.
     """
-    robot, period = stage.robot, stage.robot.control_period
+    robot, period = world.robot, world.robot.control_period
     path = resample(path, tempo, period)
     speed = np.gradient(path.joint_pos, period, axis=0) if len(path.time) > 1 else 0.0
     lag = robot.torque_speed_slope / robot.position_gain
@@ -91,9 +91,9 @@ def compose(
     position, orientation = align(motion, frame, posture_at(path, -1))
     joined = join(motion, frame, path.joint_pos[-1], period)
     rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
-    model = stage.model
-    com_path = centre_of_mass(robot, model, path.position, path.orientation, path.joint_pos)
-    com_motion = centre_of_mass(
+    model = world.model
+    com_path = center_of_mass(robot, model, path.position, path.orientation, path.joint_pos)
+    com_motion = center_of_mass(
         robot, model, position[rows], orientation[rows], motion.joint_pos[rows]
     )
     return Reference(
@@ -117,7 +117,7 @@ def resample(path: Trajectory, tempo: float, period: float) -> Trajectory:
     return Trajectory(
         time=time,
         position=columns[0],
-        orientation=quaternion.normalise(columns[1]),
+        orientation=quaternion.normalize(columns[1]),
         joint_pos=columns[2],
     )
 

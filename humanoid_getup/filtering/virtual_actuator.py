@@ -1,4 +1,4 @@
-"""The virtual actuator: a force wished on the centre of mass, made by the joints alone."""
+"""The virtual actuator: a force wished on the center of mass, made by the joints alone."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanoid_getup.simulation.rollout import Observation
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
 SUPPORT_FORCE_SHARE = 0.5  # of the robot's weight, the most that is ever wished for
-STIFFNESS_RATE = 4.0  # rad/s, how fast the wish would bring the centre of mass back
+STIFFNESS_RATE = 4.0  # rad/s, how fast the wish would bring the center of mass back
 DAMPING_RATIO = 0.7
 
 
@@ -29,11 +29,11 @@ class LimbMap:
     """Mass of the robot [kg]."""
 
     @staticmethod
-    def of(stage: Stage) -> LimbMap:
-        """Read the map from a stage's model."""
-        model, robot = stage.model, stage.robot
+    def of(world: World) -> LimbMap:
+        """Read the map from a world's model."""
+        model, robot = world.model, world.robot
         body = np.array([int(model.joint(name).bodyid[0]) for name in robot.joint_names])
-        roots = [model.body(name).id for name in stage.limbs]
+        roots = [model.body(name).id for name in world.limbs]
         limb = np.array([roots.index(_ancestor(model.body_parentid, b, roots)) for b in body])
         mass = float(model.body_subtreemass[model.body(robot.torso).id])
         return LimbMap(
@@ -50,7 +50,7 @@ def _ancestor(parent: np.ndarray, body: int, roots: list[int]) -> int:
 def compute_wish(
     com: Array, com_velocity: Array, wanted: Array, wanted_velocity: Array, mass: float
 ) -> Array:
-    """Compute the force wished on the centre of mass [N], (..., 3).
+    """Compute the force wished on the center of mass [N], (..., 3).
 
     A spring and damper to where the reference has it, cut to half of the weight.
     """
@@ -63,18 +63,18 @@ def compute_wish(
 
 
 def compute_torque(seen: Observation, force: Array, limbs: LimbMap) -> Array:
-    """Turn a force on the centre of mass into joint torques [N·m], (N, n).
+    """Turn a force on the center of mass into joint torques [N·m], (N, n).
 
     With its point of touch p held by the world and the torso's attitude kept, turning
-    joint j (axis a, anchor o, the subtree below it of mass share m and centre c) by dq moves
-    the centre of mass by
+    joint j (axis a, anchor o, the subtree below it of mass share m and center c) by dq moves
+    the center of mass by
     ``(m a x (c - o) - a x (p - o)) dq``: that is the column of the Jacobian J, and the
     torques are J^T f, section 4.3 of [Lin12]. Limbs that touch the world share the force;
     the joints of the others get none, and no external force ever acts.
 
     Args:
         seen: The rehearsals, N of them.
-        force: Wanted force on each centre of mass [N], (N, 3).
+        force: Wanted force on each center of mass [N], (N, 3).
         limbs: Which joint belongs to which limb.
     """
     point = seen.limb_point[:, limbs.limb]  # (N, n, 3)

@@ -1,1 +1,1 @@
-"""Rising motions: the type, the database, how they are made and optimised."""
+"""Rising motions: the type, the database, how they are made and optimized."""

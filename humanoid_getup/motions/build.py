@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
-from humanoid_getup.motions.keyframes import Choreography, load_choreographies
+from humanoid_getup.motions.keyframes import Keyframes, load_keyframes
 from humanoid_getup.motions.motion import Motion, join
-from humanoid_getup.motions.optimization import Improver
+from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.rollout import Conditions, Rehearsal, Trace
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 
-CHOREOGRAPHIES = "choreographies.toml"
+KEYFRAMES = "keyframes.toml"
 ENTRY_STRIDE = 12  # frames between the entries that are tried
 ENTRY_BATCH = 32
 
@@ -36,64 +36,64 @@ ATTITUDES = {
 
 def build_motion(
     robot: Robot,
-    choreography: Choreography,
+    keyframes: Keyframes,
     *,
     generations: int,
     seed: int,
     report: Callable[[int, float, float], None] = lambda *_: None,
-) -> tuple[Motion, Choreography]:
-    """Improve one choreography and record it as a motion that stands.
+) -> tuple[Motion, Keyframes]:
+    """Improve one set of keyframes and record it as a motion that stands.
 
     Raises:
         RuntimeError: if the improved motion does not end in a held stand.
     """
-    stage = Stage.build(robot, load_scene("flat"))
-    start = settle(stage, choreography)
-    improver = Improver(stage, start)
-    improved, robust = improver.improve(choreography, generations, seed, report)
+    world = World.build(robot, load_scene("flat"))
+    start = settle(world, keyframes)
+    improver = TrajectoryOptimizer(world, start)
+    improved, robust = improver.improve(keyframes, generations, seed, report)
     provenance = {
         "program": "getup motions build",
         "seed": seed,
         "generations": generations,
         "disturbed_success": robust,
-        "torque_limit": choreography.torque_limit,
+        "torque_limit": keyframes.torque_limit,
     }
-    return record(stage, improved, start, provenance), improved
+    return record(world, improved, start, provenance), improved
 
 
-def settle(stage: Stage, choreography: Choreography) -> Array:
+def settle(world: World, keyframes: Keyframes) -> Array:
     """Lay the robot down in the first key posture and wait; return positions (nq,)."""
-    axis, angle = ATTITUDES[choreography.start_class]
+    axis, angle = ATTITUDES[keyframes.start_class]
     posture = Posture(
         position=np.array([0.0, 0.0, 1.0]),
         orientation=quaternion.from_axis_angle(np.array(axis), angle),
-        joint_pos=choreography.keys[0],
+        joint_pos=keyframes.keys[0],
     )
-    return settle_posture(stage, posture)
+    return settle_posture(world, posture)
 
 
 def record(
-    stage: Stage, choreography: Choreography, start: Array, provenance: dict[str, str | float | int]
+    world: World, keyframes: Keyframes, start: Array, provenance: dict[str, str | float | int]
 ) -> Motion:
-    """Play a choreography once, undisturbed at full torque, and keep what happened.
+    """Play keyframes once, undisturbed at full torque, and keep what happened.
 
     Raises:
         RuntimeError: if it does not end in a held stand.
     """
-    robot, period = stage.robot, stage.robot.control_period
-    targets = choreography.targets(robot, HOLD_TIME + 1.0)
-    trace = Rehearsal(stage, 1).play(start[None], targets[None], Conditions.nominal(stage, 1))
+    robot, period = world.robot, world.robot.control_period
+    targets = keyframes.targets(robot, HOLD_TIME + 1.0)
+    trace = Rehearsal(world, 1).play(start[None], targets[None], Conditions.nominal(world, 1))
     stand = judge(is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)[0], period)
     if not stand.stood:
-        raise RuntimeError(f"motion '{choreography.name}' does not end in a held stand")
+        raise RuntimeError(f"motion '{keyframes.name}' does not end in a held stand")
     moving = len(targets) - round((HOLD_TIME + 0.5) / period)
     went = np.concatenate([start[None], trace.qpos[0, : moving - 1]])  # at the time of each target
-    postures = [read_posture(robot, stage.model, q) for q in went]
+    postures = [read_posture(robot, world.model, q) for q in went]
     motion = Motion(
-        name=choreography.name,
+        name=keyframes.name,
         robot=robot.name,
-        start_class=choreography.start_class,  # type: ignore[arg-type]
-        strategy=choreography.strategy,
+        start_class=keyframes.start_class,  # type: ignore[arg-type]
+        strategy=keyframes.strategy,
         time=np.arange(moving, dtype=float) * period,
         position=np.array([p.position for p in postures]),
         orientation=np.array([p.orientation for p in postures]),
@@ -101,37 +101,37 @@ def record(
         joint_target=targets[:moving],
         provenance={**provenance, "stand_time_s": stand.start_time},
     )
-    return with_entries(stage, motion)
+    return with_entries(world, motion)
 
 
-def with_entries(stage: Stage, motion: Motion) -> Motion:
+def with_entries(world: World, motion: Motion) -> Motion:
     """Mark the frames from which the rest of a motion, started at rest, still stands."""
     frames = np.arange(0, len(motion.time), ENTRY_STRIDE)
     entry = np.zeros(len(motion.time), dtype=bool)
     for first in range(0, len(frames), ENTRY_BATCH):
         some = frames[first : first + ENTRY_BATCH]
-        entry[some] = _stands_from(stage, motion, some)
+        entry[some] = _stands_from(world, motion, some)
     if not entry.any():
         raise RuntimeError(f"motion '{motion.name}' cannot be joined from rest at any frame")
     fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
     return Motion(**{**fields, "entry": entry})
 
 
-def _stands_from(stage: Stage, motion: Motion, frames: np.ndarray) -> np.ndarray:
-    robot, period = stage.robot, stage.robot.control_period
+def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray:
+    robot, period = world.robot, world.robot.control_period
     plays = [join(motion, int(k), motion.joint_pos[k], period) for k in frames]
     length = max(map(len, plays)) + round(HOLD_TIME / period)
     targets = np.array([np.concatenate([p, np.repeat(p[-1:], length - len(p), 0)]) for p in plays])
-    starts = np.array([place(robot, stage.model, motion.posture(int(f))) for f in frames])
-    limits = Conditions.nominal(stage, len(frames))
-    trace: Trace = Rehearsal(stage, len(frames)).play(starts, targets, limits)
+    starts = np.array([place(robot, world.model, motion.posture(int(f))) for f in frames])
+    limits = Conditions.nominal(world, len(frames))
+    trace: Trace = Rehearsal(world, len(frames)).play(starts, targets, limits)
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
     return np.array([judge(u, period).stood for u in upright])
 
 
-def load_authored(robot: Robot) -> list[Choreography]:
-    """Load the choreographies of a robot's folder."""
-    return load_choreographies(robot.folder / CHOREOGRAPHIES, robot)
+def load_authored(robot: Robot) -> list[Keyframes]:
+    """Load the keyframes of a robot's folder."""
+    return load_keyframes(robot.folder / KEYFRAMES, robot)
 
 
 def motion_file(folder: Path, name: str) -> Path:

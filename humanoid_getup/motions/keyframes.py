@@ -18,7 +18,7 @@ SPEED_SHARE = 0.9  # of the servos' no-load speed, the most a target may move
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choreography:
+class Keyframes:
     """Key postures of one rising motion, in time."""
 
     name: str
@@ -39,7 +39,7 @@ class Choreography:
     time_cost: float
     """What a second until the stand costs in an improvement."""
     torque_cost: float
-    """What a newton metre of RMS torque costs there."""
+    """What a newton meter of RMS torque costs there."""
 
     def targets(self, robot: Robot, hold: float) -> Array:
         """Sample the joint targets at the control period, then hold the last, (T, n).
@@ -69,8 +69,8 @@ class Choreography:
         """Return what an improvement may change as one vector: log times, then angles [rad]."""
         return np.concatenate([np.log(self.duration), self.keys[1:-1, self.free].ravel()])
 
-    def with_genes(self, genes: Array, robot: Robot) -> Choreography:
-        """Make the choreography that :attr:`genes` of another vector describe."""
+    def with_genes(self, genes: Array, robot: Robot) -> Keyframes:
+        """Make the keyframes that :attr:`genes` of another vector describe."""
         count = len(self.duration)
         keys = self.keys.copy()
         values = genes[count:].reshape(len(keys) - 2, len(self.free))
@@ -81,7 +81,7 @@ class Choreography:
         return replace(self, duration=duration, keys=np.clip(keys, robot.lower, robot.upper))
 
 
-def load_choreographies(path: Path, robot: Robot) -> list[Choreography]:
+def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     """Load authored key postures from a TOML file.
 
     Each motion has ``keys``: a list of tables with ``after`` (seconds since the key
@@ -93,7 +93,7 @@ def load_choreographies(path: Path, robot: Robot) -> list[Choreography]:
     return [_read_motion(row, robot) for row in table["motions"]]
 
 
-def _read_motion(row: dict[str, Any], robot: Robot) -> Choreography:
+def _read_motion(row: dict[str, Any], robot: Robot) -> Keyframes:
     names = robot.joint_names
     posture, keys, after = np.zeros(robot.n), [], []
     one_sided: set[int] = set()
@@ -118,7 +118,7 @@ def _read_motion(row: dict[str, Any], robot: Robot) -> Choreography:
     asymmetric = any(names[i][:2] in ("l_", "r_") for i in one_sided)
     free = sorted(used | {int(robot.mirror_index[i]) for i in used} if asymmetric else used)
     paired = [not asymmetric and int(robot.mirror_index[i]) != i for i in free]
-    return Choreography(
+    return Keyframes(
         name=row["name"],
         start_class=row["start"],
         strategy=row["strategy"],

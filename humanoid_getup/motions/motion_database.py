@@ -38,7 +38,7 @@ class Connection:
 class Group:
     """A leaf of the tree: postures alike."""
 
-    centre: Array
+    center: Array
     """Mean of the embedded postures, shape (d,)."""
     radius: float
     """Largest distance of a member from it."""
@@ -69,7 +69,7 @@ class MotionDatabase:
         self._joint_pos = np.concatenate([m.joint_pos[m.entry_frames] for m in motions])
         points = metric.embed(self._orientation, self._joint_pos)
         self.groups = _group(points, groups, seed)
-        self._centres = np.array([group.centre for group in self.groups])
+        self._centers = np.array([group.center for group in self.groups])
         self._radii = np.array([group.radius for group in self.groups])
 
     def __len__(self) -> int:
@@ -84,7 +84,7 @@ class MotionDatabase:
             per_motion: How many of them may come from one motion.
         """
         point = self.metric.embed(posture.orientation, posture.joint_pos)
-        bound = np.linalg.norm(self._centres - point, axis=1) - self._radii  # (groups,)
+        bound = np.linalg.norm(self._centers - point, axis=1) - self._radii  # (groups,)
         order = np.argsort(bound)
         # The nearest groups give a distance to beat; every group that may beat it is searched.
         near = np.concatenate([self.groups[g].members for g in order[: count + 1]])
@@ -165,7 +165,7 @@ def _group(points: Array, groups: int, seed: int) -> list[Group]:
     leaves: list[Group] = []
     for g in np.unique(label):
         members = np.flatnonzero(label == g)
-        centre = points[members].mean(axis=0)
-        radius = float(np.linalg.norm(points[members] - centre, axis=1).max())
-        leaves.append(Group(centre, radius, members))
+        center = points[members].mean(axis=0)
+        radius = float(np.linalg.norm(points[members] - center, axis=1).max())
+        leaves.append(Group(center, radius, members))
     return leaves

@@ -1,4 +1,4 @@
-"""Improvement: CMA-ES turns an authored choreography into one that physics likes."""
+"""Improvement: CMA-ES turns an authored keyframes into one that physics likes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import cma
 import numpy as np
 
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright
-from humanoid_getup.motions.keyframes import Choreography
+from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.simulation.randomization import Disturbance, disturb
 from humanoid_getup.simulation.rollout import Conditions, Rehearsal, Trace
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
 POPULATION = 14
@@ -31,10 +31,10 @@ FAILURE = 6.0  # cost that no stand can reach
 
 
 def score(
-    trace: Trace, stage: Stage, choreography: Choreography, hold: float
+    trace: Trace, world: World, keyframes: Keyframes, hold: float
 ) -> tuple[Array, np.ndarray]:
     """Compute the cost of each rehearsal, (N,), and whether it ended standing, (N,)."""
-    robot, period = stage.robot, trace.period
+    robot, period = world.robot, trace.period
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
     last = round(hold / period)
     stood = np.asarray(upright[:, -last:].all(axis=1))
@@ -47,73 +47,73 @@ def score(
     rms = np.sqrt(np.mean(trace.torque**2, axis=(1, 2)))
     travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
     collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
-    effort = choreography.torque_cost * rms + TRAVEL_COST * travel + OVERLAP_COST * collides
+    effort = keyframes.torque_cost * rms + TRAVEL_COST * travel + OVERLAP_COST * collides
     cost = np.where(
-        stood, choreography.time_cost * begin, FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
+        stood, keyframes.time_cost * begin, FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
     )
     return cost + effort, stood
 
 
-class Improver:
-    """Improves choreographies of one robot in one scene."""
+class TrajectoryOptimizer:
+    """Improves keyframes of one robot in one scene."""
 
-    def __init__(self, stage: Stage, start: Array, *, threads: int = 1) -> None:
-        self.stage, self.start = stage, start
-        coarse = replace(stage, model=copy.copy(stage.model))
-        coarse.model.opt.timestep = _coarse_step(stage)
+    def __init__(self, world: World, start: Array, *, threads: int = 1) -> None:
+        self.world, self.start = world, start
+        coarse = replace(world, model=copy.copy(world.model))
+        coarse.model.opt.timestep = _coarse_step(world)
         self._search = Rehearsal(coarse, POPULATION * SCENARIOS, threads=threads)
-        self._final = Rehearsal(stage, FINAL_SCENARIOS, threads=threads)
+        self._final = Rehearsal(world, FINAL_SCENARIOS, threads=threads)
 
     def improve(
         self,
-        choreography: Choreography,
+        keyframes: Keyframes,
         generations: int,
         seed: int,
         report: Callable[[int, float, float], None] = lambda *_: None,
-    ) -> tuple[Choreography, float]:
+    ) -> tuple[Keyframes, float]:
         """Search key postures and times; return the best and its disturbed success share.
 
         Args:
-            choreography: Where the search begins.
+            keyframes: Where the search begins.
             generations: How long it goes on.
             seed: Of CMA-ES and of the disturbances.
             report: Called with generation, best cost and share that stood.
         """
-        robot = self.stage.robot
+        robot = self.world.robot
         rng = np.random.default_rng(seed)
-        count = len(choreography.duration)
-        scale = np.full(len(choreography.genes), ANGLE_STEP)
+        count = len(keyframes.duration)
+        scale = np.full(len(keyframes.genes), ANGLE_STEP)
         scale[:count] = TIME_STEP
         options = {"popsize": POPULATION, "seed": seed + 1, "verbose": -9}
-        search = cma.CMAEvolutionStrategy(choreography.genes / scale, 1.0, options)
-        finalists = [choreography]
+        search = cma.CMAEvolutionStrategy(keyframes.genes / scale, 1.0, options)
+        finalists = [keyframes]
         for generation in range(generations):
             genes = search.ask()
-            candidates = [choreography.with_genes(g * scale, robot) for g in genes]
+            candidates = [keyframes.with_genes(g * scale, robot) for g in genes]
             cost, stood = self._rehearse(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
             search.tell(genes, list(cost))
             report(generation, float(cost.min()), float(stood.mean()))
             if generation >= generations - 8:
                 finalists.append(candidates[int(np.argmin(cost))])
-        finalists.append(choreography.with_genes(search.mean * scale, robot))
+        finalists.append(keyframes.with_genes(search.mean * scale, robot))
         judged = [self.judge(finalist, seed) for finalist in finalists]
         best = min(range(len(finalists)), key=lambda i: (-round(judged[i][1], 2), judged[i][0]))
         return finalists[best], judged[best][1]
 
-    def judge(self, choreography: Choreography, seed: int) -> tuple[float, float]:
+    def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, float]:
         """Compute mean cost and success share over disturbances that the search never saw.
 
         The share is 0 if it does not stand undisturbed, capped or with full torque.
         """
         rng = np.random.default_rng([seed, 1])
-        cost, stood = self._rehearse(self._final, [choreography], FINAL_SCENARIOS, rng, HOLD_TIME)
+        cost, stood = self._rehearse(self._final, [keyframes], FINAL_SCENARIOS, rng, HOLD_TIME)
         share = float(stood.mean()) if stood[0, :2].all() else 0.0
         return float(cost.mean()), share
 
     def _rehearse(
         self,
         rehearsal: Rehearsal,
-        candidates: list[Choreography],
+        candidates: list[Keyframes],
         each: int,
         rng: np.random.Generator,
         hold: float,
@@ -122,7 +122,7 @@ class Improver:
 
         A success is a stand that lasts the last ``hold`` seconds.
         """
-        stage, robot = self.stage, self.stage.robot
+        world, robot = self.world, self.world.robot
         lead = round(LEAD_IN / robot.control_period)
         plays = [c.targets(robot, hold + SWAY_TIME) for c in candidates]
         length = max(len(play) for play in plays)
@@ -135,7 +135,7 @@ class Improver:
             ]
         )
         starts, conditions = disturb(
-            stage, self.start, each, Disturbance(), candidates[0].torque_limit, rng
+            world, self.start, each, Disturbance(), candidates[0].torque_limit, rng
         )
         full = float(robot.max_torque.max())
         # The second is undisturbed, too: it must also stand with all the torque there is.
@@ -152,12 +152,12 @@ class Improver:
                 torque_limit=np.tile(conditions.torque_limit, n),
             ),
         )
-        cost, stood = score(trace, stage, candidates[0], hold)
+        cost, stood = score(trace, world, candidates[0], hold)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
 
 
-def _coarse_step(stage: Stage) -> float:
+def _coarse_step(world: World) -> float:
     """Return the search's physics step [s]: 4 ms, or the model's where that does not fit."""
-    cycles = stage.robot.control_period / SEARCH_TIMESTEP
+    cycles = world.robot.control_period / SEARCH_TIMESTEP
     fits = abs(cycles - round(cycles)) < 1e-9
-    return SEARCH_TIMESTEP if fits else float(stage.model.opt.timestep)
+    return SEARCH_TIMESTEP if fits else float(world.model.opt.timestep)

@@ -92,7 +92,7 @@ class CollisionChecker:
                     f"allowed {1e3 * self.tolerances.resting:.1f} mm"
                 )
             else:
-                # A quarter of a millimetre on top: the neighbours must pass too.
+                # A quarter of a millimeter on top: the neighbors must pass too.
                 depth = max(self._rest[a, b], depth + 0.25e-3)
                 self._rest[a, b] = self._rest[b, a] = depth
         self.loosen(self.looseness)

@@ -14,12 +14,12 @@ from humanoid_getup.planning.posture_space import PositionProblem, PostureProble
 from humanoid_getup.planning.refinement import mend, refine
 from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions, SearchResult, search
 from humanoid_getup.planning.shortcut import shorten
-from humanoid_getup.planning.smoothing import Pace, Trajectory, smooth_free
+from humanoid_getup.planning.smoothing import SpeedLimits, Trajectory, smooth_free
 from robots import Posture, Robot
 from robots.quaternion import Array
 
 MENDS = 3  # times that a path is checked twice as finely
-GRAZE = 0.001  # looseness, a fraction of a millimetre: what a curve may cut off a tolerance
+GRAZE = 0.001  # looseness, a fraction of a millimeter: what a curve may cut off a tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +41,9 @@ class PlanOptions:
     ease: float = 0.15
     """Time in which speed is gathered and given up [s]."""
 
-    def pace(self, robot: Robot) -> Pace:
+    def pace(self, robot: Robot) -> SpeedLimits:
         """Return how fast the robot's joints may go."""
-        return Pace(
+        return SpeedLimits(
             joint_speed=self.speed * robot.max_velocity,
             turn_rate=self.turn_rate,
             ease=self.ease,
@@ -210,7 +210,9 @@ def _finish(
     )
 
 
-def _smooth(problem: PostureProblem, path: list[Array], pace: Pace) -> tuple[Array, Array, int]:
+def _smooth(
+    problem: PostureProblem, path: list[Array], pace: SpeedLimits
+) -> tuple[Array, Array, int]:
     problem.checker.loosen(GRAZE)
     try:
         return smooth_free(path, pace, problem.is_free)

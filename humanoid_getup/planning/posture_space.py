@@ -109,7 +109,7 @@ class PostureProblem:
         """Step by equations (4) and (5), and blossom by ±15 degrees in each degree of freedom.
 
         Once the orientation or the joint vector has its goal value it is held, and only
-        the other is planned: the fix for unsynchronised termination.
+        the other is planned: the fix for unsynchronized termination.
         """
         q, v = near[:4], near[4:]
         steps = np.empty((count, len(near)))

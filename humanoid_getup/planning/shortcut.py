@@ -18,7 +18,7 @@ def shorten(
     """Replace stretches of a path by straight ones where those are free.
 
     First the whole path is tried, then stretches between two points drawn from anywhere
-    on it, then every node left that its neighbours can do without is dropped. A shorter
+    on it, then every node left that its neighbors can do without is dropped. A shorter
     path is a faster rise.
 
     Args:

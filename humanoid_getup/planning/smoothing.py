@@ -18,7 +18,7 @@ SHARPEST = 0.05  # below this share of its corner a curve gives way to the corne
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pace:
+class SpeedLimits:
     """How fast a path is followed."""
 
     joint_speed: Array
@@ -99,7 +99,7 @@ def smooth(path: list[Array], roundness: Array) -> Curve:
     return Curve(np.concatenate(samples), np.concatenate(owner))
 
 
-def retime(curve: Curve, pace: Pace) -> tuple[Array, Array, NDArray[np.intp]]:
+def retime(curve: Curve, pace: SpeedLimits) -> tuple[Array, Array, NDArray[np.intp]]:
     """Follow a curve at constant speed: at any time one joint, or the root, is at its limit.
 
     Departure from [Lin12], section 4.3, whose speed is constant from end to end: a
@@ -126,7 +126,7 @@ def retime(curve: Curve, pace: Pace) -> tuple[Array, Array, NDArray[np.intp]]:
 
 
 def smooth_free(
-    path: list[Array], pace: Pace, is_free: Callable[[Array], bool]
+    path: list[Array], pace: SpeedLimits, is_free: Callable[[Array], bool]
 ) -> tuple[Array, Array, int]:
     """Round and time a path; where rounding cuts a corner into a collision, round it less.
 
@@ -176,7 +176,7 @@ def _blend(a: Array, b: Array, share: Array) -> Array:
 
 
 def _turn_to_one_side(nodes: Array) -> Array:
-    """Choose each of ``q`` and ``-q`` so that neighbours are less than half a turn apart."""
+    """Choose each of ``q`` and ``-q`` so that neighbors are less than half a turn apart."""
     dot = np.sum(nodes[1:, :4] * nodes[:-1, :4], axis=1)
     sign = np.cumprod(np.concatenate([[1.0], np.where(dot < 0.0, -1.0, 1.0)]))
     return np.concatenate([nodes[:, :4] * sign[:, None], nodes[:, 4:]], axis=1)

@@ -37,7 +37,7 @@ class ActionMode(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calm:
+class StanceScaling:
     """How rates slow down as a robot comes to stand.
 
     A policy that learns by trying rates must fight what it tries, and does so with a gain
@@ -85,7 +85,7 @@ class ActionSpec:
     """How the joints stand [rad], shape (n,)."""
     homing: Array
     """What a joint comes home by itself in a policy step [rad], shape (n,)."""
-    calm: Calm
+    calm: StanceScaling
     """How rates slow down as the robot comes to stand; other modes know no such thing."""
     lower: Array
     """[rad], shape (n,)"""
@@ -166,7 +166,7 @@ def build_action_spec(
         pwm_limit=pwm_limit,
         home=robot.standing.joint_pos,
         homing=np.where(held, 0.0, HOMING_SHARE * reach),
-        calm=Calm(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
+        calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
         lower=robot.lower,
         upper=robot.upper,
     )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.policy.action import ActionMode, ActionSpec, Calm
+from humanoid_getup.policy.action import ActionMode, ActionSpec, StanceScaling
 from humanoid_getup.policy.observation import Term, list_terms
 from robots import Robot
 from robots.quaternion import Array
@@ -61,7 +61,7 @@ class PolicyContract:
     """[rad], shape (n,); joint angles in the observation are counted from here."""
     homing: Array
     """[rad], shape (n,)"""
-    calm: Calm
+    calm: StanceScaling
     cycles: int
     control_period: float
     """[s]"""
@@ -289,14 +289,14 @@ class PolicyContract:
 
 
 def _find_servo_faults(
-    what: str, names: tuple[str, ...], learnt: Array, here: Array, unit: str
+    what: str, names: tuple[str, ...], learned: Array, here: Array, unit: str
 ) -> list[str]:
     """Compare a figure of the servos, (n,), with what it is here."""
-    off = np.abs(learnt / here - 1.0)
+    off = np.abs(learned / here - 1.0)
     if off.max() <= SERVO_SLACK:
         return []
     i = int(off.argmax())
-    return [f"{what}: joint '{names[i]}' {learnt[i]:.2f} {unit}, here {here[i]:.2f} {unit}"]
+    return [f"{what}: joint '{names[i]}' {learned[i]:.2f} {unit}, here {here[i]:.2f} {unit}"]
 
 
 def _list_layout(robot: Robot, action_size: int) -> tuple[Term, ...]:
@@ -312,7 +312,7 @@ def _list_layout(robot: Robot, action_size: int) -> tuple[Term, ...]:
         pwm_limit=1.0,
         home=none,
         homing=none,
-        calm=Calm(tilt=1.0, away=1.0, least=1.0),
+        calm=StanceScaling(tilt=1.0, away=1.0, least=1.0),
         lower=none,
         upper=none,
     )
@@ -345,10 +345,10 @@ class _ContractFields(Fields):
         self._refuse(key, f"finite numbers on {axes} axes")
         return np.zeros((0,) * axes)
 
-    def calm(self, key: str) -> Calm:
+    def calm(self, key: str) -> StanceScaling:
         """Read how rates slow down."""
         part = Fields(self.table(key), f"action.{key}.", self._faults)
-        return Calm(
+        return StanceScaling(
             tilt=part.number("tilt", 10.0, "rad"),
             away=part.number("away", 10.0, "rad"),
             least=part.number("least", 1.0, ""),

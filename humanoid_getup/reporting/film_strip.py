@@ -129,11 +129,11 @@ def _open(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
 
 
 def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
-    """Tell trunk, left and right limbs apart by colour, in a copy of the model."""
+    """Tell trunk, left and right limbs apart by color, in a copy of the model."""
     model = copy.copy(model)
     model.vis.global_.fovy = FIELD_OF_VIEW
     model.vis.map.shadowclip = SHADOW_REACH / model.stat.extent
-    colour = np.tile(TRUNK, (model.nbody, 1))
+    color = np.tile(TRUNK, (model.nbody, 1))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     torso = robot.layout(model).torso
@@ -141,12 +141,12 @@ def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
         body = int(model.joint(name).bodyid[0])
         if robot.joint_names[mirror] != name:
             is_left = data.xpos[body, 1] > data.xpos[torso, 1]
-            colour[body] = LEFT if is_left else RIGHT
+            color[body] = LEFT if is_left else RIGHT
     soles = {int(model.site(site).bodyid[0]) for site in robot.sole_sites}
     for geom in np.flatnonzero(_is_robots(robot, model) & (model.geom_matid < 0)):
         body = int(model.geom_bodyid[geom])
         shade = SOLE_SHADE if body in soles else 1.0
-        model.geom_rgba[geom, :3] = shade * colour[body]
+        model.geom_rgba[geom, :3] = shade * color[body]
     return model
 
 

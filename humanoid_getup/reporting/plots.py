@@ -10,30 +10,30 @@ from matplotlib.figure import Figure
 
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
-from humanoid_getup.evaluation.judge import Watched
+from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot
 from robots.quaternion import Array
 
-NAMED = 6  # joints that get a colour and a name
+NAMED = 6  # joints that get a color and a name
 STANDING_SHOWN = 1.5  # s of the stand that are drawn
 
 
 def save_torque(
-    robot: Robot, watched: Watched, torque_limit: float | None, path: Path, *, title: str = ""
+    robot: Robot, outcome: RunOutcome, torque_limit: float | None, path: Path, *, title: str = ""
 ) -> None:
     """Plot the size of every servo's torque against its limit over time, as PNG.
 
-    The joints that came nearest to their limits are named, the others grey.
+    The joints that came nearest to their limits are named, the others gray.
 
     Args:
-        robot: Robot that was watched.
-        watched: What happened.
+        robot: Robot that moved.
+        outcome: What happened.
         torque_limit: Cap on every servo [N·m].
         path: File to write.
         title: Of the plot.
     """
-    torque = np.abs(watched.torque)  # (T, n)
+    torque = np.abs(outcome.torque)  # (T, n)
     limit = robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
     time = np.arange(1, len(torque) + 1) * robot.control_period
     loaded = np.argsort((torque / limit).max(axis=0))[::-1]
@@ -44,16 +44,16 @@ def save_torque(
     for joint in loaded[:NAMED][::-1]:
         axis.plot(time, torque[:, joint], linewidth=1.1, label=robot.joint_names[joint])
     end = (
-        min(time[-1], watched.stand.start_time + STANDING_SHOWN)
-        if watched.stand.stood
+        min(time[-1], outcome.stand.start_time + STANDING_SHOWN)
+        if outcome.stand.stood
         else time[-1]
     )
     for value in np.unique(limit):
         axis.axhline(value, color="black", linestyle="--", linewidth=0.9)
         label = f"limit {value:.1f} N·m"
         axis.annotate(label, (0.0, value), (4, 3), textcoords="offset points", fontsize=8)
-    if watched.stand.stood:
-        begin = watched.stand.start_time
+    if outcome.stand.stood:
+        begin = outcome.stand.start_time
         axis.axvspan(begin, time[-1], color="tab:green", alpha=0.08)
         axis.text(
             begin, 0.98, " stands", transform=axis.get_xaxis_transform(), va="top", fontsize=8

@@ -36,7 +36,7 @@ KEYS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Circumstances:
+class RunContext:
     """What a rise was asked to do, and with what."""
 
     robot: str
@@ -53,7 +53,7 @@ class Circumstances:
     """Further keys of the report."""
 
 
-def make_report(rise: Rise, asked: Circumstances) -> dict[str, Any]:
+def make_report(rise: Rise, asked: RunContext) -> dict[str, Any]:
     """Gather the figures of a rise under the keys of report.json."""
     report: dict[str, Any] = dict.fromkeys(KEYS)
     report |= {

@@ -1,1 +1,1 @@
-"""Where a robot falls and rises: scenes, compiled worlds, vectorised rollouts, falls."""
+"""Where a robot falls and rises: scenes, compiled worlds, vectorized rollouts, falls."""

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from humanoid_getup.simulation.rollout import Conditions, Rehearsal
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import lowest_point, place, read_posture
 from robots.quaternion import Array
@@ -50,21 +50,21 @@ def classify(orientation: Array) -> str | None:
     return "left" if y > 0.0 else "right"
 
 
-def sample_falls(stage: Stage, counts: dict[str, int], rng: np.random.Generator) -> list[Fall]:
+def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator) -> list[Fall]:
     """Drop limp robots until every class has its count.
 
     Random joints inside the limits, in any orientation, dropped limp and settled until
     still; then classed, and rejected where the class is full or the robot does not lie.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         counts: How many of each class; "lateral" stands for left or right.
         rng: Source of the falls; the same one gives the same falls.
 
     Raises:
         FallError: if a class does not come up.
     """
-    rehearsal = Rehearsal(stage, BATCH)
+    rehearsal = Rehearsal(world, BATCH)
     wanted = dict(counts)
     falls: list[Fall] = []
     for batch in itertools.count():
@@ -73,7 +73,7 @@ def sample_falls(stage: Stage, counts: dict[str, int], rng: np.random.Generator)
         if batch == MOST_BATCHES:
             missing = ", ".join(f"{count} {name}" for name, count in wanted.items() if count)
             raise FallError(
-                f"robot '{stage.robot.name}' does not come to lie in every class: "
+                f"robot '{world.robot.name}' does not come to lie in every class: "
                 f"{missing} missing after {batch * BATCH} falls"
             )
         for posture in _drop(rehearsal, rng):
@@ -94,11 +94,11 @@ def _counted_as(start_class: str, counts: dict[str, int]) -> str:
 
 def _drop(rehearsal: Rehearsal, rng: np.random.Generator) -> list[Posture]:
     """Drop one batch of robots; return those that lie still."""
-    stage = rehearsal.stage
-    robot, model = stage.robot, stage.model
+    world = rehearsal.world
+    robot, model = world.robot, world.model
     data = mujoco.MjData(model)
     starts = np.array([sample_drop(robot, model, data, rng) for _ in range(BATCH)])
-    limp = Conditions.nominal(stage, BATCH, torque_limit=0.0)
+    limp = Conditions.nominal(world, BATCH, torque_limit=0.0)
     cycles = round(SETTLE_TIME / robot.control_period)
     targets = np.zeros((BATCH, cycles, robot.n))
     qpos = rehearsal.play(starts, targets, limp).qpos
@@ -131,7 +131,7 @@ def sample_drop(
     for _ in range(MOST_SAMPLES):
         posture = Posture(
             position=np.array([0.0, 0.0, 1.0]),
-            orientation=quaternion.normalise(rng.normal(size=4)),
+            orientation=quaternion.normalize(rng.normal(size=4)),
             joint_pos=rng.uniform(robot.lower, robot.upper),
         )
         data.qpos[:] = place(robot, model, posture)
@@ -224,13 +224,13 @@ class FallSet:
 HELD_TIME = 1.5  # s in which a held posture comes to rest
 
 
-def settle_posture(stage: Stage, posture: Posture) -> Array:
+def settle_posture(world: World, posture: Posture) -> Array:
     """Put a posture on the ground, its joints held, and wait; return positions (nq,)."""
-    robot, model = stage.robot, stage.model
+    robot, model = world.robot, world.model
     raised = replace(posture, position=np.array([*posture.position[:2], 1.0]))
     qpos = place(robot, model, raised)
     qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
     cycles = round(HELD_TIME / robot.control_period)
     targets = np.tile(posture.joint_pos, (1, cycles, 1))
-    trace = Rehearsal(stage, 1).play(qpos[None], targets, Conditions.nominal(stage, 1))
+    trace = Rehearsal(world, 1).play(qpos[None], targets, Conditions.nominal(world, 1))
     return trace.qpos[0, -1]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanoid_getup.simulation.rollout import Conditions
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
@@ -27,7 +27,7 @@ class Disturbance:
 
 
 def disturb(
-    stage: Stage,
+    world: World,
     start: Array,
     n: int,
     disturbance: Disturbance,
@@ -37,15 +37,15 @@ def disturb(
     """Make the nominal start and conditions and ``n - 1`` disturbed ones.
 
     Args:
-        stage: Robot and scene.
+        world: Robot and scene.
         start: Nominal MuJoCo positions, (nq,).
         n: How many in all.
         disturbance: How far they differ.
         torque_limit: Cap on every servo [N·m].
         rng: Source of the disturbances.
     """
-    robot = stage.robot
-    layout = robot.layout(stage.model)
+    robot = world.robot
+    layout = robot.layout(world.model)
     starts = np.tile(start, (n, 1))
     noise = rng.normal(scale=disturbance.joints, size=(n, robot.n))
     axis = rng.normal(size=(n, 3))
@@ -53,13 +53,13 @@ def disturb(
     turn = quaternion.from_axis_angle(axis, rng.normal(scale=disturbance.root, size=n))
     friction = rng.uniform(*disturbance.friction, size=n)
     supply = rng.uniform(*disturbance.supply, size=n)
-    noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, stage.scene.friction, 1.0
+    noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, world.scene.friction, 1.0
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
     turned = slice(layout.root_qpos + 3, layout.root_qpos + 7)
     starts[:, turned] = quaternion.multiply(turn, starts[:, turned])
-    rest = lowest_point(stage.model, start)
+    rest = lowest_point(world.model, start)
     for row in starts[1:]:  # the turn must neither lift it off the ground nor press it in
-        row[layout.root_qpos + 2] += rest - lowest_point(stage.model, row)
+        row[layout.root_qpos + 2] += rest - lowest_point(world.model, row)
     return starts, Conditions(
         friction=friction,
         voltage=supply * robot.supply_voltage,

@@ -10,7 +10,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from humanoid_getup.simulation.world import Stage, count_substeps, find_foreign
+from humanoid_getup.simulation.world import World, count_substeps, find_foreign
 from robots import quaternion
 from robots.quaternion import Array
 
@@ -34,12 +34,12 @@ class Conditions:
     """The caps are PWM limits, as servos in position mode have them, for all alike."""
 
     @staticmethod
-    def nominal(stage: Stage, n: int, *, torque_limit: float | None = None) -> Conditions:
+    def nominal(world: World, n: int, *, torque_limit: float | None = None) -> Conditions:
         """Make ``n`` times the robot's nominal supply and the scene's own friction."""
-        robot = stage.robot
+        robot = world.robot
         limit = float(robot.max_torque.max()) if torque_limit is None else torque_limit
         return Conditions(
-            friction=np.full(n, stage.scene.friction),
+            friction=np.full(n, world.scene.friction),
             voltage=np.full(n, robot.supply_voltage),
             torque_limit=np.full(n, limit),
         )
@@ -73,7 +73,7 @@ class Observation:
 
     step: int
     com: Array
-    """Centre of mass of each body's subtree [m], (N, nbody, 3)."""
+    """Center of mass of each body's subtree [m], (N, nbody, 3)."""
     axis: Array
     """Joint axes in the world, (N, n, 3)."""
     anchor: Array
@@ -89,14 +89,14 @@ Steering = Callable[[Observation, Array], Array]
 
 
 class Rehearsal:
-    """Steps ``n`` copies of a stage side by side on a thread pool."""
+    """Steps ``n`` copies of a world side by side on a thread pool."""
 
-    def __init__(self, stage: Stage, n: int, *, threads: int = 0) -> None:
-        self.stage, self.n = stage, n
-        self.batch = Batch(stage.model, n, threads)
-        model, robot = stage.model, stage.robot
+    def __init__(self, world: World, n: int, *, threads: int = 0) -> None:
+        self.world, self.n = world, n
+        self.batch = Batch(world.model, n, threads)
+        model, robot = world.model, world.robot
         self._substeps = count_substeps(model, robot.control_period)
-        self._limbs = [int(model.sensor(f"limb_{b}").adr[0]) for b in stage.limbs]
+        self._limbs = [int(model.sensor(f"limb_{b}").adr[0]) for b in world.limbs]
         self._joint_ids = [model.joint(name).id for name in robot.joint_names]
         batch = self.batch
         self._gains = batch.expand("actuator_gainprm")
@@ -137,7 +137,7 @@ class Rehearsal:
         return self._read(record, sent)
 
     def _prepare(self, starts: Array, conditions: Conditions) -> None:
-        robot = self.stage.robot
+        robot = self.world.robot
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._fields["qpos"][:] = starts
         self._fields["qvel"][:] = 0.0
@@ -168,7 +168,7 @@ class Rehearsal:
         )
 
     def _read(self, record: dict[str, Array], sent: Array) -> Trace:
-        robot, model = self.stage.robot, self.stage.model
+        robot, model = self.world.robot, self.world.model
         touch, qpos = record["sensordata"], record["qpos"]
         root = robot.layout(model).root_qpos
         feet = [int(model.sensor(f"foot_{site}").adr[0]) for site in robot.sole_sites]

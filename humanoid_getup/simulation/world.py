@@ -1,4 +1,4 @@
-"""The stage: a robot compiled into a scene, with the sensors that rehearsals read."""
+"""The world: a robot compiled into a scene, with the sensors that rehearsals read."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robots.quaternion import Array
 
 
 @dataclass(frozen=True)
-class Stage:
+class World:
     """A compiled scene with the robot and the touch sensors that rehearsals read."""
 
     robot: Robot
@@ -24,7 +24,7 @@ class Stage:
     """Bodies at the root of each limb."""
 
     @staticmethod
-    def build(robot: Robot, scene: Scene) -> Stage:
+    def build(robot: Robot, scene: Scene) -> World:
         """Compile a robot in a scene with the sensors added."""
         spec = scene.build(robot)
         torso = spec.body(robot.torso)
@@ -35,7 +35,7 @@ class Stage:
         for site in robot.sole_sites:
             add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
         _add_overlap(spec, robot.torso)
-        return Stage(robot, scene, spec.compile(), limbs)
+        return World(robot, scene, spec.compile(), limbs)
 
 
 def add_touch(

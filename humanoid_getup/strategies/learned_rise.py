@@ -25,7 +25,7 @@ class PolicyPlan(RisePlan):
         return f"policy {self.name}"
 
 
-class ThePolicy:
+class LearnedRise:
     """Chooses one policy, however the robot lies."""
 
     def __init__(self, policy: OnnxPolicy, name: str) -> None:

@@ -68,7 +68,7 @@ class RisePlan:
         return self.motion.name if self.motion else ""
 
 
-class Plans(Protocol):
+class Strategy(Protocol):
     """Finds a motion or a policy that gets the robot up from where it lies."""
 
     def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:

@@ -15,7 +15,7 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.path_planner import plan_rise
 from humanoid_getup.planning.smoothing import Trajectory
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus
 from robots import Posture, quaternion
 from robots.kinematics import read_posture
@@ -45,15 +45,15 @@ class _Search:
     planned: bool = False
 
 
-class RisePlanner:
+class PlannedRise:
     """Plans rises of one robot in one scene."""
 
-    def __init__(self, stage: Stage, database: MotionDatabase, options: RiseOptions) -> None:
-        self.stage, self.database, self.options = stage, database, options
-        self._checker = CollisionChecker(stage.robot, stage.scene)
-        self._tangled_checker = CollisionChecker(stage.robot, stage.scene, TANGLED)
+    def __init__(self, world: World, database: MotionDatabase, options: RiseOptions) -> None:
+        self.world, self.database, self.options = world, database, options
+        self._checker = CollisionChecker(world.robot, world.scene)
+        self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
         self.filter = DynamicsFilter(
-            stage, torque_limit=options.torque_limit, pwm_limited=options.pwm_limited
+            world, torque_limit=options.torque_limit, pwm_limited=options.pwm_limited
         )
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
@@ -98,7 +98,7 @@ class RisePlanner:
         return path
 
     def _straight(self, start: Posture, connection: Connection) -> Trajectory:
-        period = self.stage.robot.control_period
+        period = self.world.robot.control_period
         return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)
 
     def _is_done(self, search: _Search) -> bool:
@@ -141,8 +141,8 @@ class RisePlanner:
     def _try_again(self, search: _Search) -> None:
         """Go on from where failed tries left the robot lying."""
         candidates = []
-        for failed in _sample_ends(search.tried, self.stage):
-            end = read_posture(self.stage.robot, self.stage.model, failed.qpos[-1])
+        for failed in _sample_ends(search.tried, self.world):
+            end = read_posture(self.world.robot, self.world.model, failed.qpos[-1])
             connections = self.database.select(end, SECOND_CONNECTIONS)
             candidates += self._candidates(search, end, connections, failed.target)
         self._round(search, candidates)
@@ -173,7 +173,7 @@ class RisePlanner:
         else:
             status = RiseStatus.FELL
             highest = max(r.peak_neck for r in search.tried)
-            share = highest / self.stage.robot.standing_neck_height
+            share = highest / self.world.robot.standing_neck_height
             reason = f"{status.value}: {rehearsals} tried, the best brought the neck to {share:.0%}"
         return RisePlan(
             status=status,
@@ -191,9 +191,9 @@ class RisePlanner:
 
     def _to_motion(self, start: Posture, rehearsed: Rehearsed) -> Motion:
         """Make a motion of where a rehearsal went and what it sent."""
-        robot, count = self.stage.robot, rehearsed.moving
+        robot, count = self.world.robot, rehearsed.moving
         went = [start] + [
-            read_posture(robot, self.stage.model, q) for q in rehearsed.qpos[: count - 1]
+            read_posture(robot, self.world.model, q) for q in rehearsed.qpos[: count - 1]
         ]
         joined = rehearsed.candidate.connection.motion
         return Motion(
@@ -222,16 +222,16 @@ class RisePlanner:
         )
         if path is None:
             return plan
-        motion = chain(self.stage, path, connection)
+        motion = chain(self.world, path, connection)
         status = RiseStatus.UNREHEARSED
         return replace(plan, status=status, reason=status.value, motion=motion)
 
 
-def chain(stage: Stage, path: Trajectory, connection: Connection) -> Motion:
+def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
     """Play a path's angles and then the motion's own targets, as they are."""
-    robot, joined, frame = stage.robot, connection.motion, connection.frame
+    robot, joined, frame = world.robot, connection.motion, connection.frame
     count = len(path.time)
-    turned = quaternion.normalise(np.concatenate([path.orientation, joined.orientation[frame:]]))
+    turned = quaternion.normalize(np.concatenate([path.orientation, joined.orientation[frame:]]))
     angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
     return Motion(
         name=f"path_to_{joined.name}",
@@ -247,9 +247,9 @@ def chain(stage: Stage, path: Trajectory, connection: Connection) -> Motion:
     )
 
 
-def _sample_ends(tried: list[Rehearsed], stage: Stage) -> list[Rehearsed]:
+def _sample_ends(tried: list[Rehearsed], world: World) -> list[Rehearsed]:
     """Take up to three failed tries that ended lying differently, cut where they lie still."""
-    robot, model = stage.robot, stage.model
+    robot, model = world.robot, world.model
     period = robot.control_period
     ends: list[Rehearsed] = []
     gravity: list[Array] = []

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from humanoid_getup.simulation.falls import classify
-from humanoid_getup.strategies.plan import Plans, RisePlan
-from humanoid_getup.strategies.track_record import BY_TORQUE, Records, Way
+from humanoid_getup.strategies.plan import RisePlan, Strategy
+from humanoid_getup.strategies.track_record import BY_TORQUE, TrackRecord, Way
 from robots import Posture
 
 
@@ -19,8 +19,8 @@ class ByRecord:
 
     def __init__(
         self,
-        ways: dict[Way, Plans],
-        records: Records,
+        ways: dict[Way, Strategy],
+        records: TrackRecord,
         torque_limit: float,
         cap: str = BY_TORQUE,
     ) -> None:

@@ -33,7 +33,7 @@ class NearestMotion:
         return as_it_is(motions[int(np.argmin(distance))], "the nearest stored motion")
 
 
-class TheMotion:
+class StoredMotion:
     """Chooses one motion, however the robot lies; the preflight may refuse it."""
 
     def __init__(self, motion: Motion) -> None:

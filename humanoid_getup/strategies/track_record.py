@@ -75,7 +75,7 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Records:
+class TrackRecord:
     """What is known of a robot's ways of getting up."""
 
     records: tuple[Record, ...] = ()
@@ -108,7 +108,7 @@ class Records:
         return wilson_interval(count.stood, count.n)[0]
 
 
-def load_records(robot: Robot) -> Records:
+def load_records(robot: Robot) -> TrackRecord:
     """Load a robot's records; a robot without them has none.
 
     Raises:
@@ -116,7 +116,7 @@ def load_records(robot: Robot) -> Records:
     """
     file = robot.folder / RECORDS
     if not file.exists():
-        return Records()
+        return TrackRecord()
     faults: list[str] = []
     try:
         tables = tomllib.loads(file.read_text("utf-8")).get("record", [])
@@ -127,7 +127,7 @@ def load_records(robot: Robot) -> Records:
     records = [_read(table, f"record {i}: ", faults) for i, table in enumerate(tables, start=1)]
     if faults:
         raise RecordsError(f"{file}: {'; '.join(faults)}")
-    return Records(tuple(records))
+    return TrackRecord(tuple(records))
 
 
 def _read(table: dict[str, Any], owner: str, faults: list[str]) -> Record:

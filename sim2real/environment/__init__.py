@@ -1,1 +1,1 @@
-"""The training environment: vectorised simulation, randomization, rewards."""
+"""The training environment: vectorized simulation, randomization, rewards."""

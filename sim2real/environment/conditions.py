@@ -19,7 +19,7 @@ class Conditions:
     mass: Array
     """Share of each link's mass and inertia that it has, (N, bodies)."""
     com_shift: Array
-    """Shift of the torso's centre of mass [m], (N, 3)."""
+    """Shift of the torso's center of mass [m], (N, 3)."""
     friction: Array
     """Sliding friction of every contact, (N,)."""
     voltage: Array

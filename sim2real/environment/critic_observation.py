@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from humanoid_getup.policy.observation import ROTATION, VECTOR, Floats, MirrorPart
 from robots import Robot
 from sim2real.environment.conditions import Conditions
-from sim2real.environment.privileged_state import HerdTruth
+from sim2real.environment.privileged_state import PrivilegedState
 from sim2real.environment.randomization import MOST_DELAY
 
 
@@ -20,7 +20,7 @@ from sim2real.environment.randomization import MOST_DELAY
 class Known:
     """What a simulation knows of N robots."""
 
-    truth: HerdTruth
+    truth: PrivilegedState
     conditions: Conditions
     held: NDArray[np.floating[Any]]
     """How long each has stood [s], (N,)."""

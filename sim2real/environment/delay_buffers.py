@@ -14,7 +14,7 @@ Ids = NDArray[np.int_]
 Whole = NDArray[np.integer[Any]]
 
 
-class Memory:
+class DelayBuffer:
     """Fills the buffers so that a robot's past is its present.
 
     A buffer is two numbers of bookkeeping, its sample times, then its samples

@@ -27,8 +27,8 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.critic_observation import Known, list_critic_terms, observe_privileged
 from sim2real.environment.initial_states import StartPool, list_motion_starts, sample_stands
-from sim2real.environment.randomization import Randomisation
-from sim2real.environment.rewards import QUICK, Moment, Reward, score
+from sim2real.environment.randomization import Randomization
+from sim2real.environment.rewards import QUICK, Reward, RewardInputs, score
 from sim2real.environment.training_world import LONGEST_DELAY, build_world
 from sim2real.environment.vectorized_simulation import Herd
 
@@ -50,7 +50,7 @@ class EnvOptions:
 
     robots: int = 512
     """How many rise side by side."""
-    randomisation: Randomisation | None = None
+    randomization: Randomization | None = None
     """``None`` for robots as described."""
     rewards: tuple[Reward, ...] = QUICK
     falls: float = 0.8
@@ -139,10 +139,10 @@ class GetUpEnv(VectorEnv):
             options: How many robots, how they differ, what they are rewarded for.
         """
         self.robot, self.action, self.options, self.pool = robot, action, options, pool
-        randomisation = options.randomisation
-        delays = randomisation is not None and randomisation.delay[1] > 0.0
+        randomization = options.randomization
+        delays = randomization is not None and randomization.delay[1] > 0.0
         model = make_world(robot, options.scene, delays, options.physics_step)
-        noise = randomisation.noise if randomisation else None
+        noise = randomization.noise if randomization else None
         n = self.num_envs = options.robots
         self.herd = Herd(
             model,
@@ -211,8 +211,10 @@ class GetUpEnv(VectorEnv):
         self.herd.advance(self._target, following)
         self._target = following
         truth = self.herd.look()
-        self._sensed = self.herd.sense(self._rng if self.options.randomisation else None)
-        moment = Moment.of(self.robot, truth, self._sensed.joint_pos, asked, self._last_action)
+        self._sensed = self.herd.sense(self._rng if self.options.randomization else None)
+        moment = RewardInputs.of(
+            self.robot, truth, self._sensed.joint_pos, asked, self._last_action
+        )
         self._last_action = action
         reward, parts = score(self.options.rewards, moment, self._help.cost_share)
         reward[self.herd.diverged] = 0.0
@@ -234,15 +236,15 @@ class GetUpEnv(VectorEnv):
         return observation, reward.astype(FLOAT), nobody, truncated, info
 
     def _push(self) -> None:
-        randomisation = self.options.randomisation
-        if randomisation is None or not randomisation.push_speed:
+        randomization = self.options.randomization
+        if randomization is None or not randomization.push_speed:
             return
-        pushed = self._rng.random(self.num_envs) < self.step_time / randomisation.push_interval
+        pushed = self._rng.random(self.num_envs) < self.step_time / randomization.push_interval
         ids = np.flatnonzero(pushed)
-        speed = randomisation.push_speed
+        speed = randomization.push_speed
         self.herd.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
 
-    def _end(self, moment: Moment) -> tuple[NDArray[np.int_], dict[str, Any]]:
+    def _end(self, moment: RewardInputs) -> tuple[NDArray[np.int_], dict[str, Any]]:
         """Find whose episode is over, and count how those from falls went."""
         e = self._episodes
         e.age += 1
@@ -264,8 +266,8 @@ class GetUpEnv(VectorEnv):
         qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], stands)
         along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
         qpos[along] = self._motions[rng.integers(0, max(len(self._motions), 1), along.sum())]
-        if o.randomisation:
-            drawn = o.randomisation.sample(self.robot, self.herd.model, count, rng)
+        if o.randomization:
+            drawn = o.randomization.sample(self.robot, self.herd.model, count, rng)
             self.herd.set_conditions(ids, drawn)
         self.herd.place(ids, qpos)
         self.herd.lift(ids, rng.uniform(0.0, self._help.lift, count))
@@ -276,7 +278,7 @@ class GetUpEnv(VectorEnv):
         e.age[ids] = e.held[ids] = 0
         e.start[ids] = start
         e.ends_early[ids] = rng.random(count) < o.ends_early
-        self._sensed = self.herd.sense(rng if o.randomisation else None)
+        self._sensed = self.herd.sense(rng if o.randomization else None)
 
     def _observe(self) -> Floats:
         share = compute_torque_share(self.robot, self.action, self.herd.conditions.torque_limit)

@@ -157,7 +157,7 @@ def sample_stands(
     """Sample standing robots whose arms are anywhere on their way home, (count, nq).
 
     A rise ends with the arms where they were thrown, at a stop as a rule, where small trials
-    change nothing: that they belong home is learnt from where it is near.
+    change nothing: that they belong home is learned from where it is near.
     """
     layout, data = robot.layout(model), mujoco.MjData(model)
     standing = place(robot, model, robot.standing)

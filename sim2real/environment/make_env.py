@@ -6,7 +6,7 @@ from humanoid_getup.policy.action import choose_actions
 from robots import load_robot
 from sim2real.environment.get_up_env import EnvOptions, GetUpEnv, make_world
 from sim2real.environment.initial_states import make_pool, pool_rng
-from sim2real.environment.randomization import RANDOMISATIONS
+from sim2real.environment.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import REWARDS
 
 
@@ -15,7 +15,7 @@ def make_get_up(
     *,
     robot: str = "op3",
     rewards: str = "robust",
-    randomisation: str = "all",
+    randomization: str = "all",
     wide: bool = True,
     falls: int = 128,
     seed: int = 0,
@@ -27,7 +27,7 @@ def make_get_up(
         num_envs: Robots side by side.
         robot: Robot by name, or a folder that holds a robot.toml.
         rewards: Rewards by name.
-        randomisation: How robots differ from their description, by name.
+        randomization: How robots differ from their description, by name.
         wide: Whether mirrored joints may also move contrary to each other, and limbs spread.
         falls: Settled falls that episodes begin with; their mirror images double them.
         seed: Seed of the falls; that of the episodes goes to ``reset``.
@@ -38,15 +38,15 @@ def make_get_up(
     """
     if rewards not in REWARDS:
         raise ValueError(f"unknown rewards '{rewards}': allowed {', '.join(REWARDS)}")
-    if randomisation not in RANDOMISATIONS:
-        allowed = ", ".join(RANDOMISATIONS)
-        raise ValueError(f"unknown randomisation '{randomisation}': allowed {allowed}")
+    if randomization not in RANDOMIZATIONS:
+        allowed = ", ".join(RANDOMIZATIONS)
+        raise ValueError(f"unknown randomization '{randomization}': allowed {allowed}")
     body = load_robot(robot)
     action = choose_actions(body, wide)
     world = make_world(body, "flat", delays=False)
     options = EnvOptions(
         robots=num_envs,
-        randomisation=RANDOMISATIONS[randomisation],
+        randomization=RANDOMIZATIONS[randomization],
         rewards=REWARDS[rewards],
         threads=threads,
     )

@@ -11,7 +11,7 @@ from robots.quaternion import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class HerdTruth:
+class PrivilegedState:
     """What only a simulation knows of N robots: for rewards, critics and judges."""
 
     neck_height: Array

@@ -1,4 +1,4 @@
-"""Randomisation: how far the robots of a training differ from the robot's description."""
+"""Randomization: how far the robots of a training differ from the robot's description."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_DELAY = 0.04  # s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Randomisation:
+class Randomization:
     """Ranges that conditions are drawn from, uniformly, at every start of an episode."""
 
     mass: Range = (0.85, 1.15)
@@ -28,7 +28,7 @@ class Randomisation:
     link_mass: Range = (0.95, 1.05)
     """Share of each link's mass besides."""
     com_shift: float = 0.01
-    """Either way and axis, of the torso's centre of mass [m]."""
+    """Either way and axis, of the torso's center of mass [m]."""
     friction: Range = (0.3, 1.2)
     voltage: Range = (0.875, 1.05)
     """Share of the nominal supply; of the OP3's 12 V, 10.5 to 12.6 V."""
@@ -106,7 +106,7 @@ class Randomisation:
 
 
 ONE = (1.0, 1.0)
-TORQUE = Randomisation(
+TORQUE = Randomization(
     mass=ONE,
     link_mass=ONE,
     com_shift=0.0,
@@ -128,7 +128,7 @@ TORQUE = Randomisation(
     push_speed=0.0,
     noise=Noise(),
 )
-MILD = Randomisation(
+MILD = Randomization(
     mass=(0.93, 1.07),
     com_shift=0.005,
     friction=(0.5, 1.0),
@@ -146,6 +146,6 @@ MILD = Randomisation(
     push_speed=0.2,
 )
 """About half of each range: for robots that have no strength to spare."""
-RANDOMISATIONS = {"none": None, "torque": TORQUE, "mild": MILD, "all": Randomisation()}
+RANDOMIZATIONS = {"none": None, "torque": TORQUE, "mild": MILD, "all": Randomization()}
 """What may differ, by name: nothing; torque limits, which a policy is told of; everything, by
 little or by much."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.evaluation.standing import is_upright
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.privileged_state import HerdTruth
+from sim2real.environment.privileged_state import PrivilegedState
 
 SOLES_LOW = 0.3  # share of the standing neck height
 MOST_ASKED = 4.0  # of an action's numbers from -1 to 1; beyond, nothing is counted any more
@@ -21,7 +21,7 @@ NECK_LOW = 0.4  # share of the standing neck height: about where the head can to
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moment:
+class RewardInputs:
     """What rewards see of N robots; heights are shares of the robot's standing neck height."""
 
     height: Array
@@ -55,13 +55,13 @@ class Moment:
 
     @staticmethod
     def of(
-        robot: Robot, truth: HerdTruth, joint_pos: Array, asked: Array, last_action: Array
-    ) -> Moment:
-        """Normalise what the simulation knows."""
+        robot: Robot, truth: PrivilegedState, joint_pos: Array, asked: Array, last_action: Array
+    ) -> RewardInputs:
+        """Normalize what the simulation knows."""
         size = robot.standing_neck_height
         soles = truth.sole_height.mean(axis=1)
         tilt = np.arccos(np.clip(truth.upright, -1.0, 1.0))
-        return Moment(
+        return RewardInputs(
             height=truth.neck_height / size,
             stretch=(truth.neck_height - soles) / size,
             sole_height=soles / size,
@@ -79,30 +79,30 @@ class Moment:
         )
 
 
-def way_up(m: Moment) -> Array:
+def way_up(m: RewardInputs) -> Array:
     """Reward height, an upright torso, and soles near the ground: any way up begins so."""
     up = 0.5 * (1.0 + m.upright)
     return np.clip(m.height, 0.0, 1.0) ** 2 * up * np.exp(-((m.sole_height / SOLES_LOW) ** 2))
 
 
-def over_feet(m: Moment) -> Array:
+def over_feet(m: RewardInputs) -> Array:
     """Reward a neck high over soles that are under the torso: sitting high is not that."""
     up = 0.5 * (1.0 + m.upright)
     under = np.exp(-((m.sole_distance / UNDER_TORSO) ** 2))
     return np.clip(m.stretch, 0.0, 1.0) ** 2 * up**2 * under
 
 
-def stands(m: Moment) -> Array:
+def stands(m: RewardInputs) -> Array:
     """Reward the shared definition of standing: what success is counted by."""
     return m.standing.astype(float)
 
 
-def stance(m: Moment) -> Array:
+def stance(m: RewardInputs) -> Array:
     """Reward each joint for its standing angle while standing: walking begins from there."""
     return m.standing * np.exp(-2.0 * m.away**2).mean(axis=1)
 
 
-def at_ease(m: Moment) -> Array:
+def at_ease(m: RewardInputs) -> Array:
     """Reward each joint for nearing its standing angle while standing, from however far.
 
     What fades far from home leaves the arms up where they were thrown.
@@ -110,42 +110,42 @@ def at_ease(m: Moment) -> Array:
     return m.standing * np.clip(1.0 - np.abs(m.away) / HALF_TURN, 0.0, 1.0).mean(axis=1)
 
 
-def haste(m: Moment) -> Array:
+def haste(m: RewardInputs) -> Array:
     """Count what is asked for: who asks for more than all never learns to ask for less."""
     return np.minimum(m.asked**2, MOST_ASKED**2).mean(axis=1)
 
 
-def action_change(m: Moment) -> Array:
+def action_change(m: RewardInputs) -> Array:
     """Count the change of action: servos that are told to shake do shake."""
     return ((m.action - m.last_action) ** 2).mean(axis=1)
 
 
-def joint_speed(m: Moment) -> Array:
+def joint_speed(m: RewardInputs) -> Array:
     """Count the speed of the joints: what is fast hits hard."""
     return (m.joint_speed**2).mean(axis=1)
 
 
-def restless(m: Moment) -> Array:
+def restless(m: RewardInputs) -> Array:
     """Count joint speed away from home while standing: who stands goes home or stands still."""
     return m.standing * np.maximum(m.joint_speed * np.sign(m.away), 0.0).mean(axis=1)
 
 
-def demanding(m: Moment) -> Array:
+def demanding(m: RewardInputs) -> Array:
     """Count what is asked for while standing: arms pushed to their stops never come home."""
     return m.standing * haste(m)
 
 
-def torque(m: Moment) -> Array:
+def torque(m: RewardInputs) -> Array:
     """Count torque: it heats servos and wears gears."""
     return (m.torque**2).mean(axis=1)
 
 
-def dropping(m: Moment) -> Array:
+def dropping(m: RewardInputs) -> Array:
     """Count the torso's downward speed: hard landings break gears."""
     return m.fall_speed**2
 
 
-def head_strike(m: Moment) -> Array:
+def head_strike(m: RewardInputs) -> Array:
     """Count the head's downward speed near the ground: it carries the cameras."""
     return m.head_fall**2 * np.exp(-((m.height / NECK_LOW) ** 2))
 
@@ -154,7 +154,7 @@ def head_strike(m: Moment) -> Array:
 class Reward:
     """A term and what it weighs."""
 
-    term: Callable[[Moment], Array]
+    term: Callable[[RewardInputs], Array]
     weight: float
 
 
@@ -194,13 +194,13 @@ GENTLE = (
     # of all else -1 to -3 made it give up falls that it could win.
     Reward(torque, -2.00),
     Reward(dropping, -0.50),
-    Reward(head_strike, -10.00),  # half a metre a second costs five steps of standing
+    Reward(head_strike, -10.00),  # half a meter a second costs five steps of standing
 )
 REWARDS = {"quick": QUICK, "robust": ROBUST, "gentle": GENTLE}
 
 
 def score(
-    rewards: tuple[Reward, ...], moment: Moment, cost_share: float = 1.0
+    rewards: tuple[Reward, ...], moment: RewardInputs, cost_share: float = 1.0
 ) -> tuple[Array, dict[str, Array]]:
     """Sum the weighted terms, (N,); return each of them, too.
 

@@ -17,8 +17,8 @@ from robots import Robot, quaternion
 from robots.quaternion import Array
 from robots.servo import round_pwm
 from sim2real.environment.conditions import Conditions, Noise
-from sim2real.environment.delay_buffers import Ids, Memory
-from sim2real.environment.privileged_state import HerdTruth
+from sim2real.environment.delay_buffers import DelayBuffer, Ids
+from sim2real.environment.privileged_state import PrivilegedState
 from sim2real.environment.training_world import Addresses
 
 FIRM = 0.3  # N·m that hold a gear at the end of its free play
@@ -69,7 +69,7 @@ class Herd:
         self._soles = [model.site(site).id for site in robot.sole_sites]
         self._torso = model.body(robot.torso).id
         self._read = Addresses(model, robot)
-        self._memory = Memory(model)
+        self._memory = DelayBuffer(model)
         names = (
             "qpos",
             "qvel",
@@ -234,14 +234,14 @@ class Herd:
         gravity /= np.linalg.norm(gravity, axis=-1, keepdims=True)
         return Sensed(gravity=gravity, gyro=gyro, joint_pos=joint_pos, joint_vel=joint_vel)
 
-    def look(self) -> HerdTruth:
+    def look(self) -> PrivilegedState:
         """See what only a simulation knows."""
         data, read, layout = self._data, self._read, self._layout
         site, touch = data["site_xpos"], data["sensordata"]
         soles = site[:, self._soles]  # (N, soles, 3)
         neck = site[:, self._neck]
         root = data["qpos"][:, layout.root_qpos + 3 : layout.root_qpos + 7]
-        return HerdTruth(
+        return PrivilegedState(
             neck_height=neck[:, 2],
             sole_height=soles[..., 2],
             sole_distance=np.linalg.norm(soles[..., :2].mean(axis=1) - neck[:, :2], axis=-1),

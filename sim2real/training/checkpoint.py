@@ -1,4 +1,4 @@
-"""Checkpoints: written whole or not at all, and read with a clear word where they are spoilt."""
+"""Checkpoints: written whole or not at all, and read with a clear word where they are spoiled."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
     try:
         # What a training writes holds more than tensors; it is the user's own file.
         state = torch.load(content, weights_only=False, map_location=device)
-    except Exception as error:  # torch tells a spoilt file in many ways
+    except Exception as error:  # torch tells a spoiled file in many ways
         told = " ".join(str(error).split())
         raise CheckpointError(f"{file} is no whole checkpoint: {told}") from error
     needed = {"actor_state_dict", AVERAGE, UPDATES, "iter"}

@@ -19,7 +19,7 @@ class Recipe:
     """How a policy is trained."""
 
     rewards: str
-    randomisation: str
+    randomization: str
     """By name."""
     wide: bool
     """Whether mirrored joints may also move contrary to each other, and limbs spread."""
@@ -40,7 +40,7 @@ class Recipe:
     most_std: float = 1.5
     """Most that an action is tried beside what the policy would do, of numbers from -1 to 1.
 
-    Above 0.4 noise alone asks for full speed, this way and that; below, what is learnt in an
+    Above 0.4 noise alone asks for full speed, this way and that; below, what is learned in an
     update shrinks with it, since its divergence is held.
     """
     physics_step: float = 0.006
@@ -60,7 +60,7 @@ class Recipe:
 # Who goes on from a policy that rises keeps what it can, and explores less.
 ONWARD = Recipe(
     rewards="robust",
-    randomisation="all",
+    randomization="all",
     wide=True,
     iterations=1700,
     falls=2048,
@@ -69,12 +69,12 @@ ONWARD = Recipe(
     lift=0.3,
 )
 RECIPES = {
-    "quick": Recipe(rewards="quick", randomisation="torque", wide=False, iterations=500),
+    "quick": Recipe(rewards="quick", randomization="torque", wide=False, iterations=500),
     "robust": ONWARD,
     # A servo that may use 0.55 of its supply has 2.25 N·m left of the XM430's 4.1 at
     # standstill, and turns at 0.55 of its speed: what is slow lands softly.
     "gentle": replace(
-        ONWARD, rewards="gentle", randomisation="mild", iterations=400, pwm_limit=0.55
+        ONWARD, rewards="gentle", randomization="mild", iterations=400, pwm_limit=0.55
     ),
 }
 

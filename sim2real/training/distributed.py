@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rank:
+class DistributedProcess:
     """One process of a training; torchrun tells each its place by its environment."""
 
     number: int = 0
@@ -17,9 +17,9 @@ class Rank:
     """How many train together."""
 
     @staticmethod
-    def from_environment(environment: Mapping[str, str]) -> Rank:
+    def from_environment(environment: Mapping[str, str]) -> DistributedProcess:
         """Read what torchrun says; alone without it."""
-        return Rank(
+        return DistributedProcess(
             number=int(environment.get("RANK", "0")),
             local=int(environment.get("LOCAL_RANK", "0")),
             of=int(environment.get("WORLD_SIZE", "1")),

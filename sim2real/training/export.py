@@ -1,4 +1,4 @@
-"""Export: a trained policy as one ONNX file, its normaliser and its contract inside."""
+"""Export: a trained policy as one ONNX file, its normalizer and its contract inside."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
 
     Raises:
         OSError: if a file cannot be read or written.
-        CheckpointError: if the checkpoint is spoilt.
+        CheckpointError: if the checkpoint is spoiled.
         ExportError: if the training is another robot's, the checkpoint is none of it or
             holds what is no number, or what was written does not act like the checkpoint.
     """
@@ -185,9 +185,9 @@ def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:
     Raises:
         ExportError: if they differ, or the file cannot be run.
     """
-    normaliser: Any = actor.obs_normalizer
+    normalizer: Any = actor.obs_normalizer
     noise = torch.randn(SAMPLES, actor.obs_dim, generator=torch.Generator().manual_seed(0))
-    seen = (normaliser.mean + noise * normaliser.std).numpy()
+    seen = (normalizer.mean + noise * normalizer.std).numpy()
     with torch.no_grad():
         wanted = actor(TensorDict({"policy": torch.from_numpy(seen)}, batch_size=[SAMPLES])).numpy()
     try:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from sim2real.training.config import STEPS, Recipe
-from sim2real.training.distributed import Rank
+from sim2real.training.distributed import DistributedProcess
 from sim2real.training.rsl_rl_env import StepReport
 
 
@@ -43,7 +43,11 @@ class Progress:
     """Adds up steps to iterations and writes a row for each."""
 
     def __init__(
-        self, file: Path, recipe: Recipe, report: Callable[[TrainReport], None], rank: Rank
+        self,
+        file: Path,
+        recipe: Recipe,
+        report: Callable[[TrainReport], None],
+        rank: DistributedProcess,
     ) -> None:
         self._file, self._recipe, self._report, self._rank = file, recipe, report, rank
         self._steps: list[StepReport] = []

@@ -12,7 +12,7 @@ from rsl_rl.runners import OnPolicyRunner
 from sim2real.training.action_widening import widen
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
 from sim2real.training.config import RECIPE, STEPS, Recipe
-from sim2real.training.distributed import Rank
+from sim2real.training.distributed import DistributedProcess
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 
 
@@ -22,7 +22,12 @@ class Runner(OnPolicyRunner):
     env: RslEnv
 
     def __init__(
-        self, env: RslEnv, config: dict[str, Any], folder: Path, device: str, rank: Rank
+        self,
+        env: RslEnv,
+        config: dict[str, Any],
+        folder: Path,
+        device: str,
+        rank: DistributedProcess,
     ) -> None:
         super().__init__(env, config, str(folder), device)
         self._file, self._rank = folder / CHECKPOINT, rank
@@ -96,13 +101,13 @@ def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
         "critic": dict(network),
         "algorithm": {
             "class_name": "sim2real.training.ppo:AveragingPPO",
-            "num_learning_epochs": 4,  # of four mini-batches, as what first learnt to rise
+            "num_learning_epochs": 4,  # of four mini-batches, as what first learned to rise
             "num_mini_batches": 4,
             "clip_param": 0.2,
             "gamma": recipe.discount,
             "lam": 0.95,
             "value_loss_coef": 1.0,
-            "use_clipped_value_loss": False,  # clipped, returns near 30 are learnt slowly
+            "use_clipped_value_loss": False,  # clipped, returns near 30 are learned slowly
             "entropy_coef": recipe.entropy,
             "learning_rate": 1e-3,
             "schedule": "adaptive",  # the step size keeps to the desired KL divergence

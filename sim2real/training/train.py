@@ -18,11 +18,11 @@ import torch
 from robots import Robot
 from sim2real.environment.get_up_env import EnvOptions, GetUpEnv, make_world
 from sim2real.environment.initial_states import StartPool, make_pool, pool_rng
-from sim2real.environment.randomization import RANDOMISATIONS
+from sim2real.environment.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import REWARDS
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, OtherTrainingError, Recipe, settle_recipe
-from sim2real.training.distributed import Rank
+from sim2real.training.distributed import DistributedProcess
 from sim2real.training.progress import Progress, TrainReport
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import Runner, build_config
@@ -35,7 +35,7 @@ def build_options(recipe: Recipe, threads: int) -> EnvOptions:
     """Build the environment's options."""
     return EnvOptions(
         robots=recipe.robots,
-        randomisation=RANDOMISATIONS[recipe.randomisation],
+        randomization=RANDOMIZATIONS[recipe.randomization],
         rewards=REWARDS[recipe.rewards],
         physics_step=recipe.physics_step,
         lift=recipe.lift,
@@ -74,9 +74,9 @@ def train(
         OSError: if the parent cannot be read.
         WideningError: if it cannot become this policy.
         OtherTrainingError: if the folder holds another training.
-        CheckpointError: if its checkpoint is spoilt.
+        CheckpointError: if its checkpoint is spoiled.
     """
-    rank = Rank.from_environment(os.environ)
+    rank = DistributedProcess.from_environment(os.environ)
     seed, device, common_seed = rank.seed(seed), rank.device(device), seed
     folder.mkdir(parents=True, exist_ok=True)
     if rank.leads:

@@ -12,7 +12,7 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.errors import CommandError, NotConnectedError
 from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from robots import Robot
 from robots.servo import RAD_PER_TICK
@@ -23,7 +23,7 @@ Make = Callable[[Robot], AbstractContextManager[Backend]]
 @contextmanager
 def virtual(robot: Robot) -> Iterator[Backend]:
     """The real driver, its port, and servos that speak the protocol with physics behind them."""
-    with VirtualPorts(VirtualRobot(Simulation(robot)), pace=Pace.LOCK_STEP) as ports:
+    with VirtualPorts(VirtualRobot(Simulation(robot)), pace=TimeMode.LOCK_STEP) as ports:
         yield DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
 
 

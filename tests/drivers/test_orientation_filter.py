@@ -23,7 +23,7 @@ def tilt_between(p, q) -> float:
     st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.hypot(*q[:2]) > 0.1)
 )
 def test_at_rest_the_accelerometer_tells_the_vertical_whatever_the_posture(numbers):
-    truth = quaternion.normalise(np.array(numbers))
+    truth = quaternion.normalize(np.array(numbers))
     accelerometer = quaternion.rotate(quaternion.inverse(truth), UP)
     assert quaternion.gravity_in_body(upright_from(accelerometer)) == pytest.approx(
         quaternion.gravity_in_body(truth), abs=1e-9

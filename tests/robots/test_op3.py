@@ -43,7 +43,7 @@ def postures(draw):
     q = q if np.linalg.norm(q) > 0.1 else quaternion.IDENTITY
     return Posture(
         position=np.array(draw(st.lists(numbers, min_size=3, max_size=3))),
-        orientation=quaternion.normalise(q),
+        orientation=quaternion.normalize(q),
         joint_pos=OP3.lower + share * (OP3.upper - OP3.lower),
     )
 
@@ -146,7 +146,7 @@ def test_standing_is_its_own_mirror_image_within_the_joint_ranges():
     assert np.all((OP3.standing.joint_pos >= OP3.lower) & (OP3.standing.joint_pos <= OP3.upper))
 
 
-def test_standing_holds_the_centre_of_mass_over_the_feet():
+def test_standing_holds_the_center_of_mass_over_the_feet():
     data = configured(OP3.standing)
     com = data.subtree_com[OP3.layout(MODEL).torso]
     soles = np.array([data.site(sole).xpos for sole in OP3.sole_sites])

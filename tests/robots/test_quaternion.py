@@ -15,7 +15,7 @@ vectors = st.tuples(numbers, numbers, numbers).map(np.array)
 quaternions = (
     st.tuples(numbers, numbers, numbers, numbers)
     .filter(lambda q: np.linalg.norm(q) > 0.1)
-    .map(lambda q: quaternion.normalise(np.array(q)))
+    .map(lambda q: quaternion.normalize(np.array(q)))
 )
 
 
@@ -71,7 +71,7 @@ def test_a_quarter_turn_about_y_takes_z_to_x():
 
 def test_many_quaternions_are_handled_as_one():
     rng = np.random.default_rng(0)
-    p, q = quaternion.normalise(rng.normal(size=(2, 5, 4)))
+    p, q = quaternion.normalize(rng.normal(size=(2, 5, 4)))
     t = rng.uniform(size=5)
     each = [quaternion.slerp(a, b, s) for a, b, s in zip(p, q, t, strict=True)]
     assert quaternion.slerp(p, q, t) == pytest.approx(np.stack(each))

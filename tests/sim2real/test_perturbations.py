@@ -11,7 +11,7 @@ from robots import Robot, load_robot
 from sim2real.environment.model_variants import PHYSICS, free_play
 from sim2real.environment.training_world import build_world
 from sim2real.environment.vectorized_simulation import Herd
-from sim2real.perturbations import Trial, make_conditions, run_trial, summarise_trial
+from sim2real.perturbations import Perturbation, make_conditions, run_trial, summarize_trial
 from sim2real.policy_evaluation import Rises
 
 SHORT = 3.5  # s: a held stand and a little
@@ -22,7 +22,7 @@ def idle(observations: np.ndarray) -> np.ndarray:
     return np.zeros((len(observations), SIZE))
 
 
-def hold_still(op3: Robot, action: ActionSpec, trial: Trial, robots: int = 2) -> Rises:
+def hold_still(op3: Robot, action: ActionSpec, trial: Perturbation, robots: int = 2) -> Rises:
     starts = [op3.standing] * robots
     (record,) = run_trial(op3, action, idle, starts, trial, 0, duration=SHORT, threads=1)
     return record
@@ -32,7 +32,7 @@ def hold_still(op3: Robot, action: ActionSpec, trial: Trial, robots: int = 2) ->
 def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
     op3: Robot, action: ActionSpec, physics: str | None
 ):
-    record = hold_still(op3, action, Trial(physics=physics))
+    record = hold_still(op3, action, Perturbation(physics=physics))
     assert record.stood.all()
     assert (record.stand_time <= 0.3).all()
     assert (record.standing_speed() < 0.05).all()
@@ -77,7 +77,7 @@ def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
     def thrash(observations: np.ndarray) -> np.ndarray:
         return np.sin(np.arange(SIZE) + observations[:, :1] * 20.0)
 
-    for trial in (Trial(torque_limit=1.5), Trial(torque_limit=1.5, pwm_limited=True)):
+    for trial in (Perturbation(torque_limit=1.5), Perturbation(torque_limit=1.5, pwm_limited=True)):
         (record,) = run_trial(
             op3, action, thrash, [op3.standing] * 2, trial, 0, duration=1.0, threads=1
         )
@@ -88,7 +88,7 @@ def test_what_a_trial_says_is_in_the_model(op3: Robot, action: ActionSpec):
     """One servo at 60 %, another in every robot: that one alone gives less."""
     model = build_world(op3, load_scene("flat"), 0.002)
     herd = Herd(model, op3, 8, cycles=action.cycles, threads=1)
-    trial = Trial(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=0.1)
+    trial = Perturbation(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=0.1)
     conditions = make_conditions(herd, trial, 0.8, np.random.default_rng(0))
     assert (np.sort(conditions.strength, axis=1)[:, :2] == [0.6, 1.0]).all()
     assert len(set(conditions.strength.argmin(axis=1))) > 2
@@ -102,7 +102,7 @@ def test_pushes_come_from_the_seed(op3: Robot, action: ActionSpec):
     starts = [op3.standing] * 2
 
     def push(seed: int) -> np.ndarray:
-        trial = Trial(push=0.5)
+        trial = Perturbation(push=0.5)
         (record,) = run_trial(op3, action, idle, starts, trial, seed, duration=1.0, threads=1)
         return record.qpos
 
@@ -125,7 +125,7 @@ def test_figures_count_by_class(op3: Robot):
         head_impact=np.array([0.0, 1.5, 0.5]),
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
-    figures = summarise_trial(falls, [record], ("prone", "left"))
+    figures = summarize_trial(falls, [record], ("prone", "left"))
     assert [figures["classes"][kind]["stood"] for kind in ("prone", "left")] == [1, 0]
     assert figures["all"]["n"] == 3
     assert figures["all"]["stand_time_s"]["median"] == 1.0  # end of the first good sample
@@ -136,6 +136,6 @@ def test_figures_count_by_class(op3: Robot):
 
 
 def test_a_trial_tells_what_differs():
-    assert Trial().label == "as described"
-    trial = Trial(torque_limit=2.5, delay=0.02, noise=True)
+    assert Perturbation().label == "as described"
+    trial = Perturbation(torque_limit=2.5, delay=0.02, noise=True)
     assert trial.label == "torque limit 2.5 N·m, delay 0.02 s, noise True"

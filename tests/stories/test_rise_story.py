@@ -11,7 +11,7 @@ from drivers import Ending, SafetyGuard, Twin
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.play import Play
 from humanoid_getup.cli.results import hand_over
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD_TIME
 from humanoid_getup.execution.get_up import Rise, play
 from humanoid_getup.motions.motion import Motion
@@ -19,9 +19,9 @@ from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
 from humanoid_getup.reporting.report import KEYS
 from humanoid_getup.simulation.falls import classify
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot, load_robot
 from robots.kinematics import place
 
@@ -44,9 +44,9 @@ def report(risen: Path) -> dict:
     return json.loads((risen / "report.json").read_text())
 
 
-def has_gl(robot: Robot, stage: Stage) -> bool:
+def has_gl(robot: Robot, world: World) -> bool:
     try:
-        render_frames(robot, stage.model, place(robot, stage.model, robot.standing)[None])
+        render_frames(robot, world.model, place(robot, world.model, robot.standing)[None])
     except NoRendererError:
         return False
     return True
@@ -64,8 +64,8 @@ def test_a_fallen_robot_gets_up(report: dict):
     assert report["limit_violations"] == 0
 
 
-def test_everything_lies_in_the_output_folder(risen: Path, report: dict, op3: Robot, stage: Stage):
-    pictures = ["strip.png", "torque.png"] if has_gl(op3, stage) else ["torque.png"]
+def test_everything_lies_in_the_output_folder(risen: Path, report: dict, op3: Robot, world: World):
+    pictures = ["strip.png", "torque.png"] if has_gl(op3, world) else ["torque.png"]
     expected = ["figures.json", "flight.mcap", "motion.npz", "report.json", *pictures]
     assert sorted(path.name for path in risen.iterdir()) == sorted(expected)
     assert [path.name for path in risen.parent.iterdir()] == ["out"]
@@ -122,32 +122,32 @@ def test_a_motion_that_does_not_fit_the_fall_ends_lying(tmp_path: Path):
 
 @pytest.mark.parametrize(("ending", "code"), [(Ending.FAULT, 3), (Ending.DONE, 0)])
 def test_a_fault_of_the_hardware_has_its_own_exit_code(
-    played: Rise, stage: Stage, tmp_path: Path, ending: Ending, code: int
+    played: Rise, world: World, tmp_path: Path, ending: Ending, code: int
 ):
     assert played.run is not None
     ended = replace(played, run=replace(played.run, ending=ending))
     options = Play(motion=MOTION, json=str(tmp_path / "figures.json"))
-    assert hand_over(ended, stage, options, "here", {}) == code
+    assert hand_over(ended, world, options, "here", {}) == code
 
 
-def test_an_interrupted_rise_writes_nothing(played: Rise, stage: Stage, tmp_path: Path):
+def test_an_interrupted_rise_writes_nothing(played: Rise, world: World, tmp_path: Path):
     assert played.run is not None
     ended = replace(played, run=replace(played.run, ending=Ending.INTERRUPTED))
     options = Play(motion=MOTION, out=tmp_path / "out", json=str(tmp_path / "figures.json"))
     with pytest.raises(KeyboardInterrupt):
-        hand_over(ended, stage, options, "here", {})
+        hand_over(ended, world, options, "here", {})
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.fixture(scope="module")
-def played(op3: Robot, stage: Stage) -> Rise:
+def played(op3: Robot, world: World) -> Rise:
     """A squat that stood up, neither planned nor filtered."""
     database = load_database(op3)
     squat = next(m for m in database.motions if m.name == "squat_to_stand")
     options = RiseOptions(planning=False, filtering=False)
-    twin = Twin(op3, stage.model)
+    twin = Twin(op3, world.model)
     twin.place(squat.posture(0))
-    plan = RisePlanner(stage, database, options).plan(squat.posture(0), np.random.default_rng(0))
-    run, watched = play(SafetyGuard(twin), Watch(twin.simulation, None), squat, None)
-    assert watched.stand.stood
-    return Rise(robot=load_robot("op3"), start_class="squat", plan=plan, run=run, watched=watched)
+    plan = PlannedRise(world, database, options).plan(squat.posture(0), np.random.default_rng(0))
+    run, outcome = play(SafetyGuard(twin), GroundTruthJudge(twin.simulation, None), squat, None)
+    assert outcome.stand.stood
+    return Rise(robot=load_robot("op3"), start_class="squat", plan=plan, run=run, outcome=outcome)

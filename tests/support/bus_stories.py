@@ -10,7 +10,7 @@ import numpy as np
 from paths import TINY
 
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.main import main
 from robots import Posture, Robot, load_robot
@@ -74,7 +74,7 @@ class Served:
 def serving(
     robot: Robot | str | Path,
     *,
-    pace: Pace = Pace.LOCK_STEP,
+    pace: TimeMode = TimeMode.LOCK_STEP,
     powered: bool = True,
     voltage: float | None = None,
     prepare: Callable[[VirtualRobot], None] = lambda _: None,

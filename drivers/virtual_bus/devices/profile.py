@@ -20,7 +20,7 @@ class Shape(IntEnum):
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class ProfileTrajectory:
     """Positions over time [ticks], from ``start`` on."""
 
     start: float
@@ -64,14 +64,14 @@ class Trajectory:
         return position + 0.5 * (self.cruise + velocity) * t, velocity
 
 
-def plan_step(start: float, goal: float) -> Trajectory:
+def plan_step(start: float, goal: float) -> ProfileTrajectory:
     """Be at the goal at once."""
-    return Trajectory(start, goal, 0.0, goal)
+    return ProfileTrajectory(start, goal, 0.0, goal)
 
 
 def plan_by_velocity(
     start: float, position: float, velocity: float, goal: float, top: float, acceleration: float
-) -> Trajectory:
+) -> ProfileTrajectory:
     """Go as fast as a top speed [ticks/s] and an acceleration [ticks/s²] allow.
 
     Args:
@@ -88,7 +88,9 @@ def plan_by_velocity(
     if acceleration <= 0.0:
         cruise = math.copysign(top, way)
         hold = abs(way) / top
-        return Trajectory(start, position, cruise, goal, cruise, hold=hold, shape=Shape.RECTANGLE)
+        return ProfileTrajectory(
+            start, position, cruise, goal, cruise, hold=hold, shape=Shape.RECTANGLE
+        )
     # Braking now would end beyond the goal: then the way leads back.
     stop = velocity * abs(velocity) / (2.0 * acceleration)
     side = math.copysign(1.0, way - stop)
@@ -100,14 +102,14 @@ def plan_by_velocity(
     ramps = 0.5 * (v + cruise) * speed_up + 0.5 * cruise * slow_down
     hold = max(d - ramps, 0.0) / cruise if peak > top else 0.0
     shape = Shape.TRAPEZOID if peak > top else Shape.TRIANGLE
-    return Trajectory(
+    return ProfileTrajectory(
         start, position, velocity, goal, side * cruise, speed_up, hold, slow_down, shape
     )
 
 
 def plan_by_time(
     start: float, position: float, velocity: float, goal: float, total: float, ramp: float
-) -> Trajectory:
+) -> ProfileTrajectory:
     """Arrive after a given time.
 
     Args:
@@ -124,11 +126,13 @@ def plan_by_time(
     way = goal - position
     if ramp <= 0.0:
         cruise = way / total
-        return Trajectory(start, position, cruise, goal, cruise, hold=total, shape=Shape.RECTANGLE)
+        return ProfileTrajectory(
+            start, position, cruise, goal, cruise, hold=total, shape=Shape.RECTANGLE
+        )
     cruise = (way - 0.5 * velocity * ramp) / (total - ramp)
     hold = total - 2.0 * ramp
     shape = Shape.TRAPEZOID if hold > 0.0 else Shape.TRIANGLE
-    return Trajectory(start, position, velocity, goal, cruise, ramp, hold, ramp, shape)
+    return ProfileTrajectory(start, position, velocity, goal, cruise, ramp, hold, ramp, shape)
 
 
 def approach(value: float, goal: float, step: float) -> float:
@@ -140,7 +144,7 @@ TIME_BASED = 4  # bit of drive_mode
 MOST = 0x7FFFFFFF  # counts that a register of four bytes holds
 
 
-class Motion:
+class PositionControl:
     """Follow goals by the profile registers, and show the trajectory in its registers."""
 
     def __init__(self, registers: Registers) -> None:
@@ -156,7 +160,7 @@ class Motion:
         """True while the goal is not reached yet."""
         self.shape = Shape.STEP
         self._velocity = 0.0  # ticks/s
-        self._trajectory: Trajectory | None = None
+        self._trajectory: ProfileTrajectory | None = None
         self._goal_speed, self._acceleration = 0.0, 0.0
 
     def halt(self, position: float) -> None:

@@ -11,7 +11,7 @@ import struct
 
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.virtual_bus.devices.motor_command import POSITION_MODES
-from drivers.virtual_bus.devices.profile import Motion
+from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
@@ -26,7 +26,7 @@ _SIDE_BY_SIDE = struct.Struct("<hhii")  # PWM, load, velocity, position: so in e
 class Sensors:
     """The present values and the moving flags of a servo."""
 
-    def __init__(self, registers: Registers, motion: Motion, quirks: Quirks) -> None:
+    def __init__(self, registers: Registers, motion: PositionControl, quirks: Quirks) -> None:
         self._registers, self._motion, self._quirks = registers, motion, quirks
         table = registers.table
         self._has_current = "present_current" in table

@@ -16,7 +16,7 @@ from drivers.virtual_bus.devices.maintenance import (
     reset_ram,
 )
 from drivers.virtual_bus.devices.motor_command import POSITION_MODES, Drive
-from drivers.virtual_bus.devices.profile import Motion
+from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.sensors import Sensors, clamp
@@ -52,7 +52,7 @@ class VirtualServo(VirtualDevice):
         """
         quirks, table = quirks or Quirks(), table_named(model, firmware)
         super().__init__(table, servo_id, firmware, baud, quirks)
-        self._motion, self._backup = Motion(self.registers), Backup()
+        self._motion, self._backup = PositionControl(self.registers), Backup()
         self._sensors = Sensors(self.registers, self._motion, quirks)
         self._protection = Protection(self.registers, quirks)
         self._at_tick = table["realtime_tick"].address

@@ -6,13 +6,13 @@ from collections import deque
 
 from drivers.virtual_bus.serving.fault_injector import Faults
 from drivers.virtual_bus.serving.fault_schedule import Schedule
-from drivers.virtual_bus.serving.interfaces import Body
+from drivers.virtual_bus.serving.interfaces import Physics
 
 
 class BusTime:
     """Lets time pass."""
 
-    def __init__(self, body: Body, faults: Faults, schedule: Schedule | None = None) -> None:
+    def __init__(self, body: Physics, faults: Faults, schedule: Schedule | None = None) -> None:
         """Let time pass in a body, and make the faults of a schedule as they come due."""
         self._body, self._faults = body, faults
         self._actions = deque(schedule.plan_actions() if schedule else ())

@@ -11,7 +11,7 @@ from drivers.dynamixel.protocol2 import Damaged, Packet
 T = TypeVar("T")
 
 
-class Answer(Protocol):
+class DeviceReply(Protocol):
     """What one device puts on the wire."""
 
     @property
@@ -55,7 +55,7 @@ class Devices(Protocol):
         """Return them, in any order."""
         ...
 
-    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> Sequence[Answer]:
+    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> Sequence[DeviceReply]:
         """Let them hear an instruction; return their answers in the order of the wire.
 
         Args:
@@ -69,7 +69,7 @@ class Devices(Protocol):
         ...
 
 
-class Body(Protocol):
+class Physics(Protocol):
     """The physics behind the devices."""
 
     @property
@@ -99,7 +99,7 @@ class Body(Protocol):
         ...
 
 
-class StillBody:
+class StillPhysics:
     """No physics: the devices lie on a table, and only their clocks run."""
 
     def __init__(self, devices: Devices, period: float = 0.008) -> None:
@@ -135,7 +135,7 @@ class Bench(Protocol):
         ...
 
     @property
-    def body(self) -> Body:
+    def body(self) -> Physics:
         """Return the physics."""
         ...
 

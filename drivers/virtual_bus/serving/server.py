@@ -18,7 +18,7 @@ from drivers.virtual_bus.serving.call_queue import Calls
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import Faults
 from drivers.virtual_bus.serving.fault_schedule import Schedule
-from drivers.virtual_bus.serving.interfaces import Body, Devices, StillBody, WireStatistics
+from drivers.virtual_bus.serving.interfaces import Devices, Physics, StillPhysics, WireStatistics
 from drivers.virtual_bus.serving.lock_step import LockStep
 from drivers.virtual_bus.serving.pseudo_terminal import Wire
 from drivers.virtual_bus.serving.real_time import RealTime
@@ -27,7 +27,7 @@ T = TypeVar("T")
 LONGEST_STOP = 30.0  # s that one stretch of physics may take before a stop is given up
 
 
-class Pace(Enum):
+class TimeMode(Enum):
     """How time passes on a virtual bus."""
 
     REAL_TIME = "real time"
@@ -54,9 +54,9 @@ class VirtualBus:
     def __init__(
         self,
         devices: Devices,
-        body: Body | None = None,
+        body: Physics | None = None,
         *,
-        pace: Pace = Pace.REAL_TIME,
+        pace: TimeMode = TimeMode.REAL_TIME,
         link: Path | str | None = None,
         rng: np.random.Generator | None = None,
         schedule: Schedule | None = None,
@@ -78,7 +78,7 @@ class VirtualBus:
                 FF FF FD in it; else it is only counted.
         """
         self.devices = devices
-        self.body = body or StillBody(devices)
+        self.body = body or StillPhysics(devices)
         self.pace = pace
         self.faults = Faults(self, rng or np.random.default_rng(0))
         self._time = BusTime(self.body, self.faults, schedule)
@@ -209,6 +209,6 @@ class VirtualBus:
 
     def _make_pace(self, wire: Wire) -> RealTime | LockStep:
         wait, time, exchange = self._calls.wait, self._time, self._exchange
-        if self.pace is Pace.LOCK_STEP:
+        if self.pace is TimeMode.LOCK_STEP:
             return LockStep(wire, exchange, time, wait)
         return RealTime(wire, exchange, time, wait, adapter_latency=self._adapter_latency)

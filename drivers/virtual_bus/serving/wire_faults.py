@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.dynamixel.protocol2 import MAX_ID, Damaged, FrameParser, Packet, Status
-from drivers.virtual_bus.serving.interfaces import Answer
+from drivers.virtual_bus.serving.interfaces import DeviceReply
 
 LONGEST_NOISE = 8  # bytes
 
@@ -117,7 +117,7 @@ class LineFaults:
         """Tell whether the adapter hands this request back."""
         return not self.quiet and self._strikes(LineFault.ECHO)
 
-    def disturb_answer(self, answer: Answer) -> list[Sending]:
+    def disturb_answer(self, answer: DeviceReply) -> list[Sending]:
         """Return what the client gets of an answer."""
         device = answer.device
         sending = Sending(device, answer.delay, answer.data)

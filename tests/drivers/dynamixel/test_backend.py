@@ -14,13 +14,13 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import Translator
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.cyclic_read import MISSES, GroupKind
-from drivers.dynamixel.diagnostics import AuditError
+from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.port import PortError, SdkPort, SerialPort
 from drivers.dynamixel.protocol2 import HEADER, Instruction
 from drivers.errors import CommandError, NotConnectedError, SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Gap, Quirks
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from robots.servo import RAD_PER_TICK
 
@@ -103,7 +103,7 @@ def test_all_that_is_wrong_is_told_at_once(op3):
         virtual.servos[9].poke("secondary_id", 3)
 
     rig = Rig(op3, prepare=break_some)
-    with pytest.raises(AuditError) as caught:
+    with pytest.raises(DiagnosticsError) as caught:
         rig.backend.connect()
     told = str(caught.value)
     for words in ("'r_sho_pitch' (id 1)", "'r_el' (id 5)", "silent", "'l_hip_yaw'", "reversed"):
@@ -125,7 +125,7 @@ def test_a_robot_without_bus_or_imu_or_with_other_ports_is_refused(tiny):
 def test_a_silent_board_is_named(tiny):
     rig = Rig(tiny)
     rig.virtual.board.alive = False
-    with pytest.raises(AuditError, match=r"board 'OpenCR' \(id 200\): silent"):
+    with pytest.raises(DiagnosticsError, match=r"board 'OpenCR' \(id 200\): silent"):
         rig.backend.connect()
 
 
@@ -721,7 +721,7 @@ def test_no_frame_holds_a_header_inside(op3_rig):
 def plugged(request, tiny):
     """Drive the tiny robot over a pseudo-terminal."""
     virtual = VirtualRobot(Simulation(tiny), powered=True)
-    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
         backend = DynamixelBackend(
             tiny, ports.paths, clock=CycleClock(), answer_margin=0.1, make_port=request.param
         )

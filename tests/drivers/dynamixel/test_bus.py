@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.bus import Answers, DynamixelBus, Question, SyncWriter
+from drivers.dynamixel.bus import DynamixelBus, Replies, Request, SyncWriter
 from drivers.dynamixel.port import PortLostError
 from drivers.dynamixel.protocol2 import (
     FrameParser,
@@ -57,8 +57,8 @@ def row(device: int, fill: int = 0, length: int = 10) -> Status:
     return Status(device, 0, bytes([fill]) * length)
 
 
-def ask_group(bus: DynamixelBus, ids, *, fast: bool = False, length: int = 10) -> Answers:
-    question = Question.group(dict.fromkeys(ids, Span(126, length)), fast=fast)
+def ask_group(bus: DynamixelBus, ids, *, fast: bool = False, length: int = 10) -> Replies:
+    question = Request.group(dict.fromkeys(ids, Span(126, length)), fast=fast)
     bus.ask(question)
     return bus.collect_group(question)
 
@@ -151,10 +151,10 @@ def test_a_lost_port_is_told():
 
 def test_the_question_fits_the_group():
     same, other = Span(126, 10), Span(36, 10)
-    assert Question.group({1: same}).frame[7] == Instruction.READ
-    assert Question.group({1: same, 2: same}).frame[7] == Instruction.SYNC_READ
-    assert Question.group({1: same, 2: same}, fast=True).frame[7] == Instruction.FAST_SYNC_READ
-    assert Question.group({1: same, 2: other}).frame[7] == Instruction.BULK_READ
+    assert Request.group({1: same}).frame[7] == Instruction.READ
+    assert Request.group({1: same, 2: same}).frame[7] == Instruction.SYNC_READ
+    assert Request.group({1: same, 2: same}, fast=True).frame[7] == Instruction.FAST_SYNC_READ
+    assert Request.group({1: same, 2: other}).frame[7] == Instruction.BULK_READ
 
 
 def test_a_plain_group_gives_what_came_and_leaves_out_who_is_silent():

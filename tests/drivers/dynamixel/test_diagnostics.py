@@ -6,7 +6,7 @@ import pytest
 from memory_rig import Rig
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.diagnostics import AuditError, Severity, audit, list_doubled_ids
+from drivers.dynamixel.diagnostics import DiagnosticsError, Severity, audit, list_doubled_ids
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.virtual_bus.devices.servo import VirtualServo
 
@@ -141,6 +141,6 @@ def test_two_joints_of_one_id_are_a_mistake_of_the_description(tiny):
 def test_the_error_tells_everything_in_one_line(rig):
     rig.servo("l_hip").poke("secondary_id", 7)
     rig.servo("r_hip").poke("secondary_id", 8)
-    error = AuditError(look(rig).errors)
+    error = DiagnosticsError(look(rig).errors)
     assert len(error.findings) == 2
     assert "l_hip" in str(error) and "r_hip" in str(error) and "\n" not in str(error)

@@ -102,7 +102,7 @@ def test_encoders_read_what_the_servos_ticks_say(tiny, angles):
         joint.servo.to_rad(joint.servo.to_ticks(angle))
         for joint, angle in zip(tiny.joints, angles, strict=True)
     ]
-    assert ServoUnits(tiny).quantise(np.array(angles)) == pytest.approx(by_servo, abs=1e-12)
+    assert ServoUnits(tiny).quantize(np.array(angles)) == pytest.approx(by_servo, abs=1e-12)
 
 
 def test_sensors_have_the_resolution_of_the_real_ones(op3):

@@ -11,7 +11,7 @@ from drivers.dynamixel.control_table import HardwareError  # noqa: E402
 from drivers.dynamixel.protocol2 import ALERT  # noqa: E402
 from drivers.virtual_bus.devices.chain import Chain  # noqa: E402
 from drivers.virtual_bus.devices.servo import VirtualServo  # noqa: E402
-from drivers.virtual_bus.serving.server import Pace, VirtualBus  # noqa: E402
+from drivers.virtual_bus.serving.server import TimeMode, VirtualBus  # noqa: E402
 from drivers.virtual_bus.serving.wire_faults import LineFault  # noqa: E402
 
 IDS = range(1, 21)
@@ -46,7 +46,7 @@ def chain():
     return Chain(servos)
 
 
-@pytest.fixture(params=Pace)
+@pytest.fixture(params=TimeMode)
 def bus(chain: Chain, request: pytest.FixtureRequest):
     with VirtualBus(chain, pace=request.param) as bus:
         yield bus

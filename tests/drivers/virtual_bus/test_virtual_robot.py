@@ -13,7 +13,7 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import NoBusError, VirtualPorts, VirtualRobot
 from robots import PortSettings, Posture, Robot
 from robots.servo import RAD_PER_TICK
@@ -42,7 +42,7 @@ def test_twin_and_virtual_bus_give_one_and_the_same_path(op3: Robot):
     twin = Twin(op3)
     by_twin = thrash(twin, 150)
     virtual = VirtualRobot(Simulation(op3))
-    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(op3, ports.paths, clock=CycleClock(), answer_margin=0.2)
         with driver:
             pass  # the first connection waits for the servos' power, and that takes time
@@ -127,7 +127,7 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     board = replace(tiny.bus.board, port=ports[0].name)
     robot = replace(tiny, bus=replace(tiny.bus, ports=ports, board=board))
     virtual = VirtualRobot(Simulation(robot))
-    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as served:
+    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as served:
         assert sorted(served.paths) == ["l_hip", "r_hip"]
         driver = DynamixelBackend(robot, served.paths, clock=CycleClock(), answer_margin=0.2)
         with SafetyGuard(driver) as guard:

@@ -9,13 +9,13 @@ from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus
-from humanoid_getup.strategies.stored_motion import TheMotion
+from humanoid_getup.strategies.stored_motion import StoredMotion
 
 
-def test_the_main_benchmark_counts_what_its_rises_say(op3, stage):
+def test_the_main_benchmark_counts_what_its_rises_say(op3, world):
     seen = []
     result = bench_rise(
-        op3, stage.scene, seed=4, each=1, options=RiseOptions(planning=False), report=seen.append
+        op3, world.scene, seed=4, each=1, options=RiseOptions(planning=False), report=seen.append
     )
     assert result["n"] == 3
     assert [r["bench_class"] for r in seen] == ["supine", "prone", "lateral"]
@@ -34,10 +34,10 @@ class NothingPlanned:
         return RisePlan(status=RiseStatus.NOT_PLANNED, reason="nothing to do")
 
 
-def test_ways_of_getting_up_are_compared_from_the_same_falls(stage, one_motion):
+def test_ways_of_getting_up_are_compared_from_the_same_falls(world, one_motion):
     seen = []
-    ways = {"motion": TheMotion(one_motion), "nothing": NothingPlanned()}
-    result = bench_methods(stage, ways, seed=4, each=1, report=seen.append)
+    ways = {"motion": StoredMotion(one_motion), "nothing": NothingPlanned()}
+    result = bench_methods(world, ways, seed=4, each=1, report=seen.append)
     assert result["n"] == 3
     assert [r["way"] for r in seen] == ["motion"] * 3 + ["nothing"] * 3
     assert [r["start_class"] for r in seen[:3]] == [r["start_class"] for r in seen[3:]]
@@ -53,8 +53,8 @@ def one_motion(op3, monkeypatch):
     return motion
 
 
-def test_the_motions_benchmark_plays_and_disturbs(op3, stage, one_motion):
-    result = bench_motions(op3, stage.scene, seed=0, plays=2)
+def test_the_motions_benchmark_plays_and_disturbs(op3, world, one_motion):
+    result = bench_motions(op3, world.scene, seed=0, plays=2)
     case = result["cases"][one_motion.name]
     assert case["stood"]
     assert case["disturbed_n"] == 2
@@ -63,9 +63,9 @@ def test_the_motions_benchmark_plays_and_disturbs(op3, stage, one_motion):
     assert case["lowest_torque_limit_nm"] <= 2.0
 
 
-def test_a_motion_of_a_robot_that_stays_down_has_no_lowest_limit(stage, one_motion):
-    start = settle_posture(stage, one_motion.posture(0))
+def test_a_motion_of_a_robot_that_stays_down_has_no_lowest_limit(world, one_motion):
+    start = settle_posture(world, one_motion.posture(0))
     still = replace(
         one_motion, joint_target=one_motion.joint_target[:1].repeat(len(one_motion.time), axis=0)
     )
-    assert find_lowest_limit(stage, still, start) is None
+    assert find_lowest_limit(world, still, start) is None

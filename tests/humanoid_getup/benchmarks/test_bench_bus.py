@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from drivers.dynamixel.servo_states import ServoBank
+from drivers.dynamixel.servo_states import ServoStates
 from humanoid_getup.benchmarks.fault_injection import CASES, bench_faults, bench_kill
 from humanoid_getup.benchmarks.soak import bench_soak
 from humanoid_getup.cli.main import main
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot
 
 
@@ -22,10 +22,10 @@ def motion(op3: Robot) -> Motion:
     return next(m for m in load_database(op3).motions if m.name == "supine_roll_over")
 
 
-def test_each_fault_ends_safely_or_is_bridged(stage: Stage, motion: Motion):
+def test_each_fault_ends_safely_or_is_bridged(world: World, motion: Motion):
     names = ("one answer late", "servo dead", "overload latch", "command of NaN", "unplugged")
     table = bench_faults(
-        stage, motion, seed=0, each=1, cases={name: CASES[name] for name in names}
+        world, motion, seed=0, each=1, cases={name: CASES[name] for name in names}
     )["cases"]
     assert list(table) == list(names)
     for name, case in table.items():
@@ -39,31 +39,31 @@ def test_each_fault_ends_safely_or_is_bridged(stage: Stage, motion: Motion):
         assert table[name]["safe_max_s"] <= 0.13, name
 
 
-def test_a_wrong_position_would_be_seen(stage: Stage, motion: Motion, monkeypatch):
+def test_a_wrong_position_would_be_seen(world: World, motion: Motion, monkeypatch):
     """The witness is not blind: a driver that repeats old values as fresh is caught."""
 
-    take = ServoBank.take
+    take = ServoStates.take
 
-    def pretend(bank: ServoBank, answers, now: float) -> None:
+    def pretend(bank: ServoStates, answers, now: float) -> None:
         old = bank.ticks.copy()
         take(bank, answers, now)
         bank.ticks[:] = old
 
-    monkeypatch.setattr(ServoBank, "take", pretend)
-    table = bench_faults(stage, motion, seed=0, each=1, cases={"none": CASES["none"]})["cases"]
+    monkeypatch.setattr(ServoStates, "take", pretend)
+    table = bench_faults(world, motion, seed=0, each=1, cases={"none": CASES["none"]})["cases"]
     assert table["none"]["believed_wrong"] > 0
 
 
 @pytest.mark.slow
-def test_servos_stop_by_themselves_when_their_client_is_killed(stage: Stage, motion: Motion):
-    (kills,) = bench_kill(stage, motion, seed=0, each=2)["cases"].values()
+def test_servos_stop_by_themselves_when_their_client_is_killed(world: World, motion: Motion):
+    (kills,) = bench_kill(world, motion, seed=0, each=2)["cases"].values()
     assert kills["tripped"] == 2
     assert (kills["never_safe"], kills["beyond_limits"]) == (0, 0)
     assert kills["safe_max_s"] < 0.2
 
 
-def test_a_soak_accounts_for_all_its_time(op3: Robot, stage: Stage):
-    case = bench_soak(op3, stage.scene, seed=1, duration=15.0)["cases"]["soak"]
+def test_a_soak_accounts_for_all_its_time(op3: Robot, world: World):
+    case = bench_soak(op3, world.scene, seed=1, duration=15.0)["cases"]["soak"]
     assert case["stood"] == case["n"] == case["sat"] > 0
     assert abs(case["unexplained_s"]) < 1e-6
     assert (case["driver_lost"], case["driver_damaged"], case["holds"]) == (0, 0, 0)

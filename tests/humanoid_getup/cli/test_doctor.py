@@ -11,7 +11,7 @@ from drivers.dynamixel.control_table import HardwareError
 from drivers.service import doctor, session
 from drivers.service.doctor import Latency, LineReport, _judge_line
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main
 from robots import load_robot
 
@@ -128,7 +128,7 @@ def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, cap
 
 
 def test_real_time_is_measured_too(capsys):
-    with serving(TINY, pace=Pace.REAL_TIME) as served:
+    with serving(TINY, pace=TimeMode.REAL_TIME) as served:
         served.place()
         code, told = examine(served, capsys)
     assert code == 0

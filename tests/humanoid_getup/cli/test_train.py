@@ -120,7 +120,7 @@ def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeyp
 
     assert run(*TINY)[0] == 0
     before = Path("mine/checkpoint.pt").read_bytes()
-    monkeypatch.setattr("humanoid_getup.cli.train.Learnt.note", interrupt)
+    monkeypatch.setattr("humanoid_getup.cli.train.Learned.note", interrupt)
     code, _, error = run(*TINY, "--iterations", "4")
     assert code == 130
     assert "the same command goes on from it" in error

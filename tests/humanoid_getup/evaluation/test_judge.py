@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers import Command, Twin
-from humanoid_getup.evaluation.judge import Watch, count_episodes, find_impact
+from humanoid_getup.evaluation.judge import GroundTruthJudge, count_episodes, find_impact
 from robots import Posture
 
 
@@ -15,10 +15,10 @@ def test_a_fault_counts_once_until_it_stayed_away_long_enough():
 
 
 def test_a_run_without_a_cycle_did_not_stand(op3):
-    watched = Watch(Twin(op3).simulation, None).conclude()
-    assert not watched.stand.stood
-    assert watched.peak_torque == 0.0
-    assert watched.self_collisions == 0
+    outcome = GroundTruthJudge(Twin(op3).simulation, None).conclude()
+    assert not outcome.stand.stood
+    assert outcome.peak_torque == 0.0
+    assert outcome.self_collisions == 0
 
 
 def test_an_impact_is_as_fast_as_what_came_down_was_before_it():
@@ -40,9 +40,9 @@ def test_a_head_that_drops_hits_the_ground_as_fast_as_it_fell(op3):
     twin.place(upside_down)
     lowest = twin.data.geom("head_tilt_0").xpos[2] - 0.0475
     twin.place(replace(upside_down, position=np.array([0.0, 0.0, 1.0 - lowest + 0.3])))
-    watch = Watch(twin.simulation, None)
+    watch = GroundTruthJudge(twin.simulation, None)
     with twin:
         for _ in range(40):
             twin.write(Command.position(op3, op3.standing.joint_pos))
-    watched = watch.conclude()
-    assert watched.head_impact == pytest.approx(2.43, abs=0.15)
+    outcome = watch.conclude()
+    assert outcome.head_impact == pytest.approx(2.43, abs=0.15)

@@ -10,13 +10,18 @@ from hypothesis import strategies as st
 
 from drivers import SafetyGuard, Twin, run
 from drivers.twin.servo_model import SensorNoise, Windings
-from humanoid_getup.evaluation.judge import SensedWatch, Watch, Watched, estimate_torque
+from humanoid_getup.evaluation.judge import (
+    GroundTruthJudge,
+    RunOutcome,
+    SensorJudge,
+    estimate_torque,
+)
 from humanoid_getup.execution.motion_player import MotionPlayer
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
 from robots.kinematics import GravitySense, NeckHeight, place, read_posture, torso_orientation
 
@@ -24,21 +29,21 @@ NOISE = SensorNoise(
     joint_pos=0.001, joint_vel=0.02, joint_current=0.02, gyro=0.01, accelerometer=0.1
 )
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
-STAGE = Stage.build(load_robot("op3"), load_scene("flat"))
+WORLD = World.build(load_robot("op3"), load_scene("flat"))
 
 
-def judge_twice(stage: Stage, motion: Motion, start: Motion) -> tuple[Watched, Watched, Twin]:
+def judge_twice(world: World, motion: Motion, start: Motion) -> tuple[RunOutcome, RunOutcome, Twin]:
     """Play a motion from where another begins; judge by truth and by noisy sensors."""
-    twin = Twin(stage.robot, stage.model, noise=NOISE, rng=np.random.default_rng(1))
-    at_rest = settle_posture(stage, start.posture(0))
-    twin.place(read_posture(stage.robot, stage.model, at_rest))
-    truth, sensed = Watch(twin.simulation, None), SensedWatch(stage, twin.period, None)
+    twin = Twin(world.robot, world.model, noise=NOISE, rng=np.random.default_rng(1))
+    at_rest = settle_posture(world, start.posture(0))
+    twin.place(read_posture(world.robot, world.model, at_rest))
+    truth, sensed = GroundTruthJudge(twin.simulation, None), SensorJudge(world, twin.period, None)
 
     def look(cycle) -> None:
         truth(cycle)
         sensed(cycle)
 
-    player = MotionPlayer(stage.robot, motion, hold=4.5)
+    player = MotionPlayer(world.robot, motion, hold=4.5)
     run(player, SafetyGuard(twin), max_time=60.0, on_cycle=look)
     return truth.conclude(), sensed.conclude(), twin
 
@@ -46,16 +51,16 @@ def judge_twice(stage: Stage, motion: Motion, start: Motion) -> tuple[Watched, W
 @pytest.mark.parametrize(
     "name", ["supine_sit_up_fast", "prone_push_up_gentle", "prone_wide_push_up", "lateral_side_sit"]
 )
-def test_it_sees_a_stand_where_there_is_one(stage: Stage, name: str):
-    truth, sensed, twin = judge_twice(stage, MOTIONS[name], MOTIONS[name])
+def test_it_sees_a_stand_where_there_is_one(world: World, name: str):
+    truth, sensed, twin = judge_twice(world, MOTIONS[name], MOTIONS[name])
     assert truth.stand.stood and sensed.stand.stood
     # A robot that has just come up still sways; the truth does not mind.
     assert -0.1 < sensed.stand.start_time - truth.stand.start_time < 0.6
     assert sensed.peak_torque == pytest.approx(truth.peak_torque, rel=0.15)
     assert sensed.peak_velocity == pytest.approx(truth.peak_velocity, rel=0.15)
     assert sensed.rms_torque == pytest.approx(truth.rms_torque, rel=0.15)
-    assert sensed.torque.shape[1] == stage.robot.n
-    last = read_posture(stage.robot, stage.model, sensed.qpos[-1])
+    assert sensed.torque.shape[1] == world.robot.n
+    last = read_posture(world.robot, world.model, sensed.qpos[-1])
     assert last.position[2] == pytest.approx(twin.truth.posture.position[2], abs=0.01)
 
 
@@ -67,42 +72,42 @@ def test_it_sees_a_stand_where_there_is_one(stage: Stage, name: str):
         ("squat_to_stand", "lateral_side_sit"),
     ],
 )
-def test_it_sees_no_stand_in_a_fall(stage: Stage, name: str, start: str):
-    truth, sensed, _ = judge_twice(stage, MOTIONS[name], MOTIONS[start])
+def test_it_sees_no_stand_in_a_fall(world: World, name: str, start: str):
+    truth, sensed, _ = judge_twice(world, MOTIONS[name], MOTIONS[start])
     assert not truth.stand.stood
     assert not sensed.stand.stood
     assert math.isnan(sensed.stand.start_time)
 
 
-def test_it_says_what_it_cannot_know(stage: Stage):
-    _, sensed, _ = judge_twice(stage, MOTIONS["squat_to_stand"], MOTIONS["squat_to_stand"])
+def test_it_says_what_it_cannot_know(world: World):
+    _, sensed, _ = judge_twice(world, MOTIONS["squat_to_stand"], MOTIONS["squat_to_stand"])
     assert sensed.is_sensed
     assert sensed.self_collisions is None
     assert sensed.ground_penetrations is None
 
 
-def test_a_run_without_a_cycle_did_not_stand(stage: Stage):
-    watched = SensedWatch(stage, 0.008, None).conclude()
-    assert not watched.stand.stood
-    assert (watched.peak_torque, watched.peak_velocity, watched.limit_violations) == (0.0, 0.0, 0)
-    assert watched.qpos.shape == (0, stage.model.nq)
+def test_a_run_without_a_cycle_did_not_stand(world: World):
+    outcome = SensorJudge(world, 0.008, None).conclude()
+    assert not outcome.stand.stood
+    assert (outcome.peak_torque, outcome.peak_velocity, outcome.limit_violations) == (0.0, 0.0, 0)
+    assert outcome.qpos.shape == (0, world.model.nq)
 
 
-def test_the_neck_of_a_standing_robot_is_at_its_nominal_height(stage: Stage, op3: Robot):
-    height = NeckHeight(op3, stage.model)(op3.standing.orientation, op3.standing.joint_pos)
+def test_the_neck_of_a_standing_robot_is_at_its_nominal_height(world: World, op3: Robot):
+    height = NeckHeight(op3, world.model)(op3.standing.orientation, op3.standing.joint_pos)
     assert height == pytest.approx(op3.standing_neck_height, abs=1e-6)
 
 
-def test_turning_the_robot_on_the_spot_does_not_change_its_height(stage: Stage, op3: Robot):
-    neck = NeckHeight(op3, stage.model)
+def test_turning_the_robot_on_the_spot_does_not_change_its_height(world: World, op3: Robot):
+    neck = NeckHeight(op3, world.model)
     turned = quaternion.multiply(quaternion.from_yaw(2.0), op3.standing.orientation)
     assert neck(turned, op3.standing.joint_pos) == pytest.approx(op3.standing_neck_height)
 
 
-def test_the_neck_is_measured_from_the_lower_sole(stage: Stage, op3: Robot):
+def test_the_neck_is_measured_from_the_lower_sole(world: World, op3: Robot):
     angles = op3.standing.joint_pos.copy()
     angles[op3.joint_names.index("l_knee")] += 0.8  # lifts the left foot
-    height = NeckHeight(op3, stage.model)(op3.standing.orientation, angles)
+    height = NeckHeight(op3, world.model)(op3.standing.orientation, angles)
     assert height == pytest.approx(op3.standing_neck_height, abs=1e-6)
 
 
@@ -118,15 +123,15 @@ quaternions = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(
 
 @given(quaternion=quaternions)
 def test_gravity_in_haste_is_gravity(quaternion: list[float]):
-    orientation = quaternion.normalise(np.array(quaternion))
-    slow = quaternion.gravity_in_body(torso_orientation(STAGE.robot, STAGE.model, orientation))
-    imu = STAGE.model.site(STAGE.robot.imu_site).quat
+    orientation = quaternion.normalize(np.array(quaternion))
+    slow = quaternion.gravity_in_body(torso_orientation(WORLD.robot, WORLD.model, orientation))
+    imu = WORLD.model.site(WORLD.robot.imu_site).quat
     np.testing.assert_allclose(GravitySense(imu)(orientation), slow, atol=1e-9)
 
 
 def test_an_imu_that_sits_askew_still_tells_the_torso_upright(op3: Robot):
     """Turn the IMU site by 90 deg about x: the torso's orientation must not turn with it."""
-    turned = Stage.build(op3, load_scene("flat"))
+    turned = World.build(op3, load_scene("flat"))
     site = turned.model.site(op3.imu_site)
     askew = quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), math.pi / 2)
     site.quat[:] = askew

@@ -1,10 +1,10 @@
 import pytest
 
-from humanoid_getup.evaluation.statistics import summarise, summarise_records, wilson_interval
+from humanoid_getup.evaluation.statistics import summarize, summarize_records, wilson_interval
 
 
 def test_wilson_interval_is_the_textbook_one():
-    # 57 of 60, by hand: centre (0.95 + 0.03201) / 1.06402, half width 0.05769.
+    # 57 of 60, by hand: center (0.95 + 0.03201) / 1.06402, half width 0.05769.
     low, high = wilson_interval(57, 60)
     assert low == pytest.approx(0.8630, abs=5e-4)
     assert high == pytest.approx(0.9829, abs=5e-4)
@@ -21,8 +21,8 @@ def test_no_trial_says_nothing():
 
 
 def test_a_summary_leaves_out_what_is_no_number():
-    assert summarise([1.0, None, 3.0, float("nan")]) == {"median": 2.0, "p95": pytest.approx(2.9)}
-    assert summarise([None]) == {"median": None, "p95": None}
+    assert summarize([1.0, None, 3.0, float("nan")]) == {"median": 2.0, "p95": pytest.approx(2.9)}
+    assert summarize([None]) == {"median": None, "p95": None}
 
 
 def test_records_are_counted():
@@ -30,7 +30,7 @@ def test_records_are_counted():
         {"stood": True, "planned": True, "stand_time_s": 2.0, "self_collisions": 2},
         {"stood": False, "planned": True, "stand_time_s": None, "self_collisions": 1},
     ]
-    summary = summarise_records(records)
+    summary = summarize_records(records)
     assert (summary["n"], summary["planned"], summary["stood"]) == (2, 2, 1)
     assert summary["stand_time_s"]["median"] == 2.0
     assert summary["self_collisions"] == 3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drivers import Command, DriverError, Ending, SafetyGuard, State, Twin
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.execution.attempt_manager import AttemptManager, AttemptOptions
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
@@ -15,7 +15,7 @@ from humanoid_getup.execution.result import AttemptResult, AttemptStatus, Phase,
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import NearestMotion, as_it_is
 from robots import Posture, Robot
 from robots.kinematics import read_posture
@@ -40,10 +40,10 @@ class Scripted:
 
 
 class Ailing(Twin):
-    """A twin whose measurements can be spoilt and that remembers what it was sent."""
+    """A twin whose measurements can be spoiled and that remembers what it was sent."""
 
-    def __init__(self, robot: Robot, stage: Stage) -> None:
-        super().__init__(robot, stage.model)
+    def __init__(self, robot: Robot, world: World) -> None:
+        super().__init__(robot, world.model)
         self.spoil: Callable[[State], State] = lambda state: state
         self.sent: list[Command] = []
         self.open = False
@@ -100,14 +100,14 @@ def motions(database: MotionDatabase) -> dict[str, Motion]:
 
 
 @pytest.fixture(scope="module")
-def prone(stage: Stage, motions: dict[str, Motion]) -> Posture:
-    at_rest = settle_posture(stage, motions[RIGHT].posture(0))
-    return read_posture(stage.robot, stage.model, at_rest)
+def prone(world: World, motions: dict[str, Motion]) -> Posture:
+    at_rest = settle_posture(world, motions[RIGHT].posture(0))
+    return read_posture(world.robot, world.model, at_rest)
 
 
 @pytest.fixture
-def twin(op3: Robot, stage: Stage, prone: Posture) -> Ailing:
-    twin = Ailing(op3, stage)
+def twin(op3: Robot, world: World, prone: Posture) -> Ailing:
+    twin = Ailing(op3, world)
     twin.place(prone)
     return twin
 
@@ -118,17 +118,17 @@ def phases() -> list[PhaseChange]:
 
 
 @pytest.fixture
-def manage(stage: Stage, twin: Ailing, phases: list[PhaseChange]):
+def manage(world: World, twin: Ailing, phases: list[PhaseChange]):
     """Make a manager of the ailing twin."""
 
     def manage(plans, guard=None, services=None, sensed=False, **options) -> AttemptManager:
         options = {"max_attempts": 3, "preflight": False, "cooling": FAST} | options
         return AttemptManager(
             guard or SafetyGuard(twin),
-            stage,
+            world,
             plans,
             AttemptOptions(**options),
-            judge=None if sensed else lambda: Watch(twin.simulation, None),
+            judge=None if sensed else lambda: GroundTruthJudge(twin.simulation, None),
             services=services,
             report=phases.append,
         )
@@ -170,7 +170,7 @@ def test_a_failed_attempt_is_given_up_limp_and_followed_by_rest_and_another(
 ):
     result = get_up_with(manage(Scripted(motions[WRONG], motions[RIGHT])))
     first, second = result.attempts
-    assert first.abort is not None and first.watched is not None and not first.stood
+    assert first.abort is not None and first.outcome is not None and not first.stood
     assert first.reason.startswith("gave up after 0.5 s: the torso is not turned")
     assert (second.number, second.stood, result.status) == (2, True, AttemptStatus.STOOD)
     assert Phase.RECOVERING in [change.phase for change in phases]
@@ -189,8 +189,8 @@ def test_after_its_last_attempt_it_asks_for_help_and_tells_what_it_saw(manage, m
 def test_sensors_alone_can_judge(manage, motions):
     result = get_up_with(manage(Scripted(motions[RIGHT]), sensed=True))
     assert result.status is AttemptStatus.STOOD
-    watched = result.attempts[0].watched
-    assert watched is not None and watched.is_sensed
+    outcome = result.attempts[0].outcome
+    assert outcome is not None and outcome.is_sensed
 
 
 def test_what_the_preflight_refuses_is_never_played(manage, motions, twin):
@@ -453,7 +453,7 @@ def test_a_reboot_is_allowed_again_when_the_window_has_passed():
 
 
 def test_a_stored_motion_is_chosen_by_how_the_robot_lies(
-    database: MotionDatabase, stage: Stage, twin: Ailing
+    database: MotionDatabase, world: World, twin: Ailing
 ):
     rng = np.random.default_rng(0)
     for motion in database.motions:
@@ -461,14 +461,14 @@ def test_a_stored_motion_is_chosen_by_how_the_robot_lies(
         assert plan.motion is not None
         np.testing.assert_allclose(plan.motion.joint_pos[0], motion.joint_pos[0], atol=0.02)
     options = AttemptOptions(max_attempts=1)
-    rise = get_up(SafetyGuard(twin), stage, NearestMotion(database), rng, options)
+    rise = get_up(SafetyGuard(twin), world, NearestMotion(database), rng, options)
     assert (rise.stood, rise.start_class, rise.plan.planned) == (True, "prone", False)
 
 
-def test_a_rise_reports_every_attempt(stage: Stage, twin: Ailing, motions: dict[str, Motion]):
+def test_a_rise_reports_every_attempt(world: World, twin: Ailing, motions: dict[str, Motion]):
     plans = Scripted(motions[WRONG], motions[RIGHT])
     options = AttemptOptions(max_attempts=2, preflight=False, cooling=FAST)
-    rise = get_up(SafetyGuard(twin), stage, plans, np.random.default_rng(0), options)
+    rise = get_up(SafetyGuard(twin), world, plans, np.random.default_rng(0), options)
     record = rise.record()
     assert (record["stood"], record["attempts"], record["reason"]) == (True, 2, "held stand")
     assert record["attempt_reasons"][1] == "held stand"
@@ -477,12 +477,12 @@ def test_a_rise_reports_every_attempt(stage: Stage, twin: Ailing, motions: dict[
 
 
 def test_a_robot_that_cannot_be_looked_at_still_gives_a_record(
-    stage: Stage, twin: Ailing, motions: dict[str, Motion]
+    world: World, twin: Ailing, motions: dict[str, Motion]
 ):
     twin.spoil = lambda state: replace(state, voltage=9.1)
     options = AttemptOptions(max_attempts=1)
     plans = Scripted(motions[RIGHT])
-    rise = get_up(SafetyGuard(twin), stage, plans, np.random.default_rng(0), options)
+    rise = get_up(SafetyGuard(twin), world, plans, np.random.default_rng(0), options)
     assert rise.result is not None and rise.result.status is AttemptStatus.NEEDS_HELP
     record = rise.record()
     assert (record["planned"], record["stood"], record["attempts"]) == (False, False, 0)

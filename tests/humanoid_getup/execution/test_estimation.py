@@ -18,44 +18,44 @@ from humanoid_getup.execution.estimation import (
 )
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import read_posture
 
 
 @pytest.fixture(scope="module")
-def lateral(op3: Robot, stage: Stage) -> Posture:
+def lateral(op3: Robot, world: World) -> Posture:
     motions = {motion.name: motion for motion in load_database(op3).motions}
-    at_rest = settle_posture(stage, motions["lateral_side_sit"].posture(0))
-    return read_posture(op3, stage.model, at_rest)
+    at_rest = settle_posture(world, motions["lateral_side_sit"].posture(0))
+    return read_posture(op3, world.model, at_rest)
 
 
-def lie_down(stage: Stage, posture: Posture, period: float | None = None) -> Twin:
-    twin = Twin(stage.robot, stage.model, period=period)
+def lie_down(world: World, posture: Posture, period: float | None = None) -> Twin:
+    twin = Twin(world.robot, world.model, period=period)
     twin.place(posture)
     return twin
 
 
 @pytest.mark.parametrize("period", [0.004, 0.008, 0.016])
 def test_it_waits_for_rest_by_the_backends_clock_whatever_its_period(
-    stage: Stage, lateral: Posture, period: float
+    world: World, lateral: Posture, period: float
 ):
-    state = settle(SafetyGuard(lie_down(stage, lateral, period)))
+    state = settle(SafetyGuard(lie_down(world, lateral, period)))
     assert REST_TIME - 1e-9 <= state.time < MAX_SETTLE
     assert np.abs(state.joint_vel).max() < REST_SPEED
 
 
-def test_a_robot_that_falls_is_waited_for(stage: Stage, op3: Robot):
-    twin = lie_down(stage, op3.standing)  # limp, it collapses
+def test_a_robot_that_falls_is_waited_for(world: World, op3: Robot):
+    twin = lie_down(world, op3.standing)  # limp, it collapses
     state = settle(SafetyGuard(twin))
     assert state.time > REST_TIME + 0.3
     assert twin.truth.neck_height < 0.8 * op3.standing_neck_height
 
 
 def test_a_robot_that_is_shaken_is_refused_after_a_while(
-    stage: Stage, lateral: Posture, monkeypatch: pytest.MonkeyPatch
+    world: World, lateral: Posture, monkeypatch: pytest.MonkeyPatch
 ):
-    twin = lie_down(stage, lateral)
+    twin = lie_down(world, lateral)
     read = twin.read
     shaken = np.array([0.3, 0.0, 0.0])
     monkeypatch.setattr(twin, "read", lambda: replace(read(), gyro=shaken))
@@ -65,9 +65,9 @@ def test_a_robot_that_is_shaken_is_refused_after_a_while(
 
 
 def test_a_clock_that_stands_still_does_not_wait_for_ever(
-    stage: Stage, lateral: Posture, monkeypatch: pytest.MonkeyPatch
+    world: World, lateral: Posture, monkeypatch: pytest.MonkeyPatch
 ):
-    twin = lie_down(stage, lateral)
+    twin = lie_down(world, lateral)
     read = twin.read
     monkeypatch.setattr(twin, "read", lambda: replace(read(), time=5.0))
     with pytest.raises(FaultedError) as caught:
@@ -75,8 +75,8 @@ def test_a_clock_that_stands_still_does_not_wait_for_ever(
     assert caught.value.fault.kind is FaultKind.STALE_DATA
 
 
-def test_a_stop_ends_the_waiting(stage: Stage, lateral: Posture):
-    guard = SafetyGuard(lie_down(stage, lateral))
+def test_a_stop_ends_the_waiting(world: World, lateral: Posture):
+    guard = SafetyGuard(lie_down(world, lateral))
     guard.stop("the key")
     with pytest.raises(FaultedError, match="the key") as caught:
         settle(guard)
@@ -84,10 +84,10 @@ def test_a_stop_ends_the_waiting(stage: Stage, lateral: Posture):
 
 
 def test_the_posture_is_estimated_from_sensors_but_for_place_and_heading(
-    stage: Stage, lateral: Posture
+    world: World, lateral: Posture
 ):
-    twin = lie_down(stage, lateral)
-    posture = estimate_posture(stage, settle(SafetyGuard(twin)))
+    twin = lie_down(world, lateral)
+    posture = estimate_posture(world, settle(SafetyGuard(twin)))
     truth = twin.truth.posture
     np.testing.assert_allclose(posture.joint_pos, truth.joint_pos, atol=0.01)
     np.testing.assert_allclose(posture.gravity_b, truth.gravity_b, atol=0.02)
@@ -95,12 +95,12 @@ def test_the_posture_is_estimated_from_sensors_but_for_place_and_heading(
     np.testing.assert_array_equal(posture.position[:2], 0.0)
 
 
-def test_angles_beyond_the_stops_are_taken_for_the_stops(stage: Stage, op3: Robot):
-    twin = lie_down(stage, op3.standing)
+def test_angles_beyond_the_stops_are_taken_for_the_stops(world: World, op3: Robot):
+    twin = lie_down(world, op3.standing)
     with twin:
         state: State = twin.read()
     beyond = replace(state, joint_pos=op3.upper + 0.05, orientation=quaternion.IDENTITY)
-    np.testing.assert_array_equal(estimate_posture(stage, beyond).joint_pos, op3.upper)
+    np.testing.assert_array_equal(estimate_posture(world, beyond).joint_pos, op3.upper)
 
 
 @pytest.mark.parametrize(
@@ -108,9 +108,9 @@ def test_angles_beyond_the_stops_are_taken_for_the_stops(stage: Stage, op3: Robo
     [(0.5, "hangs 0.5.* over the ground, allowed 0.3 m"), (-0.02, "mm into the ground")],
 )
 def test_a_start_in_the_air_or_in_the_ground_is_refused(
-    stage: Stage, lateral: Posture, offset: float, told: str
+    world: World, lateral: Posture, offset: float, told: str
 ):
-    check_start(stage, lateral)
+    check_start(world, lateral)
     moved = replace(lateral, position=lateral.position + np.array([0.0, 0.0, offset]))
     with pytest.raises(StartError, match=told):
-        check_start(stage, moved)
+        check_start(world, moved)

@@ -17,11 +17,11 @@ from humanoid_getup.execution.monitors import AbortKind
 from humanoid_getup.execution.supervisor import PolicySupervisor
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.world import Stage
-from humanoid_getup.strategies.learned_rise import PolicyPlan, ThePolicy
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.selection import ByRecord
-from humanoid_getup.strategies.track_record import PLAN, POLICY, Count, Record, Records, Way
+from humanoid_getup.strategies.track_record import PLAN, POLICY, Count, Record, TrackRecord, Way
 from robots import Posture, Robot, quaternion
 
 PERIOD = 0.008
@@ -44,8 +44,8 @@ def lost(op3: Robot, tmp_path: Path) -> OnnxPolicy:
 
 
 @pytest.fixture(scope="module")
-def supine(stage: Stage) -> Posture:
-    return sample_falls(stage, {"supine": 1}, np.random.default_rng(0))[0].posture
+def supine(world: World) -> Posture:
+    return sample_falls(world, {"supine": 1}, np.random.default_rng(0))[0].posture
 
 
 def state_of(robot: Robot, time: float, **changes) -> State:
@@ -117,16 +117,16 @@ def test_a_policy_that_loses_its_numbers_is_given_up_and_told(lost: OnnxPolicy):
     assert "no number: r_sho_pitch" in aborted.detail or "no number: l_sho" in aborted.detail
 
 
-def rise(stage: Stage, policy: OnnxPolicy, start: Posture, **options) -> tuple[Rise, Twin]:
-    twin = Twin(stage.robot, stage.model, voltage=options.pop("voltage", None))
+def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[Rise, Twin]:
+    twin = Twin(world.robot, world.model, voltage=options.pop("voltage", None))
     twin.place(start)
-    plans = ThePolicy(policy, "mine")
+    plans = LearnedRise(policy, "mine")
     how = AttemptOptions(max_attempts=1, **options)
-    return get_up(SafetyGuard(twin), stage, plans, np.random.default_rng(0), how), twin
+    return get_up(SafetyGuard(twin), world, plans, np.random.default_rng(0), how), twin
 
 
-def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(stage, idle, supine):
-    result, _ = rise(stage, idle, supine)
+def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(world, idle, supine):
+    result, _ = rise(world, idle, supine)
     assert (result.stood, result.start_class) == (False, "supine")
     assert result.reason == "fell: held 0.0 s, needed 3.0 s"
     assert result.run is not None
@@ -136,14 +136,14 @@ def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(stage, idle, su
     assert (record["policy"], record["planned"], record["connection"]) == ("mine", False, None)
 
 
-def test_a_policy_that_gives_up_leaves_the_robot_limp(stage, lost, supine):
-    result, twin = rise(stage, lost, supine)
+def test_a_policy_that_gives_up_leaves_the_robot_limp(world, lost, supine):
+    result, twin = rise(world, lost, supine)
     assert result.reason.startswith("gave up after 0.0 s: the policy does not know what to do")
     assert not twin.simulation.has_torque
 
 
-def test_a_policy_is_not_run_on_the_wrong_battery(stage, idle, supine):
-    result, _ = rise(stage, idle, supine, voltage=16.0)
+def test_a_policy_is_not_run_on_the_wrong_battery(world, idle, supine):
+    result, _ = rise(world, idle, supine, voltage=16.0)
     assert result.run is None
     assert result.reason.startswith("preflight refused: the supply is 16.0 V, allowed 10.0 to 14.8")
 
@@ -158,7 +158,7 @@ class Named:
         return RisePlan(status=RiseStatus.NOT_PLANNED, reason=self._name)
 
 
-def choose(records: Records, start: Posture, torque_limit: float = 4.1) -> str:
+def choose(records: TrackRecord, start: Posture, torque_limit: float = 4.1) -> str:
     ways = {Way(PLAN): Named("plan"), Way(POLICY, "robust"): Named("policy")}
     chooser = ByRecord(ways, records, torque_limit)
     return chooser.plan(start, np.random.default_rng(0)).reason
@@ -170,15 +170,15 @@ def test_the_way_with_the_better_record_for_how_the_robot_lies_is_chosen(
     plan = Record(Way(PLAN), 2.0, {"supine": Count(90, 100), "prone": Count(100, 100)})
     policy = Record(Way(POLICY, "robust"), 2.0, {"supine": Count(99, 100), "prone": Count(99, 100)})
     prone = replace(supine, orientation=quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5))
-    records = Records((plan, policy))
+    records = TrackRecord((plan, policy))
     assert choose(records, supine) == "policy"
     assert choose(records, prone) == "plan"
     assert choose(records, op3.standing) == "plan"  # it lies on no side
-    assert choose(Records(), supine) == "plan"
+    assert choose(TrackRecord(), supine) == "plan"
     assert choose(records, supine, torque_limit=1.9) == "plan"  # nobody knows
 
 
 def test_a_policy_in_a_plan_is_named(idle: OnnxPolicy, supine: Posture):
-    plan = ThePolicy(idle, "mine").plan(supine, np.random.default_rng(0))
+    plan = LearnedRise(idle, "mine").plan(supine, np.random.default_rng(0))
     assert isinstance(plan, PolicyPlan)
     assert (plan.title, plan.motion, plan.policy) == ("policy mine", None, idle)

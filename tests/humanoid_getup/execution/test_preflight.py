@@ -18,7 +18,7 @@ from humanoid_getup.execution.preflight import Severity, Verdict, preflight
 from humanoid_getup.execution.preflight_rollout import predict_heat
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
@@ -37,9 +37,9 @@ def knee(op3: Robot) -> int:
     return op3.joint_names.index(KNEE)
 
 
-def lie(stage: Stage, motion: Motion) -> State:
+def lie(world: World, motion: Motion) -> State:
     """Measure a twin that lies, limp, where a motion begins."""
-    twin = Twin(stage.robot, stage.model)
+    twin = Twin(world.robot, world.model)
     first = motion.posture(0)
     twin.place(replace(first, position=first.position + np.array([0.0, 0.0, 0.01])))
     return settle(SafetyGuard(twin))
@@ -51,8 +51,8 @@ def refusals(verdict: Verdict) -> list[str]:
 
 
 @pytest.mark.parametrize("name", OWN)
-def test_every_stored_motion_passes_on_a_3s_battery(stage: Stage, name: str):
-    verdict = preflight(stage, MOTIONS[name], voltage=11.1)
+def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
+    verdict = preflight(world, MOTIONS[name], voltage=11.1)
     assert verdict.passed, str(verdict)
     assert verdict.figures.stood
     assert 0.3 < verdict.figures.torque_use.max() < 1.2
@@ -67,80 +67,80 @@ def test_every_stored_motion_passes_on_a_3s_battery(stage: Stage, name: str):
     ],
 )
 def test_a_supply_that_the_servos_are_not_made_for_is_refused(
-    stage: Stage, motion: Motion, voltage: float, told: str
+    world: World, motion: Motion, voltage: float, told: str
 ):
-    assert told in refusals(preflight(stage, motion, voltage=voltage))[0]
+    assert told in refusals(preflight(world, motion, voltage=voltage))[0]
 
 
-def test_a_cap_on_torque_under_which_it_falls_is_refused(stage: Stage, motion: Motion):
-    verdict = preflight(stage, motion, voltage=12.0, torque_limit=0.5)
+def test_a_cap_on_torque_under_which_it_falls_is_refused(world: World, motion: Motion):
+    verdict = preflight(world, motion, voltage=12.0, torque_limit=0.5)
     assert "rehearsed at 12.0 V with 0.5 N·m, it does not end in a held stand" in refusals(verdict)
     assert not verdict.figures.stood
     assert verdict.figures.peak_torque.max() <= 0.5 + 1e-9
 
 
-def test_a_servo_that_pushes_with_all_it_has_for_long_is_refused(stage: Stage):
-    verdict = preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=9.0)
+def test_a_servo_that_pushes_with_all_it_has_for_long_is_refused(world: World):
+    verdict = preflight(world, MOTIONS["supine_sit_up_fast"], voltage=9.0)
     assert verdict.figures.longest_saturation.max() > 1.5
     assert any("hip_roll" in text and "at a stretch" in text for text in refusals(verdict))
 
 
-def test_pushing_at_a_cap_far_below_stall_is_no_overload(stage: Stage, motion: Motion):
-    verdict = preflight(stage, motion, voltage=12.0, torque_limit=1.0)
+def test_pushing_at_a_cap_far_below_stall_is_no_overload(world: World, motion: Motion):
+    verdict = preflight(world, motion, voltage=12.0, torque_limit=1.0)
     assert verdict.figures.torque_use.max() == pytest.approx(1.0)
     assert verdict.figures.saturation.max() < 0.2
 
 
 def test_targets_beyond_a_joint_are_named_with_their_time(
-    stage: Stage, motion: Motion, op3: Robot, knee: int
+    world: World, motion: Motion, op3: Robot, knee: int
 ):
     target = motion.joint_target.copy()
     target[10, knee] = op3.upper[knee] + 0.2
-    told = refusals(preflight(stage, replace(motion, joint_target=target), voltage=12.0))
+    told = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
     (text,) = [text for text in told if text.startswith(f"joint '{KNEE}': target ")]
     assert f"target {op3.upper[knee] + 0.2:+.3f} rad at {motion.time[10]:.2f} s" in text
     assert f"outside [{op3.lower[knee]:+.3f}, {op3.upper[knee]:+.3f}] rad" in text
 
 
-def test_targets_that_jump_are_refused(stage: Stage, motion: Motion, knee: int):
+def test_targets_that_jump_are_refused(world: World, motion: Motion, knee: int):
     target = motion.joint_target.copy()
     target[40:, knee] -= 0.3
-    told = refusals(preflight(stage, replace(motion, joint_target=target), voltage=12.0))
+    told = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
     assert any(f"joint '{KNEE}': targets move at" in text for text in told)
     assert any("allowed 4.82 rad/s: the guard would change the motion" in text for text in told)
 
 
-def test_a_servo_that_will_lag_on_this_supply_is_a_warning(stage: Stage):
-    verdict = preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=11.1)
+def test_a_servo_that_will_lag_on_this_supply_is_a_warning(world: World):
+    verdict = preflight(world, MOTIONS["supine_sit_up_fast"], voltage=11.1)
     assert verdict.passed
     (warning,) = verdict.warnings
     assert warning.severity is Severity.WARN
     assert "targets move at 4.48 rad/s, the servo does 4.46 rad/s" in warning.text
     assert str(verdict).startswith("preflight passed, with warnings: joint '")
-    assert preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=12.0).reasons == ()
+    assert preflight(world, MOTIONS["supine_sit_up_fast"], voltage=12.0).reasons == ()
 
 
-def test_limbs_that_go_through_each_other_are_refused(stage: Stage, motion: Motion, op3: Robot):
+def test_limbs_that_go_through_each_other_are_refused(world: World, motion: Motion, op3: Robot):
     crossed = motion.joint_pos.copy()
     for name in ("l_hip_roll", "r_hip_roll"):
         side = op3.joint_names.index(name)
         inward = op3.upper[side] if name.startswith("l") else op3.lower[side]
         crossed[:, side] = 0.5 * inward
-    verdict = preflight(stage, replace(motion, joint_pos=crossed), voltage=12.0)
+    verdict = preflight(world, replace(motion, joint_pos=crossed), voltage=12.0)
     assert verdict.figures.overlap > 0.006
     assert any("presses" in text and "into itself" in text for text in refusals(verdict))
 
 
-def test_a_hot_servo_is_refused_by_name(stage: Stage, motion: Motion, op3: Robot, knee: int):
+def test_a_hot_servo_is_refused_by_name(world: World, motion: Motion, op3: Robot, knee: int):
     heat = np.full(op3.n, 30.0)
     heat[knee] = 78.0
-    told = refusals(preflight(stage, motion, voltage=12.0, temperature=heat))
+    told = refusals(preflight(world, motion, voltage=12.0, temperature=heat))
     assert told == [f"joint '{KNEE}': has 78 °C, allowed 75 °C: let it cool down"]
 
 
-def test_a_servo_that_would_get_too_hot_on_the_way_is_refused(stage: Stage):
+def test_a_servo_that_would_get_too_hot_on_the_way_is_refused(world: World):
     strenuous = MOTIONS["supine_wide_sit_up"]
-    verdict = preflight(stage, strenuous, voltage=10.2, temperature=74.9)
+    verdict = preflight(world, strenuous, voltage=10.2, temperature=74.9)
     assert verdict.figures.rises_in_a_row == 0
     assert any("would have 75 °C after the rise" in text for text in refusals(verdict))
 
@@ -170,24 +170,24 @@ def test_a_servo_that_rests_cools_towards_the_air(op3: Robot):
     assert rises is None
 
 
-def test_the_robot_must_lie_as_the_motion_begins(stage: Stage, motion: Motion):
-    lying = lie(stage, motion)
-    verdict = preflight(stage, motion, voltage=12.0, start=lying)
+def test_the_robot_must_lie_as_the_motion_begins(world: World, motion: Motion):
+    lying = lie(world, motion)
+    verdict = preflight(world, motion, voltage=12.0, start=lying)
     assert verdict.passed, str(verdict)
     assert verdict.figures.start_tilt is not None
     assert verdict.figures.start_tilt < 0.1
-    other = preflight(stage, MOTIONS["supine_sit_up_fast"], voltage=12.0, start=lying)
+    other = preflight(world, MOTIONS["supine_sit_up_fast"], voltage=12.0, start=lying)
     (told,) = [text for text in refusals(other) if "lies" in text]
     assert "it lies prone, the motion begins supine" in told
     assert "° from where the motion begins, allowed 45°" in told
 
 
-def test_joints_far_from_the_first_posture_are_a_warning(stage: Stage, motion: Motion, op3: Robot):
-    lying = lie(stage, motion)
+def test_joints_far_from_the_first_posture_are_a_warning(world: World, motion: Motion, op3: Robot):
+    lying = lie(world, motion)
     head = op3.joint_names.index("head_pan")
     turned = lying.joint_pos.copy()
     turned[head] += 0.7
-    verdict = preflight(stage, motion, voltage=12.0, start=replace(lying, joint_pos=turned))
+    verdict = preflight(world, motion, voltage=12.0, start=replace(lying, joint_pos=turned))
     assert any(
         reason.joint == "head_pan" and "from the motion's first posture" in reason.text
         for reason in verdict.warnings
@@ -195,13 +195,13 @@ def test_joints_far_from_the_first_posture_are_a_warning(stage: Stage, motion: M
 
 
 def test_all_that_is_wrong_is_told_at_once_refusals_first(
-    stage: Stage, motion: Motion, op3: Robot, knee: int
+    world: World, motion: Motion, op3: Robot, knee: int
 ):
     target = motion.joint_target.copy()
     target[10, knee] = op3.upper[knee] + 0.02
-    spoilt = replace(motion, joint_target=target)
+    spoiled = replace(motion, joint_target=target)
     heat = np.full(op3.n, 80.0)
-    verdict = preflight(stage, spoilt, voltage=9.5, torque_limit=0.4, temperature=heat)
+    verdict = preflight(world, spoiled, voltage=9.5, torque_limit=0.4, temperature=heat)
     told = "; ".join(refusals(verdict))
     for part in ("the supply is 9.5 V", f"'{KNEE}': target", "held stand", "has 80 °C"):
         assert part in told
@@ -220,10 +220,10 @@ def test_all_that_is_wrong_is_told_at_once_refusals_first(
     ],
 )
 def test_what_is_no_measurement_is_bad_input(
-    stage: Stage, motion: Motion, options: dict[str, Any], told: str
+    world: World, motion: Motion, options: dict[str, Any], told: str
 ):
     with pytest.raises(ValueError, match=told):
-        preflight(stage, motion, **options)
+        preflight(world, motion, **options)
 
 
 def test_the_command_passes_refuses_and_writes_its_figures(
@@ -261,8 +261,8 @@ def test_the_command_names_bad_input(options: dict, told: str):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in MOTIONS if name not in OWN])
-def test_a_mirrored_motion_passes_like_its_image(stage: Stage, name: str):
-    mirrored = preflight(stage, MOTIONS[name], voltage=12.0)
-    image = preflight(stage, MOTIONS[name.removesuffix(MIRRORED_SUFFIX)], voltage=12.0)
+def test_a_mirrored_motion_passes_like_its_image(world: World, name: str):
+    mirrored = preflight(world, MOTIONS[name], voltage=12.0)
+    image = preflight(world, MOTIONS[name.removesuffix(MIRRORED_SUFFIX)], voltage=12.0)
     assert mirrored.passed and image.passed
     assert mirrored.figures.stand_time == pytest.approx(image.figures.stand_time, abs=0.3)

@@ -13,17 +13,17 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import Faults
-from drivers.virtual_bus.serving.server import Pace
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.get_up import Rise, get_up
 from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 
 KNEE = 13  # id of the right one
@@ -31,14 +31,14 @@ STRIKE = 60  # cycles of the first run, half a second
 
 
 def rise_and_break(
-    op3: Robot, stage: Stage, strike: Callable[[Faults, SafetyGuard], object], attempts: int = 2
+    op3: Robot, world: World, strike: Callable[[Faults, SafetyGuard], object], attempts: int = 2
 ) -> tuple[Rise, list[PhaseChange], VirtualRobot]:
     """Get an OP3 up on the virtual bus; something breaks half a second into the first run."""
-    virtual = VirtualRobot(Simulation(op3, stage.model), powered=True)
+    virtual = VirtualRobot(Simulation(op3, world.model), powered=True)
     rng = np.random.default_rng(0)
-    virtual.place(sample_falls(stage, {"supine": 1}, rng)[0].posture)
+    virtual.place(sample_falls(world, {"supine": 1}, rng)[0].posture)
     phases: list[PhaseChange] = []
-    with VirtualPorts(virtual, pace=Pace.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(op3, ports.paths, clock=CycleClock(), answer_margin=0.2)
         guard = SafetyGuard(driver)
         cycles = iter(range(10**6))
@@ -49,11 +49,11 @@ def rise_and_break(
 
         rise = get_up(
             guard,
-            stage,
-            RisePlanner(stage, load_database(op3), RiseOptions()),
+            world,
+            PlannedRise(world, load_database(op3), RiseOptions()),
             rng,
             AttemptOptions(max_attempts=attempts),
-            judge=lambda: Watch(virtual.simulation, None),
+            judge=lambda: GroundTruthJudge(virtual.simulation, None),
             services=driver,
             report=phases.append,
             on_cycle=look,
@@ -61,9 +61,9 @@ def rise_and_break(
     return rise, phases, virtual
 
 
-def test_an_overload_is_rebooted_and_the_robot_gets_up_after_all(op3: Robot, stage: Stage):
+def test_an_overload_is_rebooted_and_the_robot_gets_up_after_all(op3: Robot, world: World):
     rise, phases, virtual = rise_and_break(
-        op3, stage, lambda faults, _: faults.trip(KNEE, HardwareError.OVERLOAD)
+        op3, world, lambda faults, _: faults.trip(KNEE, HardwareError.OVERLOAD)
     )
     assert rise.result is not None
     assert rise.result.status is AttemptStatus.STOOD, rise.reason
@@ -75,9 +75,9 @@ def test_an_overload_is_rebooted_and_the_robot_gets_up_after_all(op3: Robot, sta
     assert virtual.servos[KNEE - 1].peek("hardware_error_status") == 0
 
 
-def test_overheating_is_never_rebooted_away(op3: Robot, stage: Stage):
+def test_overheating_is_never_rebooted_away(op3: Robot, world: World):
     rise, phases, virtual = rise_and_break(
-        op3, stage, lambda faults, _: faults.trip(KNEE, HardwareError.OVERHEATING)
+        op3, world, lambda faults, _: faults.trip(KNEE, HardwareError.OVERHEATING)
     )
     assert rise.result is not None
     assert rise.result.status is AttemptStatus.NEEDS_HELP
@@ -87,8 +87,8 @@ def test_overheating_is_never_rebooted_away(op3: Robot, stage: Stage):
     assert virtual.servos[KNEE - 1].peek("hardware_error_status") == HardwareError.OVERHEATING
 
 
-def test_after_a_stop_nothing_moves_any_more(op3: Robot, stage: Stage):
-    rise, _, virtual = rise_and_break(op3, stage, lambda _, guard: guard.stop("a key was pressed"))
+def test_after_a_stop_nothing_moves_any_more(op3: Robot, world: World):
+    rise, _, virtual = rise_and_break(op3, world, lambda _, guard: guard.stop("a key was pressed"))
     assert rise.result is not None
     assert rise.result.status is AttemptStatus.STOPPED
     assert len(rise.result.attempts) == 1
@@ -103,8 +103,8 @@ def test_after_a_stop_nothing_moves_any_more(op3: Robot, stage: Stage):
         (lambda faults, _: faults.sag(9.6), "the supply is too low"),
     ],
 )
-def test_what_no_rest_cures_asks_for_help(op3: Robot, stage: Stage, strike, words: str):
-    rise, _, virtual = rise_and_break(op3, stage, strike)
+def test_what_no_rest_cures_asks_for_help(op3: Robot, world: World, strike, words: str):
+    rise, _, virtual = rise_and_break(op3, world, strike)
     assert rise.result is not None
     assert rise.result.status is AttemptStatus.NEEDS_HELP
     assert rise.result.by_fault

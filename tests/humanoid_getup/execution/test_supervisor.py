@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from drivers import GuardLimits, SafetyGuard, State, Twin, run
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.monitors import AbortKind, Supervision
+from humanoid_getup.execution.monitors import AbortKind, MonitorLimits
 from humanoid_getup.execution.supervisor import Supervisor, angle
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls, settle_posture
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import read_posture
 
@@ -72,8 +72,8 @@ def watch(supervisor: Supervisor, state: State, seconds: float, begin: float = 0
     return seconds
 
 
-def begin(stage: Stage, motion: Motion, state: State, **limits) -> Supervisor:
-    supervisor = Supervisor(stage, motion, supervision=Supervision(**limits))
+def begin(world: World, motion: Motion, state: State, **limits) -> Supervisor:
+    supervisor = Supervisor(world, motion, supervision=MonitorLimits(**limits))
     supervisor.reset(state)
     return supervisor
 
@@ -84,16 +84,16 @@ def with_knee(values: np.ndarray, value: float) -> np.ndarray:
     return changed
 
 
-def test_a_robot_that_does_as_expected_is_left_alone_to_the_end(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_robot_that_does_as_expected_is_left_alone_to_the_end(world, standing, still):
+    supervisor = begin(world, standing, still)
     assert watch(supervisor, still, 20.0) == pytest.approx(standing.duration + HOLD, abs=0.02)
     assert supervisor.done
     assert supervisor.aborted is None
     assert supervisor.warnings == []
 
 
-def test_a_torso_that_is_turned_wrong_for_too_long_ends_it_limp(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_torso_that_is_turned_wrong_for_too_long_ends_it_limp(world, standing, still):
+    supervisor = begin(world, standing, still)
     turned = replace(still, orientation=leaning(70.0))
     assert watch(supervisor, turned, 5.0) == pytest.approx(0.5, abs=0.02)
     assert supervisor.aborted is not None
@@ -102,21 +102,21 @@ def test_a_torso_that_is_turned_wrong_for_too_long_ends_it_limp(stage, standing,
     assert supervisor.step(replace(turned, time=0.6)).is_limp
 
 
-def test_the_heading_of_the_torso_is_free(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_the_heading_of_the_torso_is_free(world, standing, still):
+    supervisor = begin(world, standing, still)
     assert watch(supervisor, replace(still, orientation=quaternion.from_yaw(2.5)), 5.0) == 5.0
 
 
-def test_a_torso_that_is_turned_wrong_for_a_moment_is_borne(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_torso_that_is_turned_wrong_for_a_moment_is_borne(world, standing, still):
+    supervisor = begin(world, standing, still)
     for k in range(8):
         watch(supervisor, replace(still, orientation=leaning(70.0)), 0.4, begin=0.6 * k)
         watch(supervisor, still, 0.2, begin=0.6 * k + 0.4)
     assert supervisor.aborted is None
 
 
-def test_a_robot_that_was_up_is_let_go_as_soon_as_it_tips(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_robot_that_was_up_is_let_go_as_soon_as_it_tips(world, standing, still):
+    supervisor = begin(world, standing, still)
     watch(supervisor, still, 1.0)
     tipping = replace(still, orientation=leaning(45.0))
     assert watch(supervisor, tipping, 1.0, begin=1.0) <= 0.05
@@ -125,15 +125,15 @@ def test_a_robot_that_was_up_is_let_go_as_soon_as_it_tips(stage, standing, still
     assert "tilt 45°" in supervisor.aborted.detail
 
 
-def test_a_robot_that_is_up_is_not_let_go_for_a_joint_that_hangs_back(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_robot_that_is_up_is_not_let_go_for_a_joint_that_hangs_back(world, standing, still):
+    supervisor = begin(world, standing, still)
     wide = replace(still, joint_pos=with_knee(still.joint_pos, 0.3))
     assert watch(supervisor, wide, 5.0) == 5.0
     assert supervisor.aborted is None
 
 
-def test_a_joint_that_does_not_follow_is_named(stage, standing, still, op3):
-    supervisor = begin(stage, standing, still)
+def test_a_joint_that_does_not_follow_is_named(world, standing, still, op3):
+    supervisor = begin(world, standing, still)
     rising = replace(still, orientation=leaning(30.0))
     watch(supervisor, rising, 0.5)
     stuck = replace(rising, joint_pos=with_knee(still.joint_pos, 0.3))
@@ -143,8 +143,8 @@ def test_a_joint_that_does_not_follow_is_named(stage, standing, still, op3):
     assert f"joint '{op3.joint_names[KNEE]}' stands 0.59 rad" in supervisor.aborted.detail
 
 
-def test_a_joint_that_is_on_its_way_is_not_stuck(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_joint_that_is_on_its_way_is_not_stuck(world, standing, still):
+    supervisor = begin(world, standing, still)
     watch(supervisor, still, 0.5)
     moving = replace(
         still,
@@ -154,15 +154,15 @@ def test_a_joint_that_is_on_its_way_is_not_stuck(stage, standing, still):
     assert watch(supervisor, moving, 5.0, begin=0.5) == 5.0
 
 
-def test_a_target_beyond_the_joint_is_how_a_servo_pushes(stage, standing, still):
+def test_a_target_beyond_the_joint_is_how_a_servo_pushes(world, standing, still):
     target = standing.joint_target.copy()
     target[:, KNEE] += 0.6
-    supervisor = begin(stage, replace(standing, joint_target=target), still)
+    supervisor = begin(world, replace(standing, joint_target=target), still)
     assert watch(supervisor, still, 5.0) == 5.0
 
 
-def test_a_servo_near_stall_is_given_up_before_it_cooks(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_servo_near_stall_is_given_up_before_it_cooks(world, standing, still):
+    supervisor = begin(world, standing, still)
     loaded = replace(still, joint_current=with_knee(still.joint_current, -2.2))
     assert watch(supervisor, loaded, 9.0) == pytest.approx(4.0, abs=0.02)
     assert supervisor.aborted is not None
@@ -170,18 +170,18 @@ def test_a_servo_near_stall_is_given_up_before_it_cooks(stage, standing, still):
     assert "draws 96% of its stall current" in supervisor.aborted.detail
 
 
-def test_stall_is_what_the_supply_makes_of_it(stage, standing, still):
+def test_stall_is_what_the_supply_makes_of_it(world, standing, still):
     current = with_knee(still.joint_current, 1.8)  # 78 % of 2.3 A at 12 V, 94 % at 10 V
-    full = begin(stage, standing, still)
+    full = begin(world, standing, still)
     assert watch(full, replace(still, joint_current=current), 9.0) == 9.0
-    weak = begin(stage, standing, still)
+    weak = begin(world, standing, still)
     watch(weak, replace(still, joint_current=current, voltage=10.0), 9.0)
     assert weak.aborted is not None
     assert weak.aborted.kind is AbortKind.LOAD
 
 
-def test_a_hot_servo_ends_it_at_once(stage, standing, still, op3):
-    supervisor = begin(stage, standing, still)
+def test_a_hot_servo_ends_it_at_once(world, standing, still, op3):
+    supervisor = begin(world, standing, still)
     hot = replace(still, temperature=with_knee(still.temperature, 73.0))
     assert watch(supervisor, hot, 1.0) == PERIOD
     assert supervisor.aborted is not None
@@ -189,20 +189,20 @@ def test_a_hot_servo_ends_it_at_once(stage, standing, still, op3):
     assert f"joint '{op3.joint_names[KNEE]}' has 73 °C" in supervisor.aborted.detail
 
 
-def test_a_sagging_supply_is_a_warning_and_told_once(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_a_sagging_supply_is_a_warning_and_told_once(world, standing, still):
+    supervisor = begin(world, standing, still)
     assert watch(supervisor, replace(still, voltage=9.8), 2.0) == 2.0
     (warning,) = supervisor.warnings
     assert "sagged to 9.8 V, the servos need 10.0 V" in warning
 
 
-def test_an_unproven_path_is_not_held_against_the_robot(stage, standing, still):
-    supervisor = begin(stage, standing, still, tracks_motion=False)
+def test_an_unproven_path_is_not_held_against_the_robot(world, standing, still):
+    supervisor = begin(world, standing, still, tracks_motion=False)
     assert watch(supervisor, replace(still, orientation=leaning(80.0)), 5.0) == 5.0
 
 
-def test_it_can_begin_anew_after_giving_up(stage, standing, still):
-    supervisor = begin(stage, standing, still)
+def test_it_can_begin_anew_after_giving_up(world, standing, still):
+    supervisor = begin(world, standing, still)
     watch(supervisor, replace(still, orientation=leaning(80.0)), 5.0)
     assert supervisor.aborted is not None
     supervisor.reset(still)
@@ -216,9 +216,9 @@ def test_the_angle_between_directions_needs_no_unit_vectors():
     assert angle(np.ones(3), -np.ones(3)) == pytest.approx(np.pi)
 
 
-def play_supervised(twin: Twin, stage: Stage, motion: Motion, push=None) -> tuple[Supervisor, bool]:
+def play_supervised(twin: Twin, world: World, motion: Motion, push=None) -> tuple[Supervisor, bool]:
     """Play a motion under supervision; tell whether it ended standing."""
-    supervisor, judge = Supervisor(stage, motion), Watch(twin.simulation, None)
+    supervisor, judge = Supervisor(world, motion), GroundTruthJudge(twin.simulation, None)
     torso = twin.robot.layout(twin.model).torso
 
     def look(cycle) -> None:
@@ -233,34 +233,34 @@ def play_supervised(twin: Twin, stage: Stage, motion: Motion, push=None) -> tupl
     return supervisor, judge.conclude().stand.stood
 
 
-def lay_down(stage: Stage, motion: Motion) -> Twin:
-    twin = Twin(stage.robot, stage.model)
-    at_rest = settle_posture(stage, motion.posture(0))
-    twin.place(read_posture(stage.robot, stage.model, at_rest))
+def lay_down(world: World, motion: Motion) -> Twin:
+    twin = Twin(world.robot, world.model)
+    at_rest = settle_posture(world, motion.posture(0))
+    twin.place(read_posture(world.robot, world.model, at_rest))
     return twin
 
 
 @pytest.mark.parametrize("name", OWN)
-def test_a_stored_motion_is_let_stand_up(name: str, stage: Stage):
+def test_a_stored_motion_is_let_stand_up(name: str, world: World):
     motion = MOTIONS[name]
-    supervisor, stood = play_supervised(lay_down(stage, motion), stage, motion)
+    supervisor, stood = play_supervised(lay_down(world, motion), world, motion)
     assert supervisor.aborted is None
     assert stood
 
 
-def test_a_robot_that_is_pushed_over_goes_limp_before_it_lands(stage: Stage):
+def test_a_robot_that_is_pushed_over_goes_limp_before_it_lands(world: World):
     motion = MOTIONS["squat_to_stand"]
-    twin = lay_down(stage, motion)
-    supervisor, stood = play_supervised(twin, stage, motion, push=(2.5, 40.0))
+    twin = lay_down(world, motion)
+    supervisor, stood = play_supervised(twin, world, motion, push=(2.5, 40.0))
     assert not stood
     assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.FELL
     assert np.degrees(twin.truth.tilt) < 60.0  # the run ended while it tips
 
 
-def test_a_motion_for_another_fall_is_given_up(stage: Stage):
-    twin = lay_down(stage, MOTIONS["prone_push_up_fast"])
-    supervisor, stood = play_supervised(twin, stage, MOTIONS["supine_sit_up_fast"])
+def test_a_motion_for_another_fall_is_given_up(world: World):
+    twin = lay_down(world, MOTIONS["prone_push_up_fast"])
+    supervisor, stood = play_supervised(twin, world, MOTIONS["supine_sit_up_fast"])
     assert not stood
     assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.TILT
@@ -270,15 +270,15 @@ def test_a_motion_for_another_fall_is_given_up(stage: Stage):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10, 15))
 @pytest.mark.parametrize("kind", ["supine", "prone", "left", "right"])
-def test_a_planned_rise_that_stands_is_never_given_up(stage: Stage, kind: str, seed: int):
+def test_a_planned_rise_that_stands_is_never_given_up(world: World, kind: str, seed: int):
     rng = np.random.default_rng(seed)
-    fall = sample_falls(stage, {kind: 1}, rng)[0]
-    planner = RisePlanner(stage, load_database(stage.robot), RiseOptions())
-    twin = Twin(stage.robot, stage.model)
+    fall = sample_falls(world, {kind: 1}, rng)[0]
+    planner = PlannedRise(world, load_database(world.robot), RiseOptions())
+    twin = Twin(world.robot, world.model)
     twin.place(fall.posture)
     options = AttemptOptions(max_attempts=1)
-    judge = lambda: Watch(twin.simulation, None)  # noqa: E731
-    rise = get_up(SafetyGuard(twin), stage, planner, rng, options, judge=judge)
+    judge = lambda: GroundTruthJudge(twin.simulation, None)  # noqa: E731
+    rise = get_up(SafetyGuard(twin), world, planner, rng, options, judge=judge)
     assert rise.result is not None
     (attempt,) = rise.result.attempts
     assert attempt.abort is None

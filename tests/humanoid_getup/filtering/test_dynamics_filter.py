@@ -12,8 +12,8 @@ from robots.kinematics import place
 
 
 @pytest.fixture(scope="module")
-def fall(stage):
-    return sample_falls(stage, {"prone": 1}, np.random.default_rng(2))[0].posture
+def fall(world):
+    return sample_falls(world, {"prone": 1}, np.random.default_rng(2))[0].posture
 
 
 @pytest.fixture(scope="module")
@@ -22,14 +22,14 @@ def database(op3):
 
 
 @pytest.fixture(scope="module")
-def rehearsed(stage, fall, database):
-    candidates = _candidates(stage, fall, database)
-    dynamics_filter = DynamicsFilter(stage)
+def rehearsed(world, fall, database):
+    candidates = _candidates(world, fall, database)
+    dynamics_filter = DynamicsFilter(world)
     return dynamics_filter, candidates, dynamics_filter.rehearse(fall, candidates)
 
 
-def _candidates(stage, fall, database):
-    period = stage.robot.control_period
+def _candidates(world, fall, database):
+    period = world.robot.control_period
     return [
         Candidate(
             path=straight_path(fall, align(c.posture, fall), 3.0, period),
@@ -41,8 +41,8 @@ def _candidates(stage, fall, database):
     ]
 
 
-def test_targets_obey_the_guards_rules(stage, fall, rehearsed):
-    robot = stage.robot
+def test_targets_obey_the_guards_rules(world, fall, rehearsed):
+    robot = world.robot
     for one in rehearsed[2]:
         before = np.concatenate([fall.joint_pos[None], one.target[:-1]])
         speed = np.abs(one.target - before) / robot.control_period
@@ -51,19 +51,19 @@ def test_targets_obey_the_guards_rules(stage, fall, rehearsed):
         assert np.all(one.target <= robot.upper)
 
 
-def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(stage, fall, rehearsed):
-    starts = place(stage.robot, stage.model, fall)[None]
+def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fall, rehearsed):
+    starts = place(world.robot, world.model, fall)[None]
     for one in rehearsed[2][:2]:
-        trace = Rehearsal(stage, 1).play(starts, one.target[None], Conditions.nominal(stage, 1))
+        trace = Rehearsal(world, 1).play(starts, one.target[None], Conditions.nominal(world, 1))
         np.testing.assert_array_equal(trace.qpos[0], one.qpos)
 
 
-def test_without_assistance_the_targets_are_the_reference(stage, rehearsed):
+def test_without_assistance_the_targets_are_the_reference(world, rehearsed):
     _, candidates, results = rehearsed
     plain = results[1]
     c = candidates[1]
-    reference = compose(stage, c.path, c.connection.motion, c.connection.frame)
-    robot = stage.robot
+    reference = compose(world, c.path, c.connection.motion, c.connection.frame)
+    robot = world.robot
     moving = np.clip(reference.target, robot.lower, robot.upper)
     # Rate limiting lets the targets lag the reference only while it is faster than the servos.
     lag = np.abs(plain.target[: len(moving)] - moving)
@@ -83,9 +83,9 @@ def test_a_prone_fall_has_a_rehearsal_that_stands_and_survives_disturbance(fall,
     assert dynamics_filter.check(fall, standing[0].target, np.random.default_rng(0)) >= 0.8
 
 
-def test_lying_still_is_no_stand(stage, fall):
+def test_lying_still_is_no_stand(world, fall):
     target = np.tile(fall.joint_pos, (50, 1))
-    assert DynamicsFilter(stage).check(fall, target, np.random.default_rng(0)) == 0.0
+    assert DynamicsFilter(world).check(fall, target, np.random.default_rng(0)) == 0.0
 
 
 def test_joining_a_motion_begins_at_the_angles_and_ends_on_its_targets(database):

@@ -4,13 +4,13 @@ import pytest
 
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_torque, compute_wish
 from humanoid_getup.simulation.rollout import Observation
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots.kinematics import place
 
 
-def _observe(stage: Stage, joint_pos: np.ndarray, touching: list[str]) -> Observation:
+def _observe(world: World, joint_pos: np.ndarray, touching: list[str]) -> Observation:
     """Look at a standing robot whose named limbs hold the world at their soles."""
-    robot, model = stage.robot, stage.model
+    robot, model = world.robot, world.model
     data = mujoco.MjData(model)
     data.qpos[:] = place(robot, model, robot.standing)
     layout = robot.layout(model)
@@ -18,9 +18,9 @@ def _observe(stage: Stage, joint_pos: np.ndarray, touching: list[str]) -> Observ
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     ids = [model.joint(name).id for name in robot.joint_names]
-    point = np.zeros((1, len(stage.limbs), 3))
-    touch = np.zeros((1, len(stage.limbs)), dtype=bool)
-    for i, limb in enumerate(stage.limbs):
+    point = np.zeros((1, len(world.limbs), 3))
+    touch = np.zeros((1, len(world.limbs)), dtype=bool)
+    for i, limb in enumerate(world.limbs):
         if limb in touching:
             touch[0, i] = True
             point[0, i] = data.site(f"{limb[0]}_sole").xpos
@@ -34,9 +34,9 @@ def _observe(stage: Stage, joint_pos: np.ndarray, touching: list[str]) -> Observ
     )
 
 
-def _com_over_sole(stage: Stage, joint_pos: np.ndarray, sole: str) -> np.ndarray:
-    """Compute the centre of mass from a sole, the torso's attitude kept [m], (3,)."""
-    robot, model = stage.robot, stage.model
+def _com_over_sole(world: World, joint_pos: np.ndarray, sole: str) -> np.ndarray:
+    """Compute the center of mass from a sole, the torso's attitude kept [m], (3,)."""
+    robot, model = world.robot, world.model
     data = mujoco.MjData(model)
     data.qpos[:] = place(robot, model, robot.standing)
     data.qpos[robot.layout(model).qpos] = joint_pos
@@ -45,12 +45,12 @@ def _com_over_sole(stage: Stage, joint_pos: np.ndarray, sole: str) -> np.ndarray
     return data.subtree_com[robot.layout(model).torso] - data.site(sole).xpos
 
 
-def test_a_leg_turns_force_into_the_torques_of_the_numeric_jacobian(stage):
-    robot = stage.robot
+def test_a_leg_turns_force_into_the_torques_of_the_numeric_jacobian(world):
+    robot = world.robot
     joint_pos = robot.standing.joint_pos
-    seen = _observe(stage, joint_pos, ["l_hip_yaw_link"])
+    seen = _observe(world, joint_pos, ["l_hip_yaw_link"])
     force = np.array([1.0, -2.0, 3.0])
-    torque = compute_torque(seen, force[None], LimbMap.of(stage))[0]
+    torque = compute_torque(seen, force[None], LimbMap.of(world))[0]
     legs = [
         i for i, name in enumerate(robot.joint_names) if name[:5] in ("l_hip", "l_kne", "l_ank")
     ]
@@ -58,31 +58,31 @@ def test_a_leg_turns_force_into_the_torques_of_the_numeric_jacobian(stage):
     for joint in legs:
         step = np.zeros(robot.n)
         step[joint] = 1e-5
-        moved = _com_over_sole(stage, joint_pos + step, "l_sole")
-        back = _com_over_sole(stage, joint_pos - step, "l_sole")
+        moved = _com_over_sole(world, joint_pos + step, "l_sole")
+        back = _com_over_sole(world, joint_pos - step, "l_sole")
         column = (moved - back) / 2e-5
         assert torque[joint] == pytest.approx(column @ force, abs=1e-6)
 
 
-def test_limbs_in_the_air_get_no_torque(stage):
-    seen = _observe(stage, stage.robot.standing.joint_pos, ["l_hip_yaw_link", "r_hip_yaw_link"])
-    torque = compute_torque(seen, np.array([[0.0, 0.0, 10.0]]), LimbMap.of(stage))[0]
-    names = stage.robot.joint_names
+def test_limbs_in_the_air_get_no_torque(world):
+    seen = _observe(world, world.robot.standing.joint_pos, ["l_hip_yaw_link", "r_hip_yaw_link"])
+    torque = compute_torque(seen, np.array([[0.0, 0.0, 10.0]]), LimbMap.of(world))[0]
+    names = world.robot.joint_names
     in_air = [i for i, name in enumerate(names) if "sho" in name or "el" in name or "head" in name]
     assert np.all(torque[in_air] == 0.0)
     assert np.abs(torque).max() > 0.1
 
 
-def test_without_touch_there_is_no_torque_at_all(stage):
-    seen = _observe(stage, stage.robot.standing.joint_pos, [])
-    torque = compute_torque(seen, np.array([[5.0, 5.0, 30.0]]), LimbMap.of(stage))
+def test_without_touch_there_is_no_torque_at_all(world):
+    seen = _observe(world, world.robot.standing.joint_pos, [])
+    torque = compute_torque(seen, np.array([[5.0, 5.0, 30.0]]), LimbMap.of(world))
     assert np.all(torque == 0.0)
 
 
-def test_two_legs_share_a_force_evenly(stage):
-    robot = stage.robot
-    seen = _observe(stage, robot.standing.joint_pos, ["l_hip_yaw_link", "r_hip_yaw_link"])
-    torque = compute_torque(seen, np.array([[0.0, 0.0, 20.0]]), LimbMap.of(stage))[0]
+def test_two_legs_share_a_force_evenly(world):
+    robot = world.robot
+    seen = _observe(world, robot.standing.joint_pos, ["l_hip_yaw_link", "r_hip_yaw_link"])
+    torque = compute_torque(seen, np.array([[0.0, 0.0, 20.0]]), LimbMap.of(world))[0]
     np.testing.assert_allclose(torque, robot.mirror_joints(torque), atol=0.02)
 
 

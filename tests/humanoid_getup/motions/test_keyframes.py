@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.build import load_authored
-from humanoid_getup.motions.keyframes import SPEED_SHARE, load_choreographies
+from humanoid_getup.motions.keyframes import SPEED_SHARE, load_keyframes
 
 TEXT = """
 [[motions]]
@@ -19,9 +19,9 @@ keys = [
 
 
 def _read(tmp_path, robot, text=TEXT):
-    path = tmp_path / "choreographies.toml"
+    path = tmp_path / "keyframes.toml"
     path.write_text(text)
-    return load_choreographies(path, robot)[0]
+    return load_keyframes(path, robot)[0]
 
 
 def test_both_bends_left_and_right_as_mirror_images(tmp_path, op3):
@@ -46,27 +46,27 @@ def test_what_a_key_leaves_out_stays(tmp_path, op3):
 
 
 def test_the_last_key_is_the_standing_posture(tmp_path, op3):
-    choreography = _read(tmp_path, op3)
-    np.testing.assert_array_equal(choreography.keys[-1], op3.standing.joint_pos)
-    assert choreography.duration.tolist() == [0.5, 0.5]
+    keyframes = _read(tmp_path, op3)
+    np.testing.assert_array_equal(keyframes.keys[-1], op3.standing.joint_pos)
+    assert keyframes.duration.tolist() == [0.5, 0.5]
 
 
 def test_targets_run_from_first_to_last_key_and_never_too_fast(tmp_path, op3):
     hasty = TEXT.replace("after = 0.5, left", "after = 0.02, left")
-    choreography = _read(tmp_path, op3, hasty)
-    targets = choreography.targets(op3, hold=0.4)
-    np.testing.assert_allclose(targets[0], choreography.keys[0], atol=1e-12)
-    np.testing.assert_allclose(targets[-1], choreography.keys[-1], atol=1e-12)
+    keyframes = _read(tmp_path, op3, hasty)
+    targets = keyframes.targets(op3, hold=0.4)
+    np.testing.assert_allclose(targets[0], keyframes.keys[0], atol=1e-12)
+    np.testing.assert_allclose(targets[-1], keyframes.keys[-1], atol=1e-12)
     speed = np.abs(np.diff(targets, axis=0)) / op3.control_period
     assert np.all(speed <= SPEED_SHARE * op3.max_velocity * 1.02)
     assert np.all(targets[-50:] == targets[-1])
 
 
 def test_genes_go_there_and_back(op3):
-    for choreography in load_authored(op3):
-        again = choreography.with_genes(choreography.genes, op3)
-        np.testing.assert_allclose(again.keys, choreography.keys, atol=1e-9)
-        np.testing.assert_allclose(again.duration, choreography.duration)
+    for keyframes in load_authored(op3):
+        again = keyframes.with_genes(keyframes.genes, op3)
+        np.testing.assert_allclose(again.keys, keyframes.keys, atol=1e-9)
+        np.testing.assert_allclose(again.duration, keyframes.duration)
 
 
 def test_an_improvement_keeps_first_and_last_key_and_symmetry(op3):

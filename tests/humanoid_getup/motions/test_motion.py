@@ -21,7 +21,7 @@ def make(**changes) -> Motion:
         "strategy": "roll-over",
         "time": 0.1 * np.arange(FRAMES),
         "position": rng.normal(size=(FRAMES, 3)),
-        "orientation": quaternion.normalise(rng.normal(size=(FRAMES, 4))),
+        "orientation": quaternion.normalize(rng.normal(size=(FRAMES, 4))),
         "joint_pos": rng.normal(size=(FRAMES, ROBOT.n)),
         "joint_target": rng.normal(size=(FRAMES, ROBOT.n)),
         "entry": np.array([True, False, True, False, False]),

@@ -20,7 +20,7 @@ def wander(seed: int, symmetric: bool = False) -> Motion:
     """Make a motion that bends and turns smoothly between random postures."""
     rng = np.random.default_rng(seed)
     share = np.linspace(0.0, 1.0, FRAMES)
-    ends = quaternion.normalise(rng.normal(size=(2, 4)))
+    ends = quaternion.normalize(rng.normal(size=(2, 4)))
     joint_pos = np.linspace(*rng.uniform(ROBOT.lower, ROBOT.upper, size=(2, ROBOT.n)), FRAMES)
     orientation = quaternion.slerp(ends[0], ends[1], share)
     if symmetric:
@@ -43,7 +43,7 @@ def wander(seed: int, symmetric: bool = False) -> Motion:
 def lying(rng: np.random.Generator) -> Posture:
     return Posture(
         position=np.zeros(3),
-        orientation=quaternion.normalise(rng.normal(size=4)),
+        orientation=quaternion.normalize(rng.normal(size=4)),
         joint_pos=rng.uniform(ROBOT.lower, ROBOT.upper),
     )
 

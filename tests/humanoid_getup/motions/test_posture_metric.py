@@ -27,7 +27,7 @@ def postures(seed: int, count: int) -> list[Posture]:
     return [
         Posture(
             position=rng.normal(size=3),
-            orientation=quaternion.normalise(rng.normal(size=4)),
+            orientation=quaternion.normalize(rng.normal(size=4)),
             joint_pos=rng.uniform(ROBOT.lower, ROBOT.upper),
         )
         for _ in range(count)

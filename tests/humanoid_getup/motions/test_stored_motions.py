@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers import SafetyGuard, Twin
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.execution.get_up import play
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import load_database
@@ -28,16 +28,16 @@ def test_the_database_has_the_classes_and_strategies_it_claims():
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_a_stored_motion_ends_in_a_held_stand(name, op3, stage):
+def test_a_stored_motion_ends_in_a_held_stand(name, op3, world):
     motion = MOTIONS[name]
-    start = read_posture(op3, stage.model, settle_posture(stage, motion.posture(0)))
-    twin = Twin(op3, stage.model)
+    start = read_posture(op3, world.model, settle_posture(world, motion.posture(0)))
+    twin = Twin(op3, world.model)
     twin.place(start)
     guard = SafetyGuard(twin)
-    report, watched = play(guard, Watch(twin.simulation, None), motion, None)
-    assert watched.stand.stood, report.reason
+    report, outcome = play(guard, GroundTruthJudge(twin.simulation, None), motion, None)
+    assert outcome.stand.stood, report.reason
     assert report.clips.total == 0
-    assert watched.limit_violations == 0
+    assert outcome.limit_violations == 0
 
 
 @pytest.mark.parametrize("name", [n for n in MOTIONS if MOTIONS[n].start_class != "squat"])

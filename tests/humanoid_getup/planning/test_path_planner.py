@@ -16,7 +16,7 @@ from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions, searc
 from humanoid_getup.planning.shortcut import length, shorten
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import Obstacle, Scene, load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, load_robot, quaternion
 from robots.quaternion import Array
 
@@ -51,8 +51,8 @@ def _rest(
 
 @pytest.fixture(scope="module")
 def starts() -> list[Posture]:
-    stage = Stage.build(ROBOT, FLAT)
-    falls = sample_falls(stage, {"supine": 4, "prone": 4, "lateral": 4}, np.random.default_rng(0))
+    world = World.build(ROBOT, FLAT)
+    falls = sample_falls(world, {"supine": 4, "prone": 4, "lateral": 4}, np.random.default_rng(0))
     return [fall.posture for fall in falls]
 
 

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.planning.smoothing import Curve, Pace, retime, smooth, smooth_free
+from humanoid_getup.planning.smoothing import Curve, SpeedLimits, retime, smooth, smooth_free
 from robots import quaternion
 from robots.quaternion import Array
 
 N = 6
 SPEED = np.linspace(1.0, 3.0, N)
-PACE = Pace(joint_speed=SPEED, turn_rate=2.0, ease=0.15, period=0.008)
+PACE = SpeedLimits(joint_speed=SPEED, turn_rate=2.0, ease=0.15, period=0.008)
 
 
 def zigzag(seed: int, nodes: int = 6) -> list[Array]:
     rng = np.random.default_rng(seed)
-    q = quaternion.normalise(rng.normal(size=(nodes, 4)))
+    q = quaternion.normalize(rng.normal(size=(nodes, 4)))
     return list(np.hstack([q, rng.uniform(-1.5, 1.5, size=(nodes, N))]))
 
 
@@ -48,7 +48,7 @@ def test_no_joint_and_no_root_is_ever_faster_than_allowed(seed: int):
 
 
 def kink(curve: Curve) -> float:
-    """Measure the largest angle between neighbouring steps of a curve [rad]."""
+    """Measure the largest angle between neighboring steps of a curve [rad]."""
     step = np.diff(curve.nodes[:, 4:], axis=0)
     step = step[np.linalg.norm(step, axis=1) > 1e-9]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
@@ -90,7 +90,7 @@ def test_a_straight_path_stays_straight_and_a_point_stays_put():
 def test_a_corner_that_must_not_be_cut_is_not_cut():
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]])
     path = list(np.hstack([np.tile(quaternion.IDENTITY, (4, 1)), corners]))
-    pace = Pace(joint_speed=np.ones(2), period=0.008)
+    pace = SpeedLimits(joint_speed=np.ones(2), period=0.008)
 
     def is_free(node: Array) -> bool:
         return not (node[4] < 1.0 - 1e-9 and node[5] > 0.01)  # a wall inside the first corner

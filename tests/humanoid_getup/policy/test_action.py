@@ -11,7 +11,7 @@ from humanoid_getup.policy.action import (
     HOMING_SHARE,
     ActionMode,
     ActionSpec,
-    Calm,
+    StanceScaling,
     between,
     build_action_spec,
     choose_actions,
@@ -123,7 +123,7 @@ def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float
         pwm_limit=1.0,
         home=np.array([0.25]),
         homing=np.zeros(1),
-        calm=Calm(tilt=0.5, away=0.5, least=0.2),
+        calm=StanceScaling(tilt=0.5, away=0.5, least=0.2),
         lower=np.array([-1.0]),
         upper=np.array([1.0]),
     )
@@ -143,7 +143,7 @@ def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float
     ],
 )
 def test_rates_slow_down_upright_and_near_home(tilt: float, offset: float, share: float):
-    calm = Calm(tilt=0.5, away=0.5, least=0.2)
+    calm = StanceScaling(tilt=0.5, away=0.5, least=0.2)
     for direction in (0.0, 2.0):  # falling forwards, or some other way
         sideways = np.sin(tilt) * np.array([np.cos(direction), np.sin(direction)])
         gravity = np.array([*sideways, -np.cos(tilt)])

@@ -12,14 +12,14 @@ from bus_stories import TINY, copy_tiny
 from tiny_policies import actions_of, contract_of, save_policy, weights_of
 
 from drivers import Ending, GuardLimits, SafetyGuard, State, Twin, run
-from humanoid_getup.evaluation.judge import Watch
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.policy.action import next_target
 from humanoid_getup.policy.observation import observe
 from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, PolicyError
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
 from sim2real.environment.training_world import build_world
 from sim2real.environment.vectorized_simulation import Herd
@@ -160,7 +160,7 @@ def test_one_log_gives_training_and_robot_the_same_numbers(tmp_path: Path, askew
     rng = np.random.default_rng(4)
     qpos, qvel = herd.qpos, rng.normal(size=herd.qvel.shape)
     qpos[:, 2] = 1.0
-    qpos[:, 3:7] = quaternion.normalise(rng.normal(size=(6, 4)))
+    qpos[:, 3:7] = quaternion.normalize(rng.normal(size=(6, 4)))
     qpos[:, 7:] = rng.uniform(-0.5, 0.5, size=qpos[:, 7:].shape)
     herd.place(np.arange(6), qpos, qvel)
     sensed = herd.sense()
@@ -238,13 +238,13 @@ def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(
 
 
 def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
-    stage: Stage, tmp_path: Path
+    world: World, tmp_path: Path
 ):
-    weight = weights_of(stage.robot, gravity=np.array([[0.0], [0.0], [1.0]]))  # up: -1
-    file = save_policy(tmp_path / "p.onnx", stage.robot, weight=weight, then=("Sqrt",))
-    guard = SafetyGuard(Twin(stage.robot, stage.model))
+    weight = weights_of(world.robot, gravity=np.array([[0.0], [0.0], [1.0]]))  # up: -1
+    file = save_policy(tmp_path / "p.onnx", world.robot, weight=weight, then=("Sqrt",))
+    guard = SafetyGuard(Twin(world.robot, world.model))
     sent = []
-    policy = OnnxPolicy.load(file, stage.robot, PERIOD)
+    policy = OnnxPolicy.load(file, world.robot, PERIOD)
     report = run(policy, guard, max_time=5.0, on_cycle=lambda cycle: sent.append(cycle.sent))
     assert (report.ending, report.cycles) == (Ending.DONE, 1)
     assert sent[0].is_limp
@@ -252,11 +252,11 @@ def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
     assert guard.fault is None
 
 
-def test_a_robot_that_has_stood_long_enough_is_done(stage: Stage, tmp_path: Path):
-    file = save_policy(tmp_path / "p.onnx", stage.robot)
-    twin = Twin(stage.robot, stage.model)
-    watch = Watch(twin.simulation, None)
-    policy = OnnxPolicy.load(file, stage.robot, PERIOD)
+def test_a_robot_that_has_stood_long_enough_is_done(world: World, tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", world.robot)
+    twin = Twin(world.robot, world.model)
+    watch = GroundTruthJudge(twin.simulation, None)
+    policy = OnnxPolicy.load(file, world.robot, PERIOD)
     report = run(policy, SafetyGuard(twin), max_time=20.0, on_cycle=watch)
     assert report.ending is Ending.DONE
     assert report.duration == pytest.approx(HOLD, abs=0.1)
@@ -281,13 +281,13 @@ def test_a_robot_that_does_not_stand_still_has_its_time(
 
 
 @pytest.mark.parametrize("start", ["supine", "left"])
-def test_the_guard_never_has_to_cut_a_policy(stage: Stage, tmp_path: Path, start: str):
+def test_the_guard_never_has_to_cut_a_policy(world: World, tmp_path: Path, start: str):
     """A policy that is out of its mind: sines of large numbers, beyond 1 by half."""
-    robot = stage.robot
+    robot = world.robot
     weight = np.random.default_rng(0).normal(size=weights_of(robot).shape, scale=30.0)
     file = save_policy(tmp_path / "p.onnx", robot, weight=weight, then=("Sin", "Asinh"))
-    fall = sample_falls(stage, {start: 1}, np.random.default_rng(3))[0]
-    twin = Twin(robot, stage.model)
+    fall = sample_falls(world, {start: 1}, np.random.default_rng(3))[0]
+    twin = Twin(robot, world.model)
     twin.place(fall.posture)
     guard = SafetyGuard(twin, GuardLimits.of(robot))
     policy = OnnxPolicy.load(file, robot, PERIOD, longest=4.0)

@@ -9,15 +9,15 @@ import pytest
 from matplotlib.image import imread
 
 from humanoid_getup.reporting import film_strip
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place
 
 
 @pytest.fixture(scope="module")
-def empty(stage: Stage) -> mujoco.MjModel:
+def empty(world: World) -> mujoco.MjModel:
     """The scene with a robot that nobody sees."""
-    model = copy.copy(stage.model)
+    model = copy.copy(world.model)
     robot_geoms = model.body_rootid[model.geom_bodyid] != 0
     model.geom_rgba[robot_geoms, 3] = 0.0
     return model
@@ -40,10 +40,10 @@ def lie(robot: Robot) -> Posture:
 
 @pytest.mark.parametrize("is_lying", [False, True])
 def test_the_robot_fills_the_picture_and_is_not_cut_off(
-    op3: Robot, stage: Stage, empty: mujoco.MjModel, is_lying: bool
+    op3: Robot, world: World, empty: mujoco.MjModel, is_lying: bool
 ):
     posture = lie(op3) if is_lying else op3.standing
-    with_robot, without = (render(op3, model, posture) for model in (stage.model, empty))
+    with_robot, without = (render(op3, model, posture) for model in (world.model, empty))
     seen = np.abs(with_robot.astype(int) - without).max(axis=2) > 60
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     size = film_strip.FRAME_SIZE[0]
@@ -53,8 +53,8 @@ def test_the_robot_fills_the_picture_and_is_not_cut_off(
     assert extent > 0.6 * size
 
 
-def test_left_and_right_limbs_have_colours_of_their_own(op3: Robot, stage: Stage):
-    picture = render(op3, stage.model, op3.standing).astype(int)
+def test_left_and_right_limbs_have_colors_of_their_own(op3: Robot, world: World):
+    picture = render(op3, world.model, op3.standing).astype(int)
     red, _, blue = np.moveaxis(picture, 2, 0)
     assert (red - blue > 80).sum() > 500  # left: orange
     assert (blue - red > 60).sum() > 500  # right: blue
@@ -79,7 +79,7 @@ def test_a_strip_is_one_file_of_rows_of_six(tmp_path: Path, count: int, rows: in
 
 
 def test_without_gl_the_answer_is_an_error_that_says_so(
-    op3: Robot, stage: Stage, monkeypatch: pytest.MonkeyPatch
+    op3: Robot, world: World, monkeypatch: pytest.MonkeyPatch
 ):
     class NoGl:
         def __init__(self, *_args: object, **_options: object) -> None:
@@ -89,4 +89,4 @@ def test_without_gl_the_answer_is_an_error_that_says_so(
     with pytest.raises(
         film_strip.NoRendererError, match=r"no GL to render with .*: cannot open a disp"
     ):
-        film_strip.render_frames(op3, stage.model, place(op3, stage.model, op3.standing)[None])
+        film_strip.render_frames(op3, world.model, place(op3, world.model, op3.standing)[None])

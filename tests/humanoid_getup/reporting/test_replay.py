@@ -16,7 +16,7 @@ from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.replay import Replay
 from humanoid_getup.reporting.replay import ReplayReport, choose_supply, replay
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot
 from robots.quaternion import multiply
 
@@ -40,7 +40,7 @@ class Swing:
 
 
 def twin_of(robot: Robot, voltage: float | None = None) -> Twin:
-    return Twin(robot, Stage.build(robot, load_scene("flat")).model, voltage=voltage)
+    return Twin(robot, World.build(robot, load_scene("flat")).model, voltage=voltage)
 
 
 def record_swing(path: Path, robot: Robot, twin: Twin, start: Posture | None, spoil=None) -> None:

@@ -9,11 +9,11 @@ from rich.console import Console
 
 from humanoid_getup.cli.output import to_json
 from humanoid_getup.execution.get_up import Rise
-from humanoid_getup.reporting.report import KEYS, Circumstances, make_report, print_summary
+from humanoid_getup.reporting.report import KEYS, RunContext, make_report, print_summary
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import load_robot
 
-ASKED = Circumstances(
+ASKED = RunContext(
     robot="op3",
     period=0.008,
     seed=4,
@@ -40,7 +40,7 @@ UNPLANNED = Rise(
         filter_s=0.0,
     ),
     run=None,
-    watched=None,
+    outcome=None,
 )
 
 

@@ -16,8 +16,8 @@ ATTITUDES = {
 
 
 @pytest.fixture(scope="module")
-def falls(stage):
-    return sample_falls(stage, {"supine": 2, "prone": 2, "lateral": 2}, np.random.default_rng(5))
+def falls(world):
+    return sample_falls(world, {"supine": 2, "prone": 2, "lateral": 2}, np.random.default_rng(5))
 
 
 @pytest.mark.parametrize("name", ATTITUDES)
@@ -42,33 +42,33 @@ def test_every_class_has_its_count_and_its_name(falls):
         assert classify(fall.posture.orientation) == fall.start_class
 
 
-def test_a_fallen_robot_rests_on_the_ground_within_its_limits(falls, stage):
-    robot = stage.robot
+def test_a_fallen_robot_rests_on_the_ground_within_its_limits(falls, world):
+    robot = world.robot
     for fall in falls:
-        lowest = lowest_point(stage.model, place(robot, stage.model, fall.posture))
+        lowest = lowest_point(world.model, place(robot, world.model, fall.posture))
         assert -0.004 < lowest < 0.001
         assert np.all(fall.posture.joint_pos >= robot.lower)
         assert np.all(fall.posture.joint_pos <= robot.upper)
 
 
-def test_a_fallen_robot_stays_where_it_is(falls, stage):
-    robot = stage.robot
-    starts = np.array([place(robot, stage.model, fall.posture) for fall in falls])
-    limp = Conditions.nominal(stage, len(falls), torque_limit=0.0)
-    trace = Rehearsal(stage, len(falls)).play(starts, np.zeros((len(falls), 125, robot.n)), limp)
+def test_a_fallen_robot_stays_where_it_is(falls, world):
+    robot = world.robot
+    starts = np.array([place(robot, world.model, fall.posture) for fall in falls])
+    limp = Conditions.nominal(world, len(falls), torque_limit=0.0)
+    trace = Rehearsal(world, len(falls)).play(starts, np.zeros((len(falls), 125, robot.n)), limp)
     turned = quaternion.angle_between(trace.qpos[:, -1, 3:7], starts[:, 3:7])
     assert np.all(turned < np.radians(3.0))
 
 
-def test_one_seed_gives_one_set(stage):
+def test_one_seed_gives_one_set(world):
     counts = {"supine": 1, "lateral": 1}
-    first, second = (sample_falls(stage, counts, np.random.default_rng(9)) for _ in range(2))
+    first, second = (sample_falls(world, counts, np.random.default_rng(9)) for _ in range(2))
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a.posture.joint_pos, b.posture.joint_pos)
         np.testing.assert_array_equal(a.posture.orientation, b.posture.orientation)
 
 
-def test_joints_are_far_from_home(falls, stage):
-    home = stage.robot.standing.joint_pos
+def test_joints_are_far_from_home(falls, world):
+    home = world.robot.standing.joint_pos
     for fall in falls:
         assert np.abs(fall.posture.joint_pos - home).max() > 0.8

@@ -4,22 +4,22 @@ import pytest
 
 from humanoid_getup.evaluation.standing import is_upright
 from humanoid_getup.simulation.rollout import Conditions, Rehearsal
-from humanoid_getup.simulation.world import Stage
+from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import place
 
 
-def _stand(stage: Stage, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
-    robot = stage.robot
-    starts = np.tile(place(robot, stage.model, robot.standing), (n, 1))
+def _stand(world: World, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
+    robot = world.robot
+    starts = np.tile(place(robot, world.model, robot.standing), (n, 1))
     return starts, np.tile(robot.standing.joint_pos, (n, cycles, 1))
 
 
-def test_a_rehearsal_is_bit_equal_to_bare_physics(stage):
-    starts, targets = _stand(stage, 1, 40)
+def test_a_rehearsal_is_bit_equal_to_bare_physics(world):
+    starts, targets = _stand(world, 1, 40)
     targets[0, :, :6] += np.linspace(0.0, 0.4, 40)[:, None]
-    trace = Rehearsal(stage, 1).play(starts, targets, Conditions.nominal(stage, 1))
-    model = stage.model
+    trace = Rehearsal(world, 1).play(starts, targets, Conditions.nominal(world, 1))
+    model = world.model
     data = mujoco.MjData(model)
     data.qpos[:] = starts[0]
     for row in targets[0]:
@@ -28,69 +28,69 @@ def test_a_rehearsal_is_bit_equal_to_bare_physics(stage):
     np.testing.assert_array_equal(trace.qpos[0, -1], data.qpos)
 
 
-def test_rehearsals_do_not_disturb_each_other(stage):
-    starts, targets = _stand(stage, 3, 60)
+def test_rehearsals_do_not_disturb_each_other(world):
+    starts, targets = _stand(world, 3, 60)
     targets[1] += 0.2
-    conditions = Conditions.nominal(stage, 3)
-    together = Rehearsal(stage, 3).play(starts, targets, conditions)
-    alone = Rehearsal(stage, 1).play(starts[:1], targets[:1], Conditions.nominal(stage, 1))
+    conditions = Conditions.nominal(world, 3)
+    together = Rehearsal(world, 3).play(starts, targets, conditions)
+    alone = Rehearsal(world, 1).play(starts[:1], targets[:1], Conditions.nominal(world, 1))
     np.testing.assert_array_equal(together.qpos[0], alone.qpos[0])
     np.testing.assert_array_equal(together.qpos[2], alone.qpos[0])
     assert not np.allclose(together.qpos[1], together.qpos[0])
 
 
-def test_a_standing_robot_stands_and_a_lying_one_does_not(stage):
-    robot = stage.robot
-    starts, targets = _stand(stage, 2, 60)
+def test_a_standing_robot_stands_and_a_lying_one_does_not(world):
+    robot = world.robot
+    starts, targets = _stand(world, 2, 60)
     prone = Posture(
         position=np.array([0.0, 0.0, 0.12]),
         orientation=quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.pi / 2),
         joint_pos=robot.standing.joint_pos,
     )
-    starts[1] = place(robot, stage.model, prone)
-    trace = Rehearsal(stage, 2).play(starts, targets, Conditions.nominal(stage, 2))
+    starts[1] = place(robot, world.model, prone)
+    trace = Rehearsal(world, 2).play(starts, targets, Conditions.nominal(world, 2))
     upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
     assert upright[0].all()
     assert not upright[1].any()
     assert trace.foreign[1, -20:].all()
 
 
-def test_torque_limits_hold_for_each_rehearsal(stage):
-    starts, targets = _stand(stage, 2, 30)
+def test_torque_limits_hold_for_each_rehearsal(world):
+    starts, targets = _stand(world, 2, 30)
     targets += 0.8
     conditions = Conditions(
         friction=np.full(2, 0.8), voltage=np.full(2, 12.0), torque_limit=np.array([4.1, 1.0])
     )
-    trace = Rehearsal(stage, 2).play(starts, targets, conditions)
+    trace = Rehearsal(world, 2).play(starts, targets, conditions)
     peak = np.abs(trace.torque).max(axis=(1, 2))
     assert peak[1] <= 1.0
     assert peak[0] > 2.0
 
 
-def test_a_lower_supply_makes_slower_servos(stage):
-    robot = stage.robot
-    starts, targets = _stand(stage, 2, 12)
+def test_a_lower_supply_makes_slower_servos(world):
+    robot = world.robot
+    starts, targets = _stand(world, 2, 12)
     targets[:, :, robot.joint_names.index("head_pan")] = 1.5
     conditions = Conditions(
         friction=np.full(2, 0.8), voltage=np.array([12.0, 9.0]), torque_limit=np.full(2, 4.1)
     )
-    trace = Rehearsal(stage, 2).play(starts, targets, conditions)
-    pan = robot.layout(stage.model).qpos[robot.joint_names.index("head_pan")]
+    trace = Rehearsal(world, 2).play(starts, targets, conditions)
+    pan = robot.layout(world.model).qpos[robot.joint_names.index("head_pan")]
     turned = trace.qpos[:, -1, pan]
     # At no load the speed follows the supply: 9 / 12 of it.
     assert turned[1] / turned[0] == pytest.approx(0.75, abs=0.03)
 
 
-def test_steering_sees_the_robot_and_its_answer_is_recorded(stage):
-    starts, targets = _stand(stage, 1, 5)
+def test_steering_sees_the_robot_and_its_answer_is_recorded(world):
+    starts, targets = _stand(world, 1, 5)
     seen = []
 
     def steer(observation, planned):
         seen.append((observation.step, observation.limb_touch.sum()))
         return planned + 0.01
 
-    rehearsal = Rehearsal(stage, 1)
-    trace = rehearsal.play(starts, targets, Conditions.nominal(stage, 1), steering=steer)
+    rehearsal = Rehearsal(world, 1)
+    trace = rehearsal.play(starts, targets, Conditions.nominal(world, 1), steering=steer)
     assert [step for step, _ in seen] == [0, 1, 2, 3, 4]
     assert seen[-1][1] == 2  # both legs touch the ground, no other limb
     np.testing.assert_allclose(trace.target, targets + 0.01)

@@ -7,7 +7,7 @@ from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.strategies.plan import RiseOptions, RiseStatus
-from humanoid_getup.strategies.planned_rise import RisePlanner
+from humanoid_getup.strategies.planned_rise import PlannedRise
 
 
 @pytest.fixture(scope="module")
@@ -16,13 +16,13 @@ def database(op3):
 
 
 @pytest.fixture(scope="module")
-def fall(stage):
-    return sample_falls(stage, {"supine": 1}, np.random.default_rng(3))[0].posture
+def fall(world):
+    return sample_falls(world, {"supine": 1}, np.random.default_rng(3))[0].posture
 
 
 @pytest.fixture(scope="module")
-def plan(stage, database, fall):
-    return RisePlanner(stage, database, RiseOptions()).plan(fall, np.random.default_rng(0))
+def plan(world, database, fall):
+    return PlannedRise(world, database, RiseOptions()).plan(fall, np.random.default_rng(0))
 
 
 def test_a_supine_fall_is_planned_and_stands(plan):
@@ -40,14 +40,14 @@ def test_a_rise_begins_where_the_robot_lies_and_ends_in_the_stance(plan, fall, o
     np.testing.assert_allclose(motion.joint_target[-1], op3.standing.joint_pos, atol=1e-6)
 
 
-def test_the_same_seed_gives_the_same_rise(stage, database, fall, plan):
-    again = RisePlanner(stage, database, RiseOptions()).plan(fall, np.random.default_rng(0))
+def test_the_same_seed_gives_the_same_rise(world, database, fall, plan):
+    again = PlannedRise(world, database, RiseOptions()).plan(fall, np.random.default_rng(0))
     np.testing.assert_array_equal(again.motion.joint_target, plan.motion.joint_target)
 
 
-def test_without_filter_the_path_and_the_motion_come_out_as_they_are(stage, database, fall):
+def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):
     options = RiseOptions(filtering=False)
-    raw = RisePlanner(stage, database, options).plan(fall, np.random.default_rng(0))
+    raw = PlannedRise(world, database, options).plan(fall, np.random.default_rng(0))
     assert raw.status is RiseStatus.UNREHEARSED
     assert raw.rehearsals == 0
     joined = raw.connection.motion
@@ -55,20 +55,20 @@ def test_without_filter_the_path_and_the_motion_come_out_as_they_are(stage, data
     np.testing.assert_array_equal(raw.motion.joint_target[-len(tail) :], tail)
 
 
-def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(stage, database, fall):
+def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fall):
     options = RiseOptions(torque_limit=0.15)
-    weak = RisePlanner(stage, database, options).plan(fall, np.random.default_rng(0))
+    weak = PlannedRise(world, database, options).plan(fall, np.random.default_rng(0))
     assert weak.status is RiseStatus.FELL
     assert weak.motion is None
     assert "neck" in weak.reason
 
 
-def test_a_rise_that_only_knows_prone_motions_still_answers(stage, op3, database, fall):
+def test_a_rise_that_only_knows_prone_motions_still_answers(world, op3, database, fall):
     prone = [m for m in database.motions if m.start_class == "prone"]
     only = MotionDatabase(
         [replace(m, entry=np.arange(len(m.time)) == 0) for m in prone], PostureMetric.of(op3)
     )
-    plan = RisePlanner(stage, only, RiseOptions()).plan(fall, np.random.default_rng(0))
+    plan = PlannedRise(world, only, RiseOptions()).plan(fall, np.random.default_rng(0))
     assert plan.status in (RiseStatus.STOOD, RiseStatus.FELL)
     assert plan.planned
     assert plan.rounds >= 1

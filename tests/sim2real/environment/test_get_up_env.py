@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode
 from robots.kinematics import place
 from sim2real.environment.get_up_env import HELD, EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
-from sim2real.environment.randomization import Randomisation
+from sim2real.environment.randomization import Randomization
 from sim2real.environment.rewards import Reward, stands
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
 STANDING = replace(FALLEN, falls=0.0, motions=0.0)
-RANDOM = EnvOptions(robots=8, randomisation=Randomisation(), threads=2)
+RANDOM = EnvOptions(robots=8, randomization=Randomization(), threads=2)
 
 
 def roll(op3, action, pool, options, seed, steps=8):

@@ -9,7 +9,7 @@ from humanoid_getup.policy.observation import mirror_of_observation
 from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
 
-# The OP3 is not quite symmetric: its torso's centre of mass is 0.13 mm to one side. In the
+# The OP3 is not quite symmetric: its torso's center of mass is 0.13 mm to one side. In the
 # air that makes up to 0.005 in an observation, whose joint speeds are about 5.
 ASYMMETRY = 0.01
 

@@ -1,4 +1,4 @@
-"""Randomisation: drawn from its ranges, by the seed, around the robot as described."""
+"""Randomization: drawn from its ranges, by the seed, around the robot as described."""
 
 from dataclasses import fields
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sim2real.environment.conditions import Conditions
-from sim2real.environment.randomization import MOST_DELAY, Randomisation
+from sim2real.environment.randomization import MOST_DELAY, Randomization
 
-R = Randomisation()
+R = Randomization()
 N = 400
 
 

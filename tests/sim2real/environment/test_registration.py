@@ -20,7 +20,7 @@ SMALL = {"num_envs": 4, "falls": 4, "threads": 1}
 @pytest.fixture(scope="module")
 def env():
     made = gymnasium.make_vec(
-        NAME, vectorization_mode="vector_entry_point", robot="op3", randomisation="all", **SMALL
+        NAME, vectorization_mode="vector_entry_point", robot="op3", randomization="all", **SMALL
     )
     yield made
     made.close()

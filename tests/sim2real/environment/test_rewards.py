@@ -11,8 +11,8 @@ from sim2real.environment.rewards import (
     REWARDS,
     SOLES_LOW,
     UNDER_TORSO,
-    Moment,
     Reward,
+    RewardInputs,
     action_change,
     at_ease,
     demanding,
@@ -30,7 +30,7 @@ from sim2real.environment.rewards import (
 )
 from sim2real.environment.vectorized_simulation import Herd
 
-STANDING = Moment(
+STANDING = RewardInputs(
     height=np.array([1.0]),
     stretch=np.array([1.0]),
     sole_height=np.array([0.0]),
@@ -62,7 +62,7 @@ LYING = replace(SITTING, height=np.array([0.15]), stretch=np.array([0.1]), uprig
 ONE_MOVES = np.array([[0.5, 0.0]])
 
 
-def change(**fields: object) -> Moment:
+def change(**fields: object) -> RewardInputs:
     return replace(STANDING, **{name: np.atleast_1d(value) for name, value in fields.items()})
 
 
@@ -137,7 +137,9 @@ def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
     truth = replace(truth, foreign=np.array([False]), sole_height=np.full((1, 2), 0.1 * size))
     truth = replace(truth, head_fall=np.array([0.6]))
     truth = replace(truth, joint_vel=np.tile(op3.max_velocity, (1, 1)))
-    moment = Moment.of(op3, truth, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1)))
+    moment = RewardInputs.of(
+        op3, truth, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1))
+    )
     assert moment.height == pytest.approx([0.9])
     assert moment.stretch == pytest.approx([0.8])
     assert moment.sole_height == pytest.approx([0.1])

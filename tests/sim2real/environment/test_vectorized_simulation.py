@@ -13,7 +13,7 @@ from robots.kinematics import place
 from robots.robot import GAIN_KP, GAIN_VMAX
 from sim2real.environment.conditions import Conditions, Noise
 from sim2real.environment.model_variants import free_play
-from sim2real.environment.randomization import Randomisation
+from sim2real.environment.randomization import Randomization
 from sim2real.environment.training_world import build_world
 from sim2real.environment.vectorized_simulation import FIRM, Herd
 
@@ -197,7 +197,7 @@ def test_conditions_of_some_leave_the_others_as_they_are(op3, delayed_world, fal
     for herd in herds:
         herd.place(np.arange(3), falls[:3])
         herd.advance(target, target + 0.2)
-    herds[1].set_conditions(some, Randomisation().sample(op3, delayed_world, 1, rng))
+    herds[1].set_conditions(some, Randomization().sample(op3, delayed_world, 1, rng))
     for herd in herds:
         herd.advance(target + 0.2, target)
     others = [0, 2]
@@ -301,7 +301,7 @@ def test_a_falling_head_is_seen_to_fall_and_a_rising_one_not_to(op3, world, fall
 
 def test_a_restored_herd_goes_on_to_the_bit(op3, delayed_world, falls):
     everyone, rng = np.arange(8), np.random.default_rng(0)
-    conditions = Randomisation().sample(op3, delayed_world, 8, rng)
+    conditions = Randomization().sample(op3, delayed_world, 8, rng)
     herd = Herd(delayed_world, op3, 8, cycles=CYCLES, threads=2)
     herd.set_conditions(everyone, conditions)
     herd.place(everyone, falls[:8])

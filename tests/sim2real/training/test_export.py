@@ -33,7 +33,7 @@ MINE = replace(RECIPES["robust"], hidden=(32, 16))
 
 
 def make_actor(training: Training, robot: Robot):
-    """An actor as it comes out of a training: weights and normaliser far from their first."""
+    """An actor as it comes out of a training: weights and normalizer far from their first."""
     action = training.recipe.choose_actions(robot)
     size = sum(term.size for term in list_terms(robot, action))
     torch.manual_seed(SEED)

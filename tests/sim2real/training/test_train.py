@@ -33,7 +33,7 @@ from sim2real.training.train import PROGRESS, train
 
 TINY = Recipe(
     rewards="quick",
-    randomisation="all",
+    randomization="all",
     wide=True,
     iterations=4,
     robots=8,

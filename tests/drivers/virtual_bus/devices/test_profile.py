@@ -7,8 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.virtual_bus.devices.profile import (
+    ProfileTrajectory,
     Shape,
-    Trajectory,
     approach,
     plan_by_time,
     plan_by_velocity,
@@ -20,7 +20,7 @@ speeds = st.floats(-2000.0, 2000.0)
 START = 5.0
 
 
-def sample(path: Trajectory, count: int = 200) -> list[tuple[float, float, float]]:
+def sample(path: ProfileTrajectory, count: int = 200) -> list[tuple[float, float, float]]:
     """Time, position and velocity from start to end."""
     times = [START + (path.end - START) * i / count for i in range(count + 1)]
     return [(t, *path.at(t)) for t in times]

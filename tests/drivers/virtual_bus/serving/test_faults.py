@@ -14,9 +14,9 @@ from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, FrameParser, Packet, Span, Status
 from drivers.virtual_bus.serving.fault_injector import FaultCounts, FaultError
 from drivers.virtual_bus.serving.fault_schedule import KINDS, Schedule, ScheduleError
-from drivers.virtual_bus.serving.interfaces import StillBody
+from drivers.virtual_bus.serving.interfaces import StillPhysics
 from drivers.virtual_bus.serving.lock_step import QUIET
-from drivers.virtual_bus.serving.server import Pace, VirtualBus
+from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 
 IDS = (1, 2, 3)
@@ -36,7 +36,7 @@ def bytes_of(sendings) -> bytes:
     return b"".join(sending.data for sending in sendings)
 
 
-class WarmBody(StillBody):
+class WarmBody(StillPhysics):
     """A table whose servos can be heated and whose battery can sag."""
 
     def __init__(self, devices) -> None:
@@ -59,7 +59,7 @@ def devices():
 
 @pytest.fixture
 def bus(devices: FakeDevices):
-    with VirtualBus(devices, WarmBody(devices), pace=Pace.LOCK_STEP) as bus:
+    with VirtualBus(devices, WarmBody(devices), pace=TimeMode.LOCK_STEP) as bus:
         yield bus
 
 
@@ -282,7 +282,7 @@ def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevi
 
 def test_two_devices_of_one_id_break_together(devices: FakeDevices):
     devices.devices[1].id = 1
-    with VirtualBus(devices, pace=Pace.LOCK_STEP) as bus:
+    with VirtualBus(devices, pace=TimeMode.LOCK_STEP) as bus:
         bus.faults.kill(1)
     assert [device.alive for device in devices.devices] == [False, False, True]
 
@@ -301,7 +301,7 @@ def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
 def test_every_imu_freezes(devices: FakeDevices):
     board = devices.devices[2]
     board.frozen = False  # type: ignore[attr-defined]
-    with VirtualBus(devices, pace=Pace.LOCK_STEP) as bus:
+    with VirtualBus(devices, pace=TimeMode.LOCK_STEP) as bus:
         bus.faults.freeze_imu()
         assert board.frozen is True  # type: ignore[attr-defined]
         bus.faults.freeze_imu(False)
@@ -334,7 +334,7 @@ def test_a_scheduled_fault_comes_and_goes_at_its_bus_time(tmp_path, devices: Fak
     alive = []
     schedule = Schedule.from_file(file, IDS)
     with (
-        VirtualBus(devices, pace=Pace.LOCK_STEP, schedule=schedule) as bus,
+        VirtualBus(devices, pace=TimeMode.LOCK_STEP, schedule=schedule) as bus,
         serial.Serial(bus.path, 1_000_000, timeout=5.0) as port,
     ):
         for _ in range(6):
@@ -346,7 +346,7 @@ def test_a_scheduled_fault_comes_and_goes_at_its_bus_time(tmp_path, devices: Fak
 def test_a_scheduled_unplugging_ends_by_itself(tmp_path, devices: FakeDevices):
     file = write(tmp_path, '[[fault]]\nat = 0.008\nkind = "unplug"\nfor = 0.05\n')
     schedule = Schedule.from_file(file)
-    with VirtualBus(devices, pace=Pace.LOCK_STEP, schedule=schedule) as bus:
+    with VirtualBus(devices, pace=TimeMode.LOCK_STEP, schedule=schedule) as bus:
         with serial.Serial(bus.path, 1_000_000) as port:
             port.write(GOALS)
             end = time.monotonic() + 10.0
@@ -386,7 +386,7 @@ def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevic
     )
     devices.devices[2].frozen = False  # type: ignore[attr-defined]
     schedule = Schedule.from_file(write(tmp_path, text), IDS)
-    bus = VirtualBus(devices, WarmBody(devices), pace=Pace.REAL_TIME, schedule=schedule)
+    bus = VirtualBus(devices, WarmBody(devices), pace=TimeMode.REAL_TIME, schedule=schedule)
     with bus:
         end = time.monotonic() + 10.0
         while bus.faults.counts.replug < 2:
@@ -419,7 +419,7 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
         kind = "trip"
         id = 9
         error = "fire"
-        colour = "red"
+        color = "red"
         [[fault]]
         at = 1
         kind = "flip"
@@ -452,7 +452,7 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
         "fault 2: kind is 'melt', allowed lose_request,",
         "fault 3: trip: id is 9, allowed 1, 2, 3",
         "fault 3: trip: error is 'fire', allowed voltage, overheating, encoder, shock, overload",
-        "fault 3: trip: unknown field 'colour', allowed kind, at, id, error",
+        "fault 3: trip: unknown field 'color', allowed kind, at, id, error",
         "fault 4: flip: rate is 2, allowed a number from 0 to 1",
         "fault 5: lose: count is 0, allowed an integer from 1 to",
         "fault 5: lose: has a rate and also a count or an id, allowed one or the other",

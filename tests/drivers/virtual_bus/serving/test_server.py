@@ -14,9 +14,9 @@ from fake_devices import FakeDevices
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Instruction, Packet, Span, Status
-from drivers.virtual_bus.serving.interfaces import StillBody
+from drivers.virtual_bus.serving.interfaces import StillPhysics
 from drivers.virtual_bus.serving.lock_step import QUIET
-from drivers.virtual_bus.serving.server import Pace, VirtualBus, VirtualBusError
+from drivers.virtual_bus.serving.server import TimeMode, VirtualBus, VirtualBusError
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s, of a bus without physics
@@ -31,7 +31,7 @@ def devices():
 
 @pytest.fixture
 def bus(devices: FakeDevices):
-    with VirtualBus(devices, pace=Pace.LOCK_STEP) as bus:
+    with VirtualBus(devices, pace=TimeMode.LOCK_STEP) as bus:
         yield bus
 
 
@@ -105,7 +105,7 @@ def test_a_client_that_waits_in_vain_lets_time_pass(bus: VirtualBus):
 
 def test_the_same_requests_give_the_same_bytes_and_time():
     def play() -> tuple[bytes, float]:
-        with VirtualBus(FakeDevices(IDS), pace=Pace.LOCK_STEP) as bus, connect(bus) as port:
+        with VirtualBus(FakeDevices(IDS), pace=TimeMode.LOCK_STEP) as bus, connect(bus) as port:
             read = protocol2.sync_read(IDS, Span(126, 10), fast=True)
             answers = [ask(port, GOALS + read, 50) for _ in range(20)]
             return b"".join(answers), bus.time
@@ -158,7 +158,7 @@ def test_bus_time_passes_without_a_client(devices: FakeDevices):
 
 
 def test_bus_time_goes_on_from_where_the_body_is(devices: FakeDevices):
-    body = StillBody(devices)
+    body = StillPhysics(devices)
     body.advance(1000.0)
     with VirtualBus(devices, body) as bus:
         wait_until(lambda: 1000.0 < bus.time < 1000.0 + 60.0)
@@ -187,8 +187,8 @@ def test_talking_over_an_answer_is_noted():
 # Both --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, pace: TimeMode):
     with VirtualBus(devices, pace=pace) as bus:
         with connect(bus, 57600, timeout=0.05) as port:
             assert ask(port, protocol2.ping(1), 14) == b""
@@ -198,8 +198,8 @@ def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, pace: Pac
     assert devices.heard == [Packet(1, Instruction.PING)]
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_the_books_balance(devices: FakeDevices, pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_the_books_balance(devices: FakeDevices, pace: TimeMode):
     read = protocol2.sync_read(IDS, Span(126, 10))
     with VirtualBus(devices, pace=pace) as bus, connect(bus) as port:
         for _ in range(10):
@@ -211,8 +211,8 @@ def test_the_books_balance(devices: FakeDevices, pace: Pace):
     assert (told.noise, told.damaged, told.overflow, told.unanswered) == (0, 0, 0, 0)
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_a_client_that_never_reads_does_not_hold_the_bus_up(devices: FakeDevices, pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_a_client_that_never_reads_does_not_hold_the_bus_up(devices: FakeDevices, pace: TimeMode):
     read = protocol2.read(1, Span(0, 250))
     with VirtualBus(devices, pace=pace) as bus, connect(bus) as port:
         for _ in range(400):
@@ -225,15 +225,15 @@ def test_a_client_that_never_reads_does_not_hold_the_bus_up(devices: FakeDevices
 
 def test_devices_refuse_unstuffed_instructions_where_they_are_strict(devices: FakeDevices):
     raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
-    strict = VirtualBus(devices, pace=Pace.LOCK_STEP, strict_stuffing=True)
+    strict = VirtualBus(devices, pace=TimeMode.LOCK_STEP, strict_stuffing=True)
     with strict as bus, connect(bus) as port:
         assert ask(port, raw + protocol2.ping(2), 14)[4] == 2
         assert bus.statistics.unstuffed == 1
     assert devices.heard == [Packet(2, Instruction.PING)]
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_unplug_and_replug(devices: FakeDevices, pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_unplug_and_replug(devices: FakeDevices, pace: TimeMode):
     with VirtualBus(devices, pace=pace) as bus:
         path, before = bus.path, connect(bus)
         bus.unplug()
@@ -250,8 +250,8 @@ def test_unplug_and_replug(devices: FakeDevices, pace: Pace):
             assert ask(port, protocol2.ping(1), 14)[:4] == PING_HEAD
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_a_killed_client_does_not_stop_the_bus(devices: FakeDevices, pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_a_killed_client_does_not_stop_the_bus(devices: FakeDevices, pace: TimeMode):
     script = (
         "import serial, sys, time\n"
         "port = serial.Serial(sys.argv[1], 1_000_000, timeout=5)\n"
@@ -276,8 +276,8 @@ class BrokenDevices(FakeDevices):
         raise RuntimeError("a servo melted")
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(pace: TimeMode):
     bus = VirtualBus(BrokenDevices(IDS), pace=pace).start()
     path = bus.path
     with connect(bus) as port:
@@ -289,8 +289,8 @@ def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(pace: Pac
     bus.stop()
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_stop_takes_port_and_thread_away_and_may_be_repeated(devices: FakeDevices, pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_stop_takes_port_and_thread_away_and_may_be_repeated(devices: FakeDevices, pace: TimeMode):
     threads, ends = threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))
     bus = VirtualBus(devices, pace=pace)
     bus.stop()  # not even started
@@ -305,8 +305,8 @@ def test_stop_takes_port_and_thread_away_and_may_be_repeated(devices: FakeDevice
         bus.start()
 
 
-@pytest.mark.parametrize("pace", Pace)
-def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(devices, pace: Pace):
+@pytest.mark.parametrize("pace", TimeMode)
+def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(devices, pace: TimeMode):
     with VirtualBus(devices, pace=pace) as bus:
         assert bus.call(lambda: threading.current_thread().name) == "virtual bus"
         assert bus.call(lambda: bus.call(lambda: 7)) == 7  # also from within

@@ -245,7 +245,7 @@ def test_a_full_disk_stops_the_recording_and_not_the_robot(tmp_path, robot, flig
 
 KILLED = """
 import sys, os
-sys.path[:0] = [{tests!r}]
+sys.path[:0] = {tests!r}
 from test_flight_log import *
 robot = load_robot(TINY)
 with FlightLog(Path({path!r}), robot, start=None) as log:
@@ -262,7 +262,7 @@ with FlightLog(Path({path!r}), robot, start=None) as log:
 
 def test_a_log_whose_program_was_killed_holds_all_but_the_last_chunk(tmp_path):
     path = tmp_path / "f.mcap"
-    script = KILLED.format(tests=str(Path(__file__).parent), path=str(path))
+    script = KILLED.format(tests=[str(Path(__file__).parent), *sys.path], path=str(path))
     command = [sys.executable, "-c", script]
     with subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None

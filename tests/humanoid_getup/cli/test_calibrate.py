@@ -203,7 +203,7 @@ def test_calibrating_sets_nothing_that_a_servo_keeps(calibrate):
 def test_a_robot_that_moves_is_measured_again_when_it_is_held_still(calibrate, monkeypatch):
     with real_robot() as served:
         wobble = iter([0, 3, 9] * 100)
-        locate = calibrate.locate
+        locate = service.locate
         moves = [True]
 
         def look(bus, joints, *more):
@@ -226,7 +226,7 @@ def test_a_robot_that_is_being_turned_is_refused_where_nobody_can_be_asked(
     folder, calibrate, monkeypatch
 ):
     with real_robot() as served:
-        angles, locate = iter(np.linspace(0.0, 5.0, calibrate.READS)), calibrate.locate
+        angles, locate = iter(np.linspace(0.0, 5.0, service.READS)), service.locate
 
         def turn_and_look(bus, joints):
             served.place(r_hip=next(angles))

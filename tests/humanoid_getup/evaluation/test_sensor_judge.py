@@ -121,9 +121,9 @@ quaternions = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(
 )
 
 
-@given(quaternion=quaternions)
-def test_gravity_in_haste_is_gravity(quaternion: list[float]):
-    orientation = quaternion.normalize(np.array(quaternion))
+@given(parts=quaternions)
+def test_gravity_in_haste_is_gravity(parts: list[float]):
+    orientation = quaternion.normalize(np.array(parts))
     slow = quaternion.gravity_in_body(torso_orientation(WORLD.robot, WORLD.model, orientation))
     imu = WORLD.model.site(WORLD.robot.imu_site).quat
     np.testing.assert_allclose(GravitySense(imu)(orientation), slow, atol=1e-9)

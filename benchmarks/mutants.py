@@ -1,0 +1,273 @@
+"""Measure how many small faults the tests notice: mutants of the code that decides and protects.
+
+A seeded sample of mutants (Cosmic Ray's operators) of each module is put in, one at a time, in a
+copy of the repository, and the tests beside that module run. A mutant is killed when a test fails.
+Mutants of type annotations and decorators are left out: annotations are never evaluated.
+
+    python benchmarks/mutants.py --n 40 --seed 0 --json mutants.json
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import SimpleQueue
+
+import tyro
+from cosmic_ray.ast import ast_nodes, get_ast_from_path
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.plugins import get_operator, operator_names
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from humanoid_getup.evaluation.statistics import wilson_interval
+
+REPOSITORY = Path(__file__).parents[1]
+OPERATORS = re.compile(
+    r"core/(ReplaceBinaryOperator_(Add_Sub|Sub_Add|Mul_Div|Div_Mul|FloorDiv_Div|BitAnd_BitOr"
+    r"|BitOr_BitAnd)|ReplaceComparisonOperator_(Lt_LtE|LtE_Lt|Gt_GtE|GtE_Gt|Lt_Gt|Gt_Lt|LtE_GtE"
+    r"|GtE_LtE|Eq_NotEq|NotEq_Eq|Is_IsNot|IsNot_Is)|ReplaceUnaryOperator_(Delete_\w+|USub_UAdd)"
+    r"|ReplaceAndWithOr|ReplaceOrWithAnd|AddNot|ReplaceTrueWithFalse|ReplaceFalseWithTrue"
+    r"|ReplaceBreakWithContinue|ReplaceContinueWithBreak|NumberReplacer|ZeroIterationForLoop)"
+)
+"""Faults that a person could make; most other replacements of operators are type errors."""
+TIMEOUT_FACTOR, TIMEOUT_EXTRA = 5.0, 20.0  # s beyond what the tests take without a fault
+TARGETS: dict[str, tuple[str, ...]] = {
+    "drivers/safety_guard.py": ("tests/drivers/test_safety_guard.py",),
+    "drivers/safety_limits.py": ("tests/drivers/test_safety_guard.py",),
+    "drivers/control_loop.py": ("tests/drivers/test_control_loop.py",),
+    "drivers/dynamixel/servo_states.py": ("tests/drivers/dynamixel/test_backend.py",),
+    "drivers/dynamixel/command_writer.py": ("tests/drivers/dynamixel/test_backend.py",),
+    "humanoid_getup/planning/rrt_blossom.py": ("tests/humanoid_getup/planning",),
+    "humanoid_getup/planning/posture_space.py": ("tests/humanoid_getup/planning",),
+    "humanoid_getup/motions/posture_metric.py": (
+        "tests/humanoid_getup/motions/test_posture_metric.py",
+    ),
+    "humanoid_getup/filtering/dynamics_filter.py": ("tests/humanoid_getup/filtering",),
+    "humanoid_getup/evaluation/standing.py": ("tests/humanoid_getup/evaluation",),
+    "humanoid_getup/evaluation/judge.py": ("tests/humanoid_getup/evaluation",),
+    "sim2real/policy_evaluation.py": ("tests/sim2real/test_policy_evaluation.py",),
+    "sim2real/environment/rewards.py": ("tests/sim2real/environment/test_rewards.py",),
+}
+"""Modules to mutate, each with the tests that must notice."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mutant:
+    """One small fault of one module."""
+
+    module: str
+    operator: str
+    occurrence: int
+    line: int
+    source: str
+    """Source text of the mutated line."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Sample mutants of the code that decides and protects; count those that a test notices."""
+
+    n: int = 40
+    """Mutants a module, at most."""
+    seed: int = 0
+    """Seed of the sample."""
+    jobs: int = 1
+    """Copies of the repository that are tested side by side."""
+    only: tuple[str, ...] = ()
+    """Modules to mutate (paths); all when left out."""
+    json: Path | None = None
+    """File for the figures and for every mutant that survived."""
+
+
+@dataclass(kw_only=True)
+class Count:
+    """How many mutants of a module were put in, and which survived."""
+
+    n: int = 0
+    survivors: list[Mutant] = field(default_factory=list)
+
+
+def list_mutants(module: str) -> list[Mutant]:
+    """List every mutant of a module except those of type annotations and decorators."""
+    path = REPOSITORY / module
+    lines = path.read_text("utf-8").splitlines()
+    skipped = set(_annotation_lines(ast.parse(path.read_text("utf-8"))))
+    tree, mutants = get_ast_from_path(path), []
+    for name in operator_names():
+        if not OPERATORS.fullmatch(name):
+            continue
+        operator = get_operator(name)()
+        positions = (
+            start for node in ast_nodes(tree) for start, _ in operator.mutation_positions(node)
+        )
+        for occurrence, (line, column) in enumerate(positions):
+            if (line, column) in skipped:
+                continue
+            source = lines[line - 1].strip()
+            mutants.append(
+                Mutant(
+                    module=module,
+                    operator=name.removeprefix("core/"),
+                    occurrence=occurrence,
+                    line=line,
+                    source=source,
+                )
+            )
+    return mutants
+
+
+def _annotation_lines(tree: ast.AST) -> Iterable[tuple[int, int]]:
+    """Yield the positions (line, column) of annotations and of decorators."""
+    for node in ast.walk(tree):
+        for part in getattr(node, "decorator_list", ()):
+            yield from ((part.lineno, column) for column in range(200))
+        for name in ("annotation", "returns"):
+            part = getattr(node, name, None)
+            if isinstance(part, ast.expr):
+                for line in range(part.lineno, (part.end_lineno or part.lineno) + 1):
+                    begin = part.col_offset if line == part.lineno else 0
+                    end = part.end_col_offset or 0 if line == part.end_lineno else 200
+                    yield from ((line, column) for column in range(begin, end + 1))
+
+
+class Copy:
+    """A copy of the repository in which one mutant at a time is tested."""
+
+    def __init__(self, folder: Path) -> None:
+        """Copy what git tracks, as it is in the working tree."""
+        self.folder = folder
+        listed = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=REPOSITORY, capture_output=True, check=True, text=True
+        )
+        for name in filter(None, listed.stdout.split("\0")):
+            if (REPOSITORY / name).is_file():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(REPOSITORY / name, folder / name)
+
+    def survives(self, mutant: Mutant, timeout: float) -> bool | None:
+        """Tell whether the tests pass with a mutant; None where it changes nothing."""
+        path = self.folder / mutant.module
+        original = path.read_text("utf-8")
+        operator = get_operator(f"core/{mutant.operator}")()
+        mutated = mutate_code(original, operator, mutant.occurrence)
+        if mutated is None or ast.dump(ast.parse(mutated)) == ast.dump(ast.parse(original)):
+            return None
+        try:
+            path.write_text(mutated, "utf-8")
+            return self.passes(mutant.module, timeout)
+        finally:
+            path.write_text(original, "utf-8")
+
+    def passes(self, module: str, timeout: float | None) -> bool:
+        """Run the tests beside a module; tests that never end fail."""
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
+        environment = os.environ | {
+            "PYTHONPATH": str(self.folder),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        try:
+            done = subprocess.run(
+                [*command, "-m", "not slow", *TARGETS[module]],
+                cwd=self.folder,
+                env=environment,
+                capture_output=True,
+                timeout=timeout,
+            )
+        except subprocess.TimeoutExpired:
+            return False
+        return done.returncode == 0
+
+
+def measure(options: Options, console: Console) -> dict[str, Count]:
+    """Put mutants in and count those that survive.
+
+    Raises:
+        RuntimeError: if the tests of a module fail without any mutant.
+    """
+    rng = random.Random(options.seed)
+    counts: dict[str, Count] = {}
+    with tempfile.TemporaryDirectory() as folder, Progress(console=console) as progress:
+        copies: SimpleQueue[Copy] = SimpleQueue()
+        for job in range(options.jobs):
+            copies.put(Copy(Path(folder) / str(job)))
+        for module in options.only or TARGETS:
+            mutants = list_mutants(module)
+            sample = rng.sample(mutants, min(options.n, len(mutants)))
+            timeout = _time_tests(copies, module)
+
+            def test(mutant: Mutant, timeout: float = timeout) -> tuple[Mutant, bool | None]:
+                copy = copies.get()
+                try:
+                    return mutant, copy.survives(mutant, timeout)
+                finally:
+                    copies.put(copy)
+
+            counts[module] = count = Count()
+            bar = progress.add_task(module, total=len(sample))
+            with ThreadPoolExecutor(options.jobs) as pool:
+                for mutant, survived in pool.map(test, sample):
+                    progress.advance(bar)
+                    count.n += survived is not None
+                    if survived:
+                        count.survivors.append(mutant)
+    return counts
+
+
+def _time_tests(copies: SimpleQueue[Copy], module: str) -> float:
+    """Return how long tests with a mutant may take [s]."""
+    copy = copies.get()
+    try:
+        begin = os.times().elapsed
+        if not copy.passes(module, None):
+            raise RuntimeError(f"the tests of {module} fail without any mutant")
+        return TIMEOUT_FACTOR * (os.times().elapsed - begin) + TIMEOUT_EXTRA
+    finally:
+        copies.put(copy)
+
+
+def tabulate(counts: dict[str, Count]) -> Table:
+    """Make a table: mutants, killed share and its 95 % interval, by module."""
+    table = Table("module", "mutants", "killed", "share (95 %)")
+    for module, count in counts.items():
+        killed = count.n - len(count.survivors)
+        low, high = wilson_interval(killed, count.n)
+        share = f"{killed / max(count.n, 1):.2f} ({low:.2f} to {high:.2f})"
+        table.add_row(module, str(count.n), str(killed), share)
+    return table
+
+
+def main() -> None:
+    """Run the measurement and print it."""
+    options, console = tyro.cli(Options), Console(stderr=True)
+    counts = measure(options, console)
+    Console().print(tabulate(counts))
+    for count in counts.values():
+        for mutant in count.survivors:
+            place = f"{mutant.module}:{mutant.line}"
+            Console().print(f"survived: {place} {mutant.operator}: {mutant.source}", markup=False)
+    if options.json is not None:
+        record = {
+            "seed": options.seed,
+            "modules": {
+                module: {"n": count.n, "survivors": [vars(m) for m in count.survivors]}
+                for module, count in counts.items()
+            },
+        }
+        options.json.write_text(json.dumps(record, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -29,6 +29,7 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
 from humanoid_getup.simulation.scene import load_scene
 from robots import Posture, Robot, load_robot
+from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 from sim2real.environment.model_variants import PHYSICS
@@ -124,9 +125,7 @@ def main(options: Options) -> None:
         begun = time.monotonic()
         if key not in kept:
             kept[key] = compute()
-            partial = options.json.with_suffix(".part")
-            partial.write_text(to_json(kept))
-            partial.replace(options.json)
+            write_atomically(options.json, to_json(kept))
         console.print(f"{_row(key, kept[key])}  [{time.monotonic() - begun:.0f} s]")
 
     for group in options.groups:

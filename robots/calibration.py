@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robots.files import write_atomically
 from robots.schema import Fields
 from robots.validation import shown
 
@@ -62,12 +62,7 @@ class Calibration:
         for name, found in self.joints.items():
             lines += [f"[joints.{name}]", f"zero_ticks = {found.zero_ticks}"]
             lines += [f"sign = {found.sign}", ""]
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        try:
-            temporary.write_text("\n".join(lines), "utf-8")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_atomically(path, "\n".join(lines))
 
     @classmethod
     def load(cls, path: Path, robot: Robot) -> Calibration:

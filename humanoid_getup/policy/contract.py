@@ -16,8 +16,7 @@ from robots.quaternion import Array
 from robots.schema import Fields
 from robots.validation import is_number, shown
 
-FORMAT = 4
-METADATA_KEY = "policy_contract"  # under which the contract lies in an ONNX file's metadata
+FORMAT = 5
 IMU_FRAME = "gravity and gyro in the torso's frame: x forward, y left, z up"
 SERVO_SLACK = 0.01  # share of a servo's position gain and torque
 ANGLE_SLACK = 1e-6  # rad
@@ -35,8 +34,8 @@ class ContractError(ValueError):
 class PolicyContract:
     """What a policy was trained with; nothing of it may differ where it runs.
 
-    It lies as JSON in the metadata of the policy's ONNX file, under ``METADATA_KEY``. It
-    may hold anything that can be read; :meth:`find_mismatches` says what does not fit.
+    It is stored as JSON in the metadata of the policy's ONNX file (`onnx_file`). It may hold
+    anything that can be read; :meth:`find_mismatches` reports what does not fit.
     """
 
     robot: str

@@ -12,17 +12,14 @@ from numpy.typing import NDArray
 from drivers.state import Command, State
 from humanoid_getup.evaluation.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
-from humanoid_getup.policy.contract import METADATA_KEY, ContractError, PolicyContract
+from humanoid_getup.policy.contract import ContractError, PolicyContract
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
+from humanoid_getup.policy.onnx_file import NetworkError, read_policy_file
 from robots import Robot
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
 
 QUIET = 4  # onnxruntime's log level: only what ends it
-
-
-class NetworkError(ValueError):
-    """A file holds no network that can be run; the message is one line."""
 
 
 class OnnxNetwork:
@@ -33,19 +30,19 @@ class OnnxNetwork:
 
         Raises:
             OSError: if it cannot be read.
-            NetworkError: if it is not ONNX, or not one vector in, one vector out.
+            NetworkError: if it is damaged, has no contract, or does not map one vector to one.
         """
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = QUIET
-        content = file.read_bytes()
+        model, self.contract = read_policy_file(file)
         try:
             self._session = onnxruntime.InferenceSession(
-                content, options, providers=["CPUExecutionProvider"]
+                model, options, providers=["CPUExecutionProvider"]
             )
         except Exception as error:  # onnxruntime's errors have no base of their own
-            told = " ".join(str(error).split())
-            raise NetworkError(f"it is no whole ONNX file: {told}") from error
+            reason = " ".join(str(error).split())
+            raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
         faults = [
             f"{len(values)} {name}, allowed 1"
             for name, values in (
@@ -57,11 +54,6 @@ class OnnxNetwork:
         if faults:
             raise NetworkError(f"the network has {' and '.join(faults)}")
         self._input, self._output = self._session.get_inputs()[0], self._session.get_outputs()[0]
-
-    @property
-    def metadata(self) -> dict[str, str]:
-        """Return the texts that the file carries, by key."""
-        return dict(self._session.get_modelmeta().custom_metadata_map)
 
     def find_faults(self, observation_size: int, action_size: int) -> list[str]:
         """Tell what keeps the network from mapping (N, observation) to (N, action)."""
@@ -153,7 +145,7 @@ class OnnxPolicy:
         """
         try:
             network = OnnxNetwork(file)
-            contract = _read_contract(network)
+            contract = PolicyContract.from_json(network.contract)
         except (NetworkError, ContractError) as error:
             raise PolicyError(file, [str(error)]) from error
         faults = contract.find_mismatches(robot, period)
@@ -231,10 +223,3 @@ class OnnxPolicy:
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)
         steady = upright and moved <= STILL_TARGET * self._step_time
         self._steady = self._steady + 1 if steady else 0
-
-
-def _read_contract(network: OnnxNetwork) -> PolicyContract:
-    text = network.metadata.get(METADATA_KEY)
-    if text is None:
-        raise ContractError("it has no policy contract: export it with `getup export`")
-    return PolicyContract.from_json(text)

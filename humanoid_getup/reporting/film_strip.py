@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from robots import Robot, quaternion
+from robots.files import atomic_path
 from robots.quaternion import Array
 
 FRAMES = 12
@@ -87,12 +88,8 @@ def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str
         axis.imshow(picture, interpolation="lanczos", aspect="auto")
         axis.set_axis_off()
         axis.text(0.05, 0.94, f"{time:.1f} s", transform=axis.transAxes, va="top", fontsize=8)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with atomic_path(path) as partial:
         figure.savefig(partial, dpi=200, format="png")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 class _Camera:

@@ -13,6 +13,7 @@ from drivers.state import Integers
 from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot
+from robots.files import atomic_path
 from robots.quaternion import Array
 
 NAMED = 6  # joints that get a color and a name
@@ -68,7 +69,8 @@ def save_torque(
     )
     legend.set_title("most loaded")
     legend.get_title().set_fontsize(8)
-    figure.savefig(path, dpi=150)
+    with atomic_path(path) as partial:
+        figure.savefig(partial, dpi=150, format="png")
 
 
 PANEL = 2.1  # inches of height
@@ -198,4 +200,5 @@ def _finish(figure: Figure, axes: list[Axes], time: Array, path: Path) -> None:
         if axis.get_legend_handles_labels()[0]:
             axis.legend(loc="upper left", bbox_to_anchor=(1.07, 1.0), fontsize=8, frameon=False)
     axes[-1].set(xlabel="time [s]", xlim=(0.0, max(float(time[-1]), 1e-3)))
-    figure.savefig(path, dpi=150)
+    with atomic_path(path) as partial:
+        figure.savefig(partial, dpi=150, format="png")

@@ -1,13 +1,18 @@
-"""Checkpoints: written whole or not at all, and read with a clear word where they are spoiled."""
+"""Checkpoints: written completely or not at all, and read without running code from the file."""
 
 from __future__ import annotations
 
+import copy
+from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from tensordict import TensorDict
 
+from robots.files import atomic_path
 from robots.validation import shown
 from sim2real.training.ppo import AVERAGE, UPDATES
 
@@ -16,31 +21,86 @@ CHECKPOINT = "checkpoint.pt"
 
 
 class CheckpointError(ValueError):
-    """A file is no checkpoint of a training; the message is one line."""
+    """A file is not a checkpoint of a training; the message is one line."""
 
 
 def write_checkpoint(state: dict[str, Any], file: Path) -> None:
-    """Write a checkpoint in place of the last."""
-    partial = file.with_suffix(".part")
-    torch.save(state, partial)
-    partial.replace(file)
+    """Write a checkpoint in place of the last, as tensors, numbers, texts and containers."""
+    with atomic_path(file) as partial:
+        torch.save(_to_plain(state), partial)
 
 
 def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
-    """Read a checkpoint.
+    """Read a checkpoint; arrays and dataclasses come back as tensors and dictionaries.
 
     Raises:
         OSError: if the file cannot be read.
-        CheckpointError: if it is not whole, or no checkpoint.
+        CheckpointError: if it is incomplete, not a checkpoint, or holds Python objects.
     """
     content = BytesIO(file.read_bytes())
     try:
-        # What a training writes holds more than tensors; it is the user's own file.
-        state = torch.load(content, weights_only=False, map_location=device)
-    except Exception as error:  # torch tells a spoiled file in many ways
-        told = " ".join(str(error).split())
-        raise CheckpointError(f"{file} is no whole checkpoint: {told}") from error
+        state = torch.load(content, weights_only=True, map_location=device)
+    except Exception as error:  # torch reports a damaged file in many ways
+        if "weights_only" in str(error) or "Unsupported" in str(error):
+            raise CheckpointError(
+                f"{file} holds Python objects, expected tensors and numbers only: it was made "
+                "by an earlier version or by someone else; train again"
+            ) from error
+        reason = " ".join(str(error).split())
+        raise CheckpointError(f"{file} is not a complete checkpoint: {reason}") from error
     needed = {"actor_state_dict", AVERAGE, UPDATES, "iter"}
     if not isinstance(state, dict) or not needed <= state.keys():
-        raise CheckpointError(f"{file} is no checkpoint of a training: {shown(state)}")
+        raise CheckpointError(f"{file} is not a checkpoint of a training: {shown(state)}")
     return state
+
+
+def restore_like(template: Any, stored: Any) -> Any:
+    """Rebuild what :func:`write_checkpoint` made plain, with the types of a template.
+
+    Args:
+        template: State of the same structure, such as that of a new environment.
+        stored: What was read in its place.
+
+    Raises:
+        CheckpointError: if the structures differ.
+    """
+    if is_dataclass(template) and not isinstance(template, type):
+        values = restore_like(_fields_of(template), stored)
+        restored = copy.copy(template)
+        for name, value in values.items():
+            object.__setattr__(restored, name, value)
+        return restored
+    if isinstance(template, dict):
+        if not isinstance(stored, dict) or stored.keys() != template.keys():
+            raise CheckpointError(
+                f"the checkpoint holds {shown(stored)}, expected {', '.join(map(str, template))}"
+            )
+        return {key: restore_like(value, stored[key]) for key, value in template.items()}
+    if isinstance(template, np.ndarray):
+        if not isinstance(stored, torch.Tensor) or tuple(stored.shape) != template.shape:
+            raise CheckpointError(
+                f"the checkpoint holds {shown(stored)}, expected an array {template.shape}"
+            )
+        return stored.cpu().numpy().astype(template.dtype)
+    return stored
+
+
+def _to_plain(value: Any) -> Any:
+    """Replace arrays by tensors, and dataclasses by dictionaries."""
+    if isinstance(value, np.ndarray):
+        return torch.from_numpy(np.array(value))
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, TensorDict):
+        return value.to_dict()
+    if isinstance(value, dict):
+        return {key: _to_plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(map(_to_plain, value))
+    if is_dataclass(value) and not isinstance(value, type):
+        return _to_plain(_fields_of(value))
+    return value
+
+
+def _fields_of(value: Any) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}

@@ -9,6 +9,7 @@ from typing import Any
 
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from robots import Robot
+from robots.files import write_atomically
 from robots.validation import shown
 
 STEPS = 20  # policy steps of every robot between two updates
@@ -95,9 +96,7 @@ def settle_recipe(file: Path, asked: dict[str, Any]) -> None:
     """
     if file.exists():
         check_recipe(file, asked)
-    partial = file.with_suffix(".part")
-    partial.write_text(json.dumps(asked, indent=1) + "\n", "utf-8")
-    partial.replace(file)
+    write_atomically(file, json.dumps(asked, indent=1) + "\n")
 
 
 def check_recipe(file: Path, asked: dict[str, Any]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
@@ -19,10 +18,12 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
-from humanoid_getup.policy.contract import METADATA_KEY, Fact, PolicyContract
+from humanoid_getup.policy.contract import Fact, PolicyContract
 from humanoid_getup.policy.observation import list_terms
+from humanoid_getup.policy.onnx_file import seal_model
 from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
 from robots import Robot
+from robots.files import atomic_path
 from robots.validation import shown
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, RECIPES, Recipe
@@ -122,14 +123,14 @@ def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
     provenance = training.provenance | {"iterations": iterations}
     contract = PolicyContract.of(robot, action, robot.control_period, provenance)
     file.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=file.parent, prefix=".getup-") as scratch:
-        partial = Path(scratch, file.name)
+    with atomic_path(file) as partial:
         _write(actor, contract, partial)
         difference = _compare(actor, partial, robot)
         bytes_written = partial.stat().st_size
         if bytes_written > MOST_BYTES:
-            raise ExportError(f"the policy has {bytes_written} bytes, allowed {MOST_BYTES}")
-        partial.replace(file)
+            raise ExportError(
+                f"the policy has {bytes_written} bytes, expected at most {MOST_BYTES}"
+            )
     return Exported(bytes_written, iterations, difference)
 
 
@@ -175,8 +176,7 @@ def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
     model = onnx.load(str(file))
     for node in model.graph.node:
         node.ClearField("metadata_props")  # stack traces, with this machine's paths
-    onnx.helper.set_model_props(model, {METADATA_KEY: contract.to_json()})
-    onnx.save(model, str(file))
+    file.write_bytes(seal_model(model.SerializeToString(), contract.to_json()))
 
 
 def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:

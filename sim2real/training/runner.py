@@ -8,9 +8,15 @@ from typing import Any
 
 import torch
 from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
 
 from sim2real.training.action_widening import widen
-from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
+from sim2real.training.checkpoint import (
+    CHECKPOINT,
+    read_checkpoint,
+    restore_like,
+    write_checkpoint,
+)
 from sim2real.training.config import RECIPE, STEPS, Recipe
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
@@ -39,7 +45,7 @@ class Runner(OnPolicyRunner):
         state = self.alg.save() | {
             "iter": self.current_learning_iteration,
             "env": self.env.env.save_state(),
-            "observations": self.env.observations.cpu(),
+            "observations": self.env.observations.cpu().to_dict(),
             "torch_rng": torch.get_rng_state(),
             "cuda_rng": torch.cuda.get_rng_state(self.device) if self._on_gpu else None,
             "timesteps": self.logger.tot_timesteps,
@@ -57,8 +63,9 @@ class Runner(OnPolicyRunner):
         self.current_learning_iteration = state["iter"] + 1
         if not self._rank.leads:
             return
-        self.env.env.restore_state(state["env"])
-        self.env.observations = state["observations"].to(self.device)
+        env = self.env.env
+        env.restore_state(restore_like(env.save_state(), state["env"]))
+        self.env.observations = TensorDict(state["observations"], [env.num_envs]).to(self.device)
         torch.set_rng_state(state["torch_rng"].cpu())
         if self._on_gpu:
             torch.cuda.set_rng_state(state["cuda_rng"].cpu(), self.device)

@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from humanoid_getup.policy.action import ActionSpec, build_action_spec
-from humanoid_getup.policy.contract import METADATA_KEY, PolicyContract
+from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import list_terms
+from humanoid_getup.policy.onnx_file import seal_model
 from robots import Robot
 
 
@@ -49,10 +49,10 @@ def save_policy(
         [numpy_helper.from_array(np.float32(value), name) for name, value in values.items()],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    content = model.SerializeToString()
     if contract is not None:
-        text = contract or contract_of(robot).to_json()
-        helper.set_model_props(model, {METADATA_KEY: text})
-    onnx.save(model, str(file))
+        content = seal_model(content, contract or contract_of(robot).to_json())
+    file.write_bytes(content)
     return file
 
 

@@ -70,7 +70,7 @@ def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
-        ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is no whole checkpoint"),
+        ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is not a complete checkpoint"),
         ("recipe.json", b"{", "recipe.json is no recipe of a training"),
         ("recipe.json", b"[1]", "recipe.json is no recipe of a training"),
         ("falls.npz", b"PK", "falls.npz holds no starts, allowed an .npz"),

@@ -115,8 +115,8 @@ def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
         ("", "no JSON"),
         ("{", "no JSON"),
         ("[1]", "allowed a JSON object"),
-        ("{}", "format None, allowed 4"),
-        ('{"format": 1}', "format 1, allowed 4"),
+        ("{}", "format None, allowed 5"),
+        ('{"format": 1}', "format 1, allowed 5"),
     ],
 )
 def test_what_is_no_contract_is_refused(text: str, told: str):

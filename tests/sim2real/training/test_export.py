@@ -105,7 +105,7 @@ def test_an_exported_file_knows_nothing_of_the_machine_that_made_it(op3: Robot, 
 
 def spoil(training: Training, change) -> None:
     file = training.folder / CHECKPOINT
-    state = torch.load(file, weights_only=False)
+    state = torch.load(file, weights_only=True)
     change(state)
     torch.save(state, file)
 
@@ -127,7 +127,7 @@ def lose_the_actor(state: dict) -> None:
     [
         (add_nan, "holds what is no number: mlp.0.weight"),
         (lose_a_layer, "does not fit robot and recipe.*mlp.2.weight"),
-        (lose_the_actor, "is no checkpoint of a training"),
+        (lose_the_actor, "is not a checkpoint of a training"),
     ],
 )
 def test_a_checkpoint_that_is_none_of_the_training_is_refused(
@@ -147,7 +147,7 @@ def test_a_truncated_checkpoint_is_refused(op3: Robot, tmp_path: Path):
     training = make_training(tmp_path / "training", op3)
     file = training.folder / CHECKPOINT
     file.write_bytes(file.read_bytes()[:3000])
-    with pytest.raises(CheckpointError, match="is no whole checkpoint"):
+    with pytest.raises(CheckpointError, match="is not a complete checkpoint"):
         export_policy(training, op3, tmp_path / "policy.onnx")
 
 

@@ -48,7 +48,7 @@ class KilledError(Exception):
 
 
 def read_policy(folder: Path) -> dict[str, torch.Tensor]:
-    state = torch.load(folder / CHECKPOINT, weights_only=False)
+    state = torch.load(folder / CHECKPOINT, weights_only=True)
     parts = ("actor_state_dict", "critic_state_dict", AVERAGE)
     return {f"{part}.{name}": value for part in parts for name, value in state[part].items()}
 
@@ -111,7 +111,7 @@ def test_the_average_of_a_short_training_is_that_of_all_its_policies(op3, unbrok
 def test_the_average_of_a_long_training_forgets_its_begin(op3, tmp_path):
     train(op3, replace(TINY, iterations=1), 1, tmp_path, threads=1)
     before, _ = average_and_newest(tmp_path)
-    state = torch.load(tmp_path / CHECKPOINT, weights_only=False)
+    state = torch.load(tmp_path / CHECKPOINT, weights_only=True)
     torch.save(state | {UPDATES: 1000}, tmp_path / CHECKPOINT)
     train(op3, replace(TINY, iterations=2), 1, tmp_path, threads=1)
     average, newest = average_and_newest(tmp_path)

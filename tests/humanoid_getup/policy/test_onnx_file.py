@@ -1,0 +1,103 @@
+"""The checksum of a policy file: no changed bit is accepted, and adding one changes no network."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx")
+
+import onnx
+from onnx import helper
+from tiny_policies import contract_of, save_policy, weights_of
+
+from humanoid_getup.policy.onnx_file import (
+    CHECKSUM_KEY,
+    CONTRACT_KEY,
+    NetworkError,
+    add_checksum,
+    read_policy_file,
+    seal_model,
+)
+from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
+from robots import Robot, load_robot
+
+TINY = load_robot("tests/robots/tiny")
+SHIPPED = sorted(Path(load_robot("op3").folder, "policies").glob("*.onnx"))
+
+
+def test_no_flipped_bit_is_accepted(tmp_path: Path):
+    """At every byte of the file: in graph, weights, contract and the checksum itself."""
+    file = save_policy(tmp_path / "p.onnx", TINY, weight=weights_of(TINY, gyro=0.1))
+    content = file.read_bytes()
+    for at in range(len(content)):
+        flipped = bytearray(content)
+        flipped[at] ^= 1 << at % 8
+        file.write_bytes(bytes(flipped))
+        with pytest.raises(NetworkError):
+            read_policy_file(file)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.7, 0.9, 0.99])
+def test_a_flipped_bit_of_a_shipped_policy_is_refused_in_one_line(
+    op3: Robot, tmp_path: Path, share: float
+):
+    content = bytearray(SHIPPED[0].read_bytes())
+    content[int(share * len(content))] ^= 1
+    (tmp_path / "p.onnx").write_bytes(bytes(content))
+    with pytest.raises(PolicyError, match=r"is damaged|not a complete ONNX file") as refusal:
+        OnnxPolicy.load(tmp_path / "p.onnx", op3, op3.control_period)
+    assert str(refusal.value).isprintable()
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_the_shipped_policies_are_valid_onnx_and_load(op3: Robot, file: Path):
+    onnx.checker.check_model(onnx.load(str(file)))
+    assert OnnxPolicy.load(file, op3, op3.control_period).fault is None
+
+
+def test_onnx_itself_reads_what_was_sealed(tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", TINY)
+    text = contract_of(TINY).to_json()
+    model = onnx.load(str(file))
+    assert {item.key for item in model.metadata_props} == {CONTRACT_KEY, CHECKSUM_KEY}
+    assert {item.key: item.value for item in model.metadata_props}[CONTRACT_KEY] == text
+    assert read_policy_file(file) == (file.read_bytes(), text)
+
+
+def test_sealing_again_replaces_contract_and_checksum_and_keeps_other_metadata(tmp_path: Path):
+    model = onnx.load(str(save_policy(tmp_path / "p.onnx", TINY)))
+    helper.set_model_props(model, {"author": "a lab", CONTRACT_KEY: "old", CHECKSUM_KEY: "old"})
+    (tmp_path / "p.onnx").write_bytes(seal_model(model.SerializeToString(), "new"))
+    assert read_policy_file(tmp_path / "p.onnx")[1] == "new"
+    kept = {item.key: item.value for item in onnx.load(str(tmp_path / "p.onnx")).metadata_props}
+    assert kept["author"] == "a lab"
+    assert len(kept) == 3
+
+
+def test_a_policy_of_format_4_is_refused_with_what_to_do_and_the_remedy_helps(tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", TINY, weight=weights_of(TINY, gyro=0.1))
+    seen = np.random.default_rng(0).normal(size=(9, len(weights_of(TINY)))).astype(np.float32)
+    actions = OnnxNetwork(file)(seen)
+    model = onnx.load(str(file))
+    old = contract_of(TINY).to_json().replace('"format": 5', '"format": 4')
+    helper.set_model_props(model, {CONTRACT_KEY: old})
+    onnx.save(model, str(file))
+    with pytest.raises(PolicyError, match=r"no checksum: export it again .*\.add_checksum\(file\)"):
+        OnnxPolicy.load(file, TINY, TINY.control_period)
+    add_checksum(file)
+    assert OnnxPolicy.load(file, TINY, TINY.control_period).contract.robot == "tiny"
+    assert np.array_equal(OnnxNetwork(file)(seen), actions)
+    assert onnx.load(str(file)).graph == model.graph
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00", b"\xff" * 40, b"text", b"\x0a\xff\xff\xff\x7f"])
+def test_a_file_of_something_else_is_refused(tmp_path: Path, content: bytes):
+    (tmp_path / "p.onnx").write_bytes(content)
+    with pytest.raises(NetworkError, match=r"not a complete ONNX file|no policy contract"):
+        read_policy_file(tmp_path / "p.onnx")
+
+
+def test_an_endless_file_is_refused():
+    with pytest.raises(NetworkError, match="expected a smaller file"):
+        read_policy_file(Path("/dev/zero"))

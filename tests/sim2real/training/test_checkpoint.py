@@ -1,0 +1,142 @@
+"""Checkpoints: no code in a file is run, and all that was written comes back to the last bit."""
+
+import pickle
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
+
+import torch
+from tensordict import TensorDict
+
+from humanoid_getup.cli.main import main
+from robots import Robot
+from sim2real.training.checkpoint import (
+    CHECKPOINT,
+    CheckpointError,
+    read_checkpoint,
+    restore_like,
+    write_checkpoint,
+)
+from sim2real.training.config import RECIPE, RECIPES
+from sim2real.training.ppo import AVERAGE, UPDATES
+from sim2real.training.train import train, write_recipe
+
+NEEDED = {"actor_state_dict": {}, AVERAGE: {}, UPDATES: 0, "iter": 0}
+
+
+class Malicious:
+    """Touches a file when it is unpickled."""
+
+    def __init__(self, target: Path) -> None:
+        self.target = target
+
+    def __reduce__(self):
+        return Path.touch, (self.target,)
+
+
+def write_malicious(file: Path, target: Path, how: str) -> None:
+    state = NEEDED | {"extra": Malicious(target)}
+    if how == "torch":
+        torch.save(state, file)
+    elif how == "legacy":
+        torch.save(state, file, _use_new_zipfile_serialization=False)
+    else:
+        file.write_bytes(pickle.dumps(state))
+
+
+@pytest.mark.parametrize("how", ["torch", "legacy", "pickle"])
+def test_code_in_a_checkpoint_is_not_run(tmp_path: Path, how: str):
+    file, target = tmp_path / CHECKPOINT, tmp_path / "touched"
+    write_malicious(file, target, how)
+    with pytest.raises(CheckpointError) as refusal:
+        read_checkpoint(file)
+    assert "\n" not in str(refusal.value)
+    assert not target.exists()
+    if how == "torch":  # the file would do harm to a reader that unpickles
+        torch.load(file, weights_only=False)
+        assert target.exists()
+
+
+def test_neither_export_nor_training_runs_code_of_a_checkpoint(op3: Robot, tmp_path: Path, capsys):
+    folder, target = tmp_path / "training", tmp_path / "touched"
+    folder.mkdir()
+    recipe = RECIPES["quick"]
+    write_recipe(op3, recipe, 0, folder / RECIPE)
+    write_malicious(folder / CHECKPOINT, target, "torch")
+    assert main(["export", str(folder), "--out", str(tmp_path / "policy.onnx")]) == 2
+    assert "holds Python objects, expected tensors and numbers only" in "".join(
+        capsys.readouterr().err.split("\n")
+    )
+    with pytest.raises(CheckpointError, match="holds Python objects"):
+        train(op3, recipe, 0, tmp_path / "child", parent=folder)
+    assert not target.exists()
+
+
+@dataclass(eq=False)
+class Inner:
+    values: np.ndarray
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class Outer:
+    inner: Inner
+    flags: np.ndarray
+
+
+def test_a_state_comes_back_to_the_last_bit(tmp_path: Path):
+    rng = np.random.default_rng(0)
+    state = {
+        "outer": Outer(Inner(rng.normal(size=(3, 2)), 7), rng.random(4) < 0.5),
+        "rng": rng.bit_generator.state,
+        "scalar": np.float64(0.1),
+        "ages": np.arange(3),
+    }
+    file = tmp_path / CHECKPOINT
+    observations = TensorDict({"policy": torch.ones(2, 3)}, [2])
+    write_checkpoint(NEEDED | {"env": state, "observations": observations}, file)
+    stored = read_checkpoint(file)
+    template = {
+        "outer": Outer(Inner(np.zeros((3, 2)), 0), np.zeros(4, dtype=bool)),
+        "rng": np.random.default_rng(1).bit_generator.state,
+        "scalar": 0.0,
+        "ages": np.zeros(3, dtype=int),
+    }
+    restored = restore_like(template, stored["env"])
+    assert np.array_equal(restored["outer"].inner.values, state["outer"].inner.values)
+    assert restored["outer"].inner.count == 7
+    assert np.array_equal(restored["outer"].flags, state["outer"].flags)
+    assert restored["outer"].flags.dtype == bool
+    assert restored["rng"] == state["rng"]
+    assert restored["scalar"] == 0.1
+    assert np.array_equal(restored["ages"], np.arange(3))
+    assert torch.equal(stored["observations"]["policy"], observations["policy"])
+    assert template["outer"].inner.count == 0, "the template was changed"
+
+
+@pytest.mark.parametrize(
+    ("template", "stored"),
+    [
+        ({"a": 1}, {"b": 1}),
+        ({"a": 1}, torch.zeros(1)),
+        (np.zeros(2), torch.zeros(3)),
+        (np.zeros(2), 1.0),
+        (Inner(np.zeros(2), 0), {"values": torch.zeros(2)}),
+    ],
+)
+def test_a_state_of_another_structure_is_refused(template, stored):
+    with pytest.raises(CheckpointError, match="the checkpoint holds"):
+        restore_like(template, stored)
+
+
+def test_an_archive_without_a_checkpoint_is_refused(tmp_path: Path):
+    with zipfile.ZipFile(tmp_path / CHECKPOINT, "w") as archive:
+        archive.writestr("a", "b")
+    with pytest.raises(CheckpointError, match="is not a complete checkpoint"):
+        read_checkpoint(tmp_path / CHECKPOINT)

@@ -1,0 +1,70 @@
+"""Writing files: complete or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+MAX_LINKS = 40  # as many symbolic links in a row as Linux follows
+
+
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Write a file, text as UTF-8; see :func:`atomic_path`."""
+    with atomic_path(path) as partial:
+        partial.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Yield the path of a temporary file that becomes ``path`` when the block ends.
+
+    A reader sees the old file or the complete new one. If the block raises, the old file
+    stays and the temporary file is removed. Symbolic links are followed and stay. What is
+    not a regular file, such as a FIFO, a terminal or /dev/stdout, is written through.
+
+    Raises:
+        OSError: if the file cannot be written, or ``path`` is a directory.
+    """
+    target = _follow_links(path)
+    mode = _find_mode(target)
+    if mode is not None and stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    is_stream = target.is_relative_to("/proc") or (mode is not None and not stat.S_ISREG(mode))
+    folder = Path(tempfile.gettempdir()) if is_stream else target.parent
+    # A short name of its own: `path.name` may already be as long as names can be.
+    partial = folder / f".getup-{os.getpid()}-{secrets.token_hex(4)}.tmp"
+    try:
+        yield partial
+        if is_stream:
+            with partial.open("rb") as source, target.open("wb") as stream:
+                shutil.copyfileobj(source, stream)
+        else:
+            if mode is not None:
+                partial.chmod(stat.S_IMODE(mode))
+            partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _follow_links(path: Path) -> Path:
+    """Follow symbolic links up to /proc, whose links lead to open files and not to paths."""
+    for _ in range(MAX_LINKS):
+        path = path.parent.resolve() / path.name
+        if path.is_relative_to("/proc") or not path.is_symlink():
+            return path
+        path = path.parent / path.readlink()
+    raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+
+
+def _find_mode(path: Path) -> int | None:
+    try:
+        return path.stat().st_mode
+    except FileNotFoundError:
+        return None

@@ -1,0 +1,143 @@
+"""Files are written complete or not at all, and nothing but a regular file is replaced."""
+
+import os
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from robots.files import atomic_path, write_atomically
+
+NOT_ROOT = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+
+
+def test_text_and_bytes_are_written(tmp_path: Path):
+    write_atomically(tmp_path / "text", "N·m\n")
+    write_atomically(tmp_path / "bytes", b"\x00\xff")
+    assert (tmp_path / "text").read_bytes() == b"N\xc2\xb7m\n"
+    assert (tmp_path / "bytes").read_bytes() == b"\x00\xff"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bytes", "text"]
+
+
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path):
+    file = tmp_path / "report.json"
+    file.write_text("old")
+    with pytest.raises(ZeroDivisionError), atomic_path(file) as partial:
+        partial.write_text("half")
+        _ = 1 / 0
+    assert file.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_failure_before_the_first_byte_leaves_nothing(tmp_path: Path):
+    with pytest.raises(ZeroDivisionError), atomic_path(tmp_path / "new"):
+        _ = 1 / 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_file_keeps_its_permissions(tmp_path: Path):
+    file = tmp_path / "file"
+    file.write_text("old")
+    file.chmod(0o640)
+    write_atomically(file, "new")
+    assert stat.S_IMODE(file.stat().st_mode) == 0o640
+
+
+def test_a_name_of_full_length_is_written(tmp_path: Path):
+    file = tmp_path / ("x" * 255)
+    write_atomically(file, "new")
+    assert file.read_text() == "new"
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_symbolic_links_are_followed_and_stay(tmp_path: Path, exists: bool):
+    target = tmp_path / "elsewhere" / "target"
+    target.parent.mkdir()
+    if exists:
+        target.write_text("old")
+    (tmp_path / "second").symlink_to(target)
+    (tmp_path / "first").symlink_to("second")
+    write_atomically(tmp_path / "first", "new")
+    assert target.read_text() == "new"
+    assert (tmp_path / "first").is_symlink()
+    assert (tmp_path / "second").is_symlink()
+    assert list(target.parent.iterdir()) == [target]
+
+
+def test_a_circle_of_links_is_an_error(tmp_path: Path):
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OSError, match="symbolic links"):
+        write_atomically(tmp_path / "a", "new")
+
+
+def test_a_directory_is_refused_before_the_work(tmp_path: Path):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    with pytest.raises(IsADirectoryError), atomic_path(folder):
+        pytest.fail("the block was entered")
+    assert folder.is_dir()
+
+
+def test_a_missing_folder_is_an_error(tmp_path: Path):
+    with pytest.raises(FileNotFoundError):
+        write_atomically(tmp_path / "no" / "file", "new")
+
+
+def test_a_fifo_is_written_through(tmp_path: Path):
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    received: list[bytes] = []
+    reader = threading.Thread(target=lambda: received.append(fifo.read_bytes()))
+    reader.start()
+    write_atomically(fifo, "through")
+    reader.join()
+    assert received == [b"through"]
+    assert stat.S_ISFIFO(fifo.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [fifo]
+
+
+def test_devices_are_written_through_and_stay(tmp_path: Path):
+    link = tmp_path / "null"
+    link.symlink_to("/dev/null")
+    write_atomically(link, "new")
+    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_device_is_an_error_and_stays():
+    with pytest.raises(OSError, match="No space left"):
+        write_atomically(Path("/dev/full"), "new")
+    assert stat.S_ISCHR(Path("/dev/full").stat().st_mode)
+
+
+@pytest.mark.parametrize("through", ["/dev/stdout", "/proc/self/fd/1", "link"])
+@pytest.mark.parametrize("into", ["pipe", "file"])
+def test_standard_output_is_written_through(tmp_path: Path, through: str, into: str):
+    link = tmp_path / "link"
+    link.symlink_to("/dev/stdout")
+    path = link if through == "link" else Path(through)
+    program = (
+        "import sys; from pathlib import Path; from robots.files import write_atomically; "
+        f"write_atomically(Path({str(path)!r}), 'content'); "
+    )
+    command = [sys.executable, "-c", program]
+    if into == "pipe":
+        assert subprocess.run(command, capture_output=True, check=True).stdout == b"content"
+        return
+    file = tmp_path / "out.txt"
+    with file.open("wb") as stream:
+        before = file.stat().st_ino
+        subprocess.run(command, stdout=stream, check=True)
+    assert file.read_bytes() == b"content"
+    assert file.stat().st_ino == before, "the file behind standard output was replaced"
+
+
+@NOT_ROOT
+def test_a_folder_without_permission_is_an_error(tmp_path: Path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(PermissionError):
+        write_atomically(tmp_path / "file", "new")

@@ -8,51 +8,61 @@ import sys
 import threading
 from collections.abc import MutableMapping, Sequence
 
-from humanoid_getup.cli.exit_codes import BAD_INPUT, HARDWARE_FAULT, INTERRUPTED
+from humanoid_getup.cli.commands import parse
+from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.exit_codes import BAD_INPUT, CLOSED_PIPE, HARDWARE_FAULT, INTERRUPTED
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
     choose_gl(os.environ)
-    # A program that is told to stop must let the robot go limp, and in the background too,
+    # A program that is told to stop must switch torque off, and in the background too,
     # where a shell has Ctrl-C ignored.
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name) and threading.current_thread() is threading.main_thread():
             signal.signal(getattr(signal, name), _interrupt)
     try:
-        return _run(arguments)
+        code = parse(sys.argv[1:] if arguments is None else arguments).run()
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
-        print("getup: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return _report("interrupted", INTERRUPTED)
+    except BadInputError as error:
+        return _report(str(error), BAD_INPUT)
+    except Exception as error:
+        return _report_failure(error)
 
 
 def _interrupt(_number: int, _frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def _run(arguments: Sequence[str] | None) -> int:
-    # MuJoCo chooses its GL when it is imported, so all that needs it waits for choose_gl.
-    try:
-        import mujoco  # noqa: F401
-    except RuntimeError as error:  # MUJOCO_GL holds no GL that there is
-        return _refuse(f"{error}, allowed egl, osmesa, glfw or disable", BAD_INPUT)
-    from drivers import DriverError
-    from drivers.errors import SetupError
-    from humanoid_getup.cli.commands import parse
-    from humanoid_getup.cli.errors import BadInputError
+def _report_failure(error: Exception) -> int:
+    """Report what a user can mend in one line; raise the rest again."""
+    # MuJoCo chooses its GL when it is imported, and refuses a GL that does not exist.
+    if isinstance(error, RuntimeError) and "MUJOCO_GL" in str(error):
+        return _report(f"{error}, expected egl, osmesa, glfw or disable", BAD_INPUT)
+    from drivers.errors import DriverError, SetupError  # loads MuJoCo: not at the start
 
-    command = parse(arguments)
-    try:
-        return command.run()
-    except (BadInputError, SetupError) as error:
-        return _refuse(str(error), BAD_INPUT)
-    except DriverError as error:
-        return _refuse(str(error), HARDWARE_FAULT)
+    if isinstance(error, DriverError):
+        return _report(str(error), BAD_INPUT if isinstance(error, SetupError) else HARDWARE_FAULT)
+    if not isinstance(error, OSError):
+        raise error
+    if error.filename is None:
+        _discard_output()
+    if isinstance(error, BrokenPipeError):
+        return CLOSED_PIPE
+    return _report(f"{error.filename or 'standard output'}: {error.strerror}", BAD_INPUT)
 
 
-def _refuse(message: str, code: int) -> int:
+def _report(message: str, code: int) -> int:
     print(f"getup: {' '.join(message.split())}", file=sys.stderr)
     return code
+
+
+def _discard_output() -> None:
+    """Let Python's own flush at exit succeed where standard output cannot be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def choose_gl(environment: MutableMapping[str, str]) -> None:

@@ -1,10 +1,11 @@
-"""Where a command's results go: checked before the work, written after it, whole or not at all."""
+"""Where a command's results go: checked before the work, written after it, complete or not at all."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -25,38 +26,55 @@ WIDTH = 120  # characters of a line that goes to no terminal
 
 
 def console_for(json: str | None) -> Console:
-    """Return where words for people go: not among the JSON."""
+    """Return the console for people: standard error where JSON takes standard output."""
     console = Console(stderr=json == STANDARD_OUTPUT, highlight=False)
     if not console.is_terminal:
         console.width = WIDTH
     return console
 
 
+@contextmanager
+def phase(text: str) -> Iterator[Callable[[str], None]]:
+    """Show what a command is doing on standard error; yield what changes the text."""
+    with Console(stderr=True).status(text) as status:
+        yield status.update
+
+
 def find_folder_faults(folder: Path, names: tuple[str, ...] = ARTEFACTS) -> list[str]:
-    """Tell why files could not be written into a folder, by trying; leave nothing behind."""
+    """Report why files could not be written into a folder, by trying; leave nothing behind."""
     told = f"output folder {folder}"
     try:
-        ground = _nearest(folder)
-        if not ground.is_dir():
-            return [f"{told}: {ground} is not a folder, allowed a folder that can be written"]
-        with tempfile.TemporaryDirectory(dir=ground, prefix=SCRATCH) as scratch:
-            missing = _absolute(folder).relative_to(ground)
+        existing = _find_existing(folder)
+        if not existing.is_dir():
+            return [f"{told}: {existing} is not a folder, expected a folder that can be written"]
+        with tempfile.TemporaryDirectory(dir=existing, prefix=SCRATCH) as scratch:
+            missing = _absolute(folder).relative_to(existing)
             Path(scratch, missing).mkdir(parents=True, exist_ok=True)
         in_the_way = [folder / name for name in names if (folder / name).is_dir()]
     except OSError as error:
-        return [f"{told}: {error.strerror}, allowed a folder that can be written"]
-    return [f"output file {path}: is a folder, allowed a file" for path in in_the_way]
+        return [f"{told}: {error.strerror}, expected a folder that can be written"]
+    return [f"output file {path}: is a folder, expected a file" for path in in_the_way]
 
 
 def find_file_faults(file: Path) -> list[str]:
-    """Tell why a file could not be written."""
+    """Report why a file could not be written."""
     if not file.name:
-        return [f"output file '{file}': allowed the name of a file"]
-    return find_folder_faults(file.parent, (file.name,))
+        return [f"output file '{file}': expected the name of a file"]
+    target = _absolute(file)
+    try:
+        target = target.resolve() if target.is_symlink() else target
+        if target.exists() and not target.is_file() and not target.is_dir():  # a device, a FIFO
+            writable = os.access(target, os.W_OK)
+            return [] if writable else [f"output file {file}: Permission denied"]
+    except (OSError, RuntimeError) as error:  # a name too long, links in a circle
+        return [f"output file {file}: {getattr(error, 'strerror', error)}"]
+    if target.is_dir():
+        return [f"output file {file}: is a folder, expected a file"]
+    return find_folder_faults(file.parent if target == _absolute(file) else target.parent, ())
 
 
 def find_json_faults(json: str | None) -> list[str]:
-    """Tell why JSON could not be written."""
+    """Report why JSON could not be written."""
     return [] if json in (None, STANDARD_OUTPUT) else find_file_faults(Path(json))
 
 
@@ -64,17 +82,20 @@ def find_json_faults(json: str | None) -> list[str]:
 def staging(folder: Path, names: tuple[str, ...] = ARTEFACTS) -> Iterator[Path]:
     """Yield an empty folder; move what was written there into ``folder`` at the end.
 
-    A file of ``names`` that was not written anew is removed: it was an earlier run's.
+    A file of ``names`` that was not written is removed: it was an earlier run's.
     """
+    from robots.files import atomic_path
+
     try:
-        with tempfile.TemporaryDirectory(dir=_nearest(folder), prefix=SCRATCH) as scratch:
+        with tempfile.TemporaryDirectory(dir=_find_existing(folder), prefix=SCRATCH) as scratch:
             yield Path(scratch)
             folder.mkdir(parents=True, exist_ok=True)
             for name in names:
                 if Path(scratch, name).exists():
-                    Path(scratch, name).replace(folder / name)
-                else:
-                    (folder / name).unlink(missing_ok=True)
+                    with atomic_path(folder / name) as partial:
+                        shutil.move(Path(scratch, name), partial)
+                elif (folder / name).is_file():
+                    (folder / name).unlink()
     except OSError as error:
         raise BadInputError(f"output folder {folder}: {error.strerror}") from error
 
@@ -84,17 +105,21 @@ def write_json(text: str, json: str | None) -> None:
     if json == STANDARD_OUTPUT:
         sys.stdout.write(text)
     elif json is not None:
-        path = Path(json)
-        with staging(path.parent, (path.name,)) as scratch:
-            (scratch / path.name).write_text(text, "utf-8")
+        from robots.files import write_atomically
+
+        try:
+            Path(json).parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(Path(json), text)
+        except OSError as error:
+            raise BadInputError(f"output file {json}: {error.strerror}") from error
 
 
 def _absolute(path: Path) -> Path:
     return Path(os.path.abspath(path))  # noqa: PTH100  (resolve would follow links)
 
 
-def _nearest(path: Path) -> Path:
-    """Return a path, or what exists of it."""
+def _find_existing(path: Path) -> Path:
+    """Return a path, or the part of it that exists."""
     path = _absolute(path)
     while not os.path.lexists(path):
         path = path.parent
@@ -103,7 +128,7 @@ def _nearest(path: Path) -> Path:
 
 @contextmanager
 def counting(what: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on standard error; yield what moves it on by some."""
+    """Show a progress bar on standard error; yield what advances it."""
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:
         bar = progress.add_task(what, total=total)
@@ -120,7 +145,7 @@ def format_figure(value: Any) -> str:
 
 
 def to_json(record: Any) -> str:
-    """Write a record as JSON text; what is not a finite number becomes null."""
+    """Write a record as JSON text; numbers that are not finite become null."""
     return json.dumps(_plain(record), indent=1, allow_nan=False) + "\n"
 
 

@@ -18,6 +18,9 @@ from robots.quaternion import Array
 
 LONGEST_STEP = 0.002  # s
 GROUND_FRICTION = 0.8
+# MuJoCo's dry friction is soft: loaded joints without torque creep at up to 0.03 rad/s. Once they
+# have been that slow for a while, its noslip solver holds them, as the friction of gears does.
+REST_SPEED, REST_TIME, NOSLIP_ITERATIONS = 0.05, 1.0, 5  # rad/s and m/s; s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,6 +161,8 @@ class Simulation:
             # A force range of [0, 0] is torque off: friction and rotor inertia stay.
             self.model.actuator_forcerange[self._actuators, 0] = -drives.torque_limit
             self.model.actuator_forcerange[self._actuators, 1] = drives.torque_limit
+            self._rest_time = 0.0
+            self.model.opt.noslip_iterations = 0
         if last is None or self._supply_varies or not drives.has_gains_of(last):
             gains = self.robot.drive_gains(self._voltage, drives.gain_scale, drives.pwm_limit)
             self.model.actuator_gainprm[self._actuators] = gains
@@ -183,12 +188,22 @@ class Simulation:
         self._current = self._windings.compute_current(torque)
         self._windings.heat(self._current, duration)
         self.imu.advance(self.data, duration)
+        self._hold_at_rest(duration)
         if self._supply_resistance:
             velocity = self.data.qvel[self._layout.dof]
             power = self._windings.compute_power(self._current, torque, velocity)
             self._voltage = self._supply - self._supply_resistance * power / self._voltage
         for look in self.on_look:
             look()
+
+    def _hold_at_rest(self, duration: float) -> None:
+        """Let friction hold a robot that has come to rest without torque."""
+        is_slow = not self.has_torque and float(np.abs(self.data.qvel).max()) < REST_SPEED
+        self._rest_time = self._rest_time + duration if is_slow else 0.0
+        is_held, rests = self.model.opt.noslip_iterations > 0, self._rest_time >= REST_TIME
+        self.model.opt.noslip_iterations = NOSLIP_ITERATIONS if rests else 0
+        if rests and not is_held:
+            mujoco.mj_projectConstraint(self.model, self.data)  # for the noslip solver's matrix
 
     def _add_noise(self, value: Array, deviation: float) -> Array:
         return value + self._rng.normal(0.0, deviation, len(value)) if deviation else value

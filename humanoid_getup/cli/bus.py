@@ -37,6 +37,8 @@ class ServeBus(WorldOptions):
     """Let time pass with the client's sync writes of goals, not with the clock."""
     faults: Annotated[Path | None, arg(metavar="FILE")] = None
     """TOML file of faults to come."""
+    powered: bool = False
+    """Start with the servos' power on; without it, the board must switch it on."""
     voltage: Annotated[float | None, arg(metavar="V")] = None
     """Supply [V]; without it, the robot's nominal one."""
     latency: Annotated[float, arg(metavar="S")] = 0.0
@@ -55,7 +57,8 @@ class ServeBus(WorldOptions):
         """Serve until stopped."""
         world = self.load_stage()
         rng = np.random.default_rng(self.seed)
-        robot = VirtualRobot(Simulation(world.robot, world.model, voltage=self.voltage))
+        simulation = Simulation(world.robot, world.model, voltage=self.voltage)
+        robot = VirtualRobot(simulation, powered=self.powered)
         ids = [servo.id for servo in robot.servos]
         schedule = Schedule.from_file(self.faults, ids) if self.faults else None
         robot.place(find_start(world, self.origin, rng).posture)
@@ -71,13 +74,23 @@ class ServeBus(WorldOptions):
         with ports:
             for path in ports.paths.values():
                 print(path, flush=True)
-            print(
-                f"getup: {world.robot.name} on a virtual bus at {robot.bus.baud} bit/s, "
-                "Ctrl-C ends it",
-                file=sys.stderr,
-            )
+            print(describe(robot), file=sys.stderr)
             _serve(ports)
         return DID_IT
+
+
+def describe(robot: VirtualRobot) -> str:
+    """Compose what a client needs to know of a virtual bus."""
+    text = f"getup: {robot.robot.name} on a virtual bus at {robot.bus.baud} bit/s, Ctrl-C ends it"
+    board = robot.board
+    if board is None or all(servo.powered for servo in robot.servos):
+        return text
+    register = board.table["dynamixel_power"].address
+    return (
+        f"{text}\ngetup: the servos have no power and do not answer until 1 is written to "
+        f"register {register} of the board, id {board.id} (getup's driver does that); "
+        "--powered starts with their power on"
+    )
 
 
 def _serve(ports: VirtualPorts) -> None:

@@ -49,8 +49,14 @@ class Exchange:
             sendings += line.disturb_answer(answer)
         return sendings
 
-    def hand_over(self, wire: Wire, data: bytes) -> None:
-        """Give bytes to the client; what it has no room for is lost."""
+    def hand_over(self, wire: Wire, data: bytes, baud: int) -> None:
+        """Give the client bytes that were sent at a rate [bit/s].
+
+        Lost are the bytes that it has no room for, and all if it has changed its rate since.
+        """
+        if wire.plugged and wire.baud != baud:
+            self.statistics.missed += len(data)
+            return
         taken = wire.write(data) if data else 0
         self.statistics.bytes_out += taken
         self.statistics.overflow += len(data) - taken

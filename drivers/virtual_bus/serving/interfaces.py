@@ -180,6 +180,8 @@ class WireStatistics:
     """Instructions that ask for an answer and got none."""
     overflow: int = 0
     """Bytes lost because the client did not read."""
+    missed: int = 0
+    """Bytes lost because the client changed its rate before they arrived."""
     sendings: int = 0
     """Times that bytes were handed over on time's account (real time only)."""
     lateness_total: float = 0.0

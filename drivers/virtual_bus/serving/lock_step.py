@@ -33,7 +33,7 @@ class LockStep:
         """Serve a wire."""
         self._wire, self._exchange, self._time, self._wait = wire, exchange, time, wait
         self._listener = Listener(exchange.statistics, timed=False)
-        self._held: deque[tuple[float, bytes]] = deque()
+        self._held: deque[tuple[float, bytes, int]] = deque()
 
     def serve(self) -> None:
         """Wait for requests, and answer them."""
@@ -51,29 +51,31 @@ class LockStep:
         self._release()
         sendings = self._exchange.answer(request)
         if self._held or any(sending.hold for sending in sendings):
-            self._hand_over_what_is_not_held(sendings)
+            self._hand_over_what_is_not_held(sendings, request.baud)
         else:
-            self._exchange.hand_over(self._wire, b"".join([s.data for s in sendings]))
+            data = b"".join([s.data for s in sendings])
+            self._exchange.hand_over(self._wire, data, request.baud)
         if ends_cycle(request.item):
             self._time.pass_period()
         elif asks_for_answer(request.item) and (self._held or not sendings):
             self._time.pass_until(self._time.now + QUIET)
         self._release()
 
-    def _hand_over_what_is_not_held(self, sendings: list[Sending]) -> None:
+    def _hand_over_what_is_not_held(self, sendings: list[Sending], baud: int) -> None:
         """Hand over up to the first answer that is kept back; all behind it wait with it."""
         for sending in sendings:
             until = self._time.now + sending.hold
             if self._held:
                 until = max(until, self._held[-1][0])
             if self._held or sending.hold:
-                self._held.append((until, sending.data))
+                self._held.append((until, sending.data, baud))
             else:
-                self._exchange.hand_over(self._wire, sending.data)
+                self._exchange.hand_over(self._wire, sending.data, baud)
 
     def _release(self) -> None:
         while self._held and self._held[0][0] <= self._time.now:
-            self._exchange.hand_over(self._wire, self._held.popleft()[1])
+            _, data, baud = self._held.popleft()
+            self._exchange.hand_over(self._wire, data, baud)
 
 
 def ends_cycle(item: Packet | Damaged) -> bool:

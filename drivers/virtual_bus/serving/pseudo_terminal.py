@@ -20,6 +20,7 @@ from drivers.errors import SetupError
 
 BITS_PER_BYTE = 10  # start, eight data bits, stop
 READ_SIZE = 65536
+TERMINALS = Path("/dev/pts")
 
 # From Linux' asm-generic/ioctls.h and termbits.h; Python's termios has no names for them.
 _TCGETS2 = 0x802C542A
@@ -78,7 +79,7 @@ class Wire:
         """Make a new port, raw and ready, and then let the link point to it."""
         if self.plugged:
             return
-        self._check_link()
+        self._clear_link()
         self._master, self._slave = os.openpty()
         os.set_blocking(self._master, False)
         tty.setraw(self._slave)  # before a client comes, or the kernel echoes its bytes
@@ -157,17 +158,24 @@ class Wire:
             fcntl.ioctl(self._slave, termios.TIOCEXCL)
         return deserted
 
-    def _check_link(self) -> None:
-        if self.link.exists() and not self.link.is_symlink():
-            raise WireError(self.link, "a file is there, name another path or remove it")
-        if not self.link.parent.is_dir():
-            raise WireError(self.link, f"there is no folder {self.link.parent}, make it first")
-
     def _publish(self) -> None:
-        fresh = self.link.with_name(f"{self.link.name}.{os.getpid()}.new")
+        """Create the link to the terminal."""
         try:
-            fresh.unlink(missing_ok=True)
-            fresh.symlink_to(self._device)
-            fresh.replace(self.link)
+            self.link.symlink_to(self._device)
         except OSError as error:
             raise WireError(self.link, f"{error.strerror}, name a path you may write") from error
+
+    def _clear_link(self) -> None:
+        """Make room for the link: only one that a dead virtual bus left behind is removed."""
+        if not self.link.parent.is_dir():
+            raise WireError(self.link, f"there is no folder {self.link.parent}, create it first")
+        if not os.path.lexists(self.link):
+            return
+        if not self.link.is_symlink():
+            raise WireError(self.link, "a file is there, name another path or remove it")
+        target = self.link.readlink()
+        if target.parent != TERMINALS or target.exists():
+            raise WireError(
+                self.link, f"a link to {target} is there, name another path or remove it"
+            )
+        self.link.unlink()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import ctypes
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import monotonic, sleep
 
+from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.virtual_bus.serving.bus_clock import BusTime
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.instruction_reader import Listener, Request
@@ -27,9 +28,13 @@ PR_SET_TIMERSLACK = 29  # Linux' prctl.h
 class Batch:
     """Bytes that reach the client together."""
 
+    begin: float
+    """Bus time at which the first of them is on the wire [s]."""
     at: float
-    """Bus time at which the last of them is through [s]."""
+    """Bus time at which the last of them reaches the client [s]."""
     data: bytes
+    baud: int
+    """Rate at which they are sent [bit/s]."""
 
 
 class RealTime:
@@ -38,6 +43,10 @@ class RealTime:
     An instruction is complete when its bytes have taken their time at the client's rate;
     then the devices hear it. Each device's answer follows the one before after its return
     delay, and reaches the client when its last byte is through.
+
+    Replies to a broadcast ping leave the wire silent between their slots. An instruction sent
+    in such a silence is transmitted at once, and the devices whose slots are still to come
+    drop their replies: the new instruction has taken the place of the ping.
     """
 
     def __init__(
@@ -56,6 +65,7 @@ class RealTime:
         self._listener = Listener(exchange.statistics, timed=True)
         self._requests: deque[Request] = deque()
         self._complete_at = math.inf
+        self._is_ping_window = False
         self._free_at = 0.0  # when the wire is, of all that was planned
         self._batches: deque[Batch] = deque()
         self._delivered_at = 0.0  # when the last of them will be
@@ -113,6 +123,8 @@ class RealTime:
         if requests and now < self._free_at:
             self._statistics.talked_over += 1
         self._requests += requests
+        if requests and self._is_ping_window:
+            self._end_ping_window(now)
         self._begin_next()
 
     def _begin_next(self) -> None:
@@ -127,22 +139,37 @@ class RealTime:
 
     def _answer(self) -> None:
         request, self._free_at = self._requests.popleft(), self._complete_at
-        self._plan(self._exchange.answer(request), _byte_time(request.baud))
+        self._plan(self._exchange.answer(request), request.baud)
         self._complete_at = math.inf
+        self._is_ping_window = _is_broadcast_ping(request.item)
+        if self._requests and self._is_ping_window:
+            self._end_ping_window(self.now)
         self._begin_next()
 
-    def _plan(self, sendings: list[Sending], byte_time: float) -> None:
-        """Work out when answers reach the client; those close together do so as one."""
-        begun = -math.inf
+    def _plan(self, sendings: list[Sending], baud: int) -> None:
+        """Work out when replies reach the client; those close together do so as one."""
+        first, byte_time = -math.inf, _byte_time(baud)
         for sending in sendings:
-            self._free_at += sending.delay + len(sending.data) * byte_time
+            begin = self._free_at + sending.delay
+            self._free_at = begin + len(sending.data) * byte_time
             at = max(self._tick(self._free_at) + sending.hold, self._delivered_at)
             self._delivered_at = at
-            if at - begun < MICROFRAME:
-                self._batches[-1] = Batch(at, self._batches[-1].data + sending.data)
+            if at - first < MICROFRAME:
+                last = self._batches[-1]
+                self._batches[-1] = replace(last, at=at, data=last.data + sending.data)
             else:
-                self._batches.append(Batch(at, sending.data))
-                begun = at
+                self._batches.append(Batch(begin, at, sending.data, baud))
+                first = at
+
+    def _end_ping_window(self, now: float) -> None:
+        """Drop the replies to a broadcast ping that are not on the wire yet."""
+        self._is_ping_window = False
+        while self._batches and self._batches[-1].begin > now:
+            self._batches.pop()
+        last = self._batches[-1] if self._batches else None
+        end = last.begin + len(last.data) * _byte_time(last.baud) if last else now
+        self._free_at = min(self._free_at, max(end, now))
+        self._delivered_at = last.at if last else now
 
     def _tick(self, at: float) -> float:
         """Return when the adapter hands over what it has at a time [s]."""
@@ -150,12 +177,17 @@ class RealTime:
         return math.ceil(at / latency) * latency if latency else at
 
     def _send(self, batch: Batch) -> None:
-        self._exchange.hand_over(self._wire, batch.data)
+        self._exchange.hand_over(self._wire, batch.data, batch.baud)
         late = self.now - batch.at
         statistics = self._statistics
         statistics.sendings += 1
         statistics.lateness_total += late
         statistics.lateness_max = max(statistics.lateness_max, late)
+
+
+def _is_broadcast_ping(item: Packet | Damaged) -> bool:
+    is_ping = isinstance(item, Packet) and item.instruction == Instruction.PING
+    return is_ping and item.id == BROADCAST
 
 
 def _byte_time(baud: int) -> float:

@@ -58,6 +58,32 @@ def test_twin_and_virtual_bus_give_one_and_the_same_path(op3: Robot):
     assert moved.min() > 0.3, "it hardly moved: the test shows nothing"
 
 
+@pytest.mark.parametrize("side", [[1.0, 0.0, -1.0, 0.0], [1.0, 1.0, 0.0, 0.0]])
+def test_a_robot_without_torque_lies_still(op3: Robot, side: list[float]):
+    virtual = VirtualRobot(Simulation(op3))
+    virtual.place(
+        Posture(
+            position=np.array([0.0, 0.0, 0.15]),
+            orientation=np.array(side) / np.linalg.norm(side),
+            joint_pos=op3.standing.joint_pos,
+        )
+    )
+    virtual.body.advance(3.0)
+    settled = virtual.simulation.joint_pos.copy()
+    virtual.body.advance(8.0)
+    moved = np.abs(virtual.simulation.joint_pos - settled) / RAD_PER_TICK
+    assert moved.max() < 1.0
+
+
+def test_torque_may_go_in_the_middle_of_a_motion(op3: Robot):
+    virtual = VirtualRobot(Simulation(op3), powered=True)
+    for on in (1, 0, 1, 0):
+        for servo in virtual.servos:
+            assert servo.write(64, bytes([on])) == 0
+        virtual.body.advance(virtual.body.time + 0.1)
+    assert np.isfinite(virtual.simulation.joint_vel).all()
+
+
 @pytest.fixture
 def floating(tiny: Robot) -> Iterator[VirtualRobot]:
     simulation = Simulation(tiny)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import termios
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 import serial
@@ -140,20 +141,51 @@ def test_a_port_left_in_another_mode_is_raw_again_for_the_next_client(wire: Wire
     os.close(client)
 
 
-def test_a_link_replaces_a_stale_one_but_no_file(tmp_path):
-    link, file = tmp_path / "port", tmp_path / "notes"
+def test_a_link_replaces_one_that_a_killed_bus_left_behind(tmp_path):
+    link = tmp_path / "port"
     link.symlink_to("/dev/pts/no-such")
-    file.write_text("mine")
     wire = Wire(link)
     assert wire.path == str(link)
     assert link.is_char_device()
     wire.close()
     assert not os.path.lexists(link)
+
+
+@pytest.mark.parametrize("target", ["/dev/null", "/dev/ttyUSB-unplugged", "another"])
+def test_a_link_that_the_bus_did_not_make_is_refused_and_stays(tmp_path, target: str):
+    link = tmp_path / "robot"
+    link.symlink_to(target)
+    with pytest.raises(WireError, match=f"a link to {target} is there, name another path"):
+        Wire(link)
+    assert link.readlink() == Path(target)
+
+
+def test_the_link_of_a_running_bus_is_refused_to_another(tmp_path):
+    link = tmp_path / "port"
+    wire = Wire(link)
+    with pytest.raises(WireError, match=r"a link to /dev/pts/\d+ is there"):
+        Wire(link)
+    assert link.is_char_device()
+    wire.close()
+
+
+def test_a_file_or_a_missing_folder_is_refused(tmp_path):
+    file = tmp_path / "notes"
+    file.write_text("mine")
     with pytest.raises(WireError, match="a file is there, name another path"):
         Wire(file)
     assert file.read_text() == "mine"
     with pytest.raises(WireError, match="no folder"):
         Wire(tmp_path / "missing" / "port")
+
+
+def test_closing_leaves_a_link_that_points_elsewhere_by_now(tmp_path):
+    link = tmp_path / "port"
+    wire = Wire(link)
+    link.unlink()
+    link.symlink_to("/dev/null")
+    wire.close()
+    assert link.readlink() == Path("/dev/null")
 
 
 def test_closing_removes_the_folder_and_may_be_repeated():

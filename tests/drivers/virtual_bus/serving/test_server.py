@@ -14,9 +14,13 @@ from fake_devices import FakeDevices
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Instruction, Packet, Span, Status
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.interfaces import StillPhysics
 from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus, VirtualBusError
+from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s, of a bus without physics
@@ -182,6 +186,49 @@ def test_talking_over_an_answer_is_noted():
         port.write(protocol2.ping(2))
         assert len(port.read(28)) == 28
         assert bus.statistics.talked_over == 1
+
+
+def test_a_reply_in_flight_is_lost_when_the_client_changes_its_rate():
+    devices = FakeDevices(IDS, delay=0.2)
+    with VirtualBus(devices) as bus, connect(bus) as port:
+        port.write(protocol2.ping(1))
+        wait_until(lambda: bus.statistics.answers == 1)
+        port.baudrate = 57_600
+        wait_until(lambda: bus.statistics.missed == 14)
+        port.baudrate = 1_000_000
+        assert ask(port, protocol2.ping(2), 14)[4] == 2
+        assert bus.statistics.bytes_out == 14
+
+
+def test_a_late_reply_is_lost_in_lock_step_too(bus: VirtualBus):
+    bus.faults.order(LineFault.LATE, 1)
+    with connect(bus) as port:
+        port.write(protocol2.ping(1))
+        wait_until(lambda: bus.statistics.answers == 1)
+        port.baudrate = 57_600
+        port.write(GOALS * 3)
+        wait_until(lambda: bus.statistics.missed == 14)
+        assert bus.statistics.bytes_out == 0
+
+
+def test_an_instruction_does_not_wait_for_the_slots_of_a_broadcast_ping():
+    quirks = Quirks(ping_slot=0.05)  # so the slot of id 200 comes after 10 s
+    chain = Chain([VirtualServo(i, baud=1_000_000, quirks=quirks) for i in (0, 200)], quirks)
+    with VirtualBus(chain) as bus, connect(bus) as port:
+        assert ask(port, protocol2.ping(0xFE), 14)[4] == 0
+        assert ask(port, protocol2.ping(200), 14)[4] == 200
+        assert bus.time < 10.0
+        # The new instruction took the place of the ping: its other reply is dropped.
+        assert bus.statistics.bytes_out == 28
+        wait_until(lambda: bus.statistics.answers == 3)
+
+
+def test_an_instruction_sent_with_a_broadcast_ping_replaces_it():
+    quirks = Quirks(ping_slot=0.05)
+    chain = Chain([VirtualServo(i, baud=1_000_000, quirks=quirks) for i in (100, 200)], quirks)
+    with VirtualBus(chain) as bus, connect(bus) as port:
+        assert ask(port, protocol2.ping(0xFE) + protocol2.ping(100), 14)[4] == 100
+        assert bus.time < 5.0
 
 
 # Both --------------------------------------------------------------------------------------

@@ -1,11 +1,19 @@
-# Everything a newcomer needs: `make rise` runs the main job, `make test` the tests.
+# `make rise` runs the main job, `make test` the tests, `make help` lists the rest.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup rise test check test-slow fuzz clean
+# On PyPI the Linux build of torch brings gigabytes of CUDA. The CPU build of the same version
+# is preferred where pip can see it: docs/how-to/train.md.
+TORCH ?= torch==2.13.0
 
-# The main job needs the core install only; the development tools come with `setup`.
+.DEFAULT_GOAL := help
+.PHONY: help setup rise check test test-train test-slow wheel-test docs docs-serve fuzz clean
+
+help:  ## List the targets.
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /:/' | \
+		awk -F: '{ printf "  %-12s %s\n", $$1, $$2 }'
+
 $(VENV)/core: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install -q -e .
@@ -17,26 +25,45 @@ $(VENV)/dev: pyproject.toml
 	$(BIN)/pybind11-stubgen mujoco -o typings --ignore-all-errors > /dev/null 2>&1
 	touch $(VENV)/core $@
 
-setup: $(VENV)/dev
+$(VENV)/train: $(VENV)/dev
+	$(BIN)/pip install -q -e ".[train]" "$(TORCH)"
+	touch $@
 
-rise: $(VENV)/core
+$(VENV)/docs: $(VENV)/core
+	$(BIN)/pip install -q -e ".[docs]"
+	touch $@
+
+setup: $(VENV)/dev  ## Make the development environment in .venv (without torch).
+
+rise: $(VENV)/core  ## Get an OP3 up that fell on its back; report and pictures in out/rise/.
 	$(BIN)/getup rise --robot op3 --from supine --seed 0 --out out/rise
 
-check: setup
+check: setup  ## Run ruff, pyright and the import rules.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
-test: setup
-	$(BIN)/pytest -n 2 -m "not slow"
+test: setup  ## Run the tests, but for those of learning and the slow ones.
+	$(BIN)/pytest -n 2 -m "not slow and not train"
 
-test-slow: setup
+test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
+	$(BIN)/pytest -n 2 -m "train and not slow"
+
+test-slow: $(VENV)/train  ## Run the slow tests, those of learning included.
 	$(BIN)/pytest -n 2 -m slow
 
-# Ten million random and mutated bytes into each end of the wire.
-fuzz: setup
+wheel-test: setup  ## Build the wheel; use it from a fresh environment outside the repository.
+	$(BIN)/pytest -m slow tests/packaging
+
+docs: $(VENV)/docs  ## Build the documentation into out/site; a dead link is an error.
+	$(BIN)/mkdocs build --strict
+
+docs-serve: $(VENV)/docs  ## Serve the documentation and rebuild it when a page changes.
+	$(BIN)/mkdocs serve
+
+fuzz: setup  ## Send ten million random and mutated bytes into each end of the servo bus.
 	$(BIN)/python benchmarks/fuzz_protocol.py --bytes 10000000 --seed 0
 
-clean:
-	rm -rf $(VENV) typings out *.egg-info
+clean:  ## Remove the environment and everything that was built.
+	rm -rf $(VENV) typings out build *.egg-info

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -10,6 +12,13 @@ from sim2real.environment.training_world import LONGEST_DELAY, build_world
 from sim2real.environment.vectorized_simulation import Herd
 
 PHYSICS_STEP = 0.004  # s
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test of learning, so that `make test-train` alone runs it."""
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent):
+            item.add_marker(pytest.mark.train)
 
 
 @pytest.fixture(scope="session")

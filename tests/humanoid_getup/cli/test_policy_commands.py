@@ -117,7 +117,9 @@ RUN = ("--from", "supine", "--out", "out")
             ("rise", *RUN, "--method", "policy", "--policy", "moonwalk"),
             ["unknown policy 'moonwalk'"],
         ),
-        (("export", "nowhere", "--out", "p.onnx"), ["nowhere"]),
+        pytest.param(
+            ("export", "nowhere", "--out", "p.onnx"), ["nowhere"], marks=pytest.mark.train
+        ),
     ],
 )
 def test_a_value_that_cannot_be_used_is_named(capsys, tmp_path, monkeypatch, arguments, told):

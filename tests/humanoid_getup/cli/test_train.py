@@ -16,6 +16,8 @@ pytest.importorskip("tensorboard")
 from humanoid_getup.cli.main import main
 from sim2real.training.config import RECIPES
 
+pytestmark = pytest.mark.train
+
 TINY = ("train", "--out", "mine", "--iterations", "2", "--robots", "4", "--threads", "1")
 Run = Callable[..., tuple[int, str, str]]
 

@@ -1,0 +1,20 @@
+"""A robot's computer needs no learning framework: the core packages never import one."""
+
+import subprocess
+import sys
+
+PROGRAM = """
+import importlib, pkgutil, sys
+for package in ("robots", "drivers", "humanoid_getup"):
+    path = importlib.import_module(package).__path__
+    for module in pkgutil.walk_packages(path, f"{package}."):
+        importlib.import_module(module.name)
+learning = {"torch", "onnx", "gymnasium", "rsl_rl", "tensordict", "sim2real"}
+print(len(sys.modules.keys() & learning), sorted(sys.modules.keys() & learning))
+print("humanoid_getup.cli.train" in sys.modules, "drivers.dynamixel.backend" in sys.modules)
+"""
+
+
+def test_no_module_of_the_core_imports_a_learning_framework():
+    result = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True)
+    assert result.stdout.splitlines() == ["0 []", "True True"], result.stderr

@@ -10,7 +10,7 @@ from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import load_robot
+from robots import TorqueLimit, load_robot
 
 
 def main() -> bool:
@@ -19,7 +19,7 @@ def main() -> bool:
     rng = np.random.default_rng(1)
     fall = sample_falls(world, {"prone": 1}, rng)[0]
 
-    planner = PlannedRise(world, load_database(robot), RiseOptions(torque_limit=3.0))
+    planner = PlannedRise(world, load_database(robot), RiseOptions(torque_limit=TorqueLimit(3.0)))
     result = rise(Twin(robot, world.model), planner, fall.posture, fall.start_class, rng)
 
     connection = result.plan.connection

@@ -26,8 +26,8 @@ from robots import load_robot
 
 
 def rise(world: World, backend: DynamixelBackend, *, realtime: bool) -> Rise:
-    planner = PlannedRise(world, load_database(world.robot), RiseOptions(pwm_limited=True))
-    options = AttemptOptions(pwm_limited=True, realtime=realtime)
+    planner = PlannedRise(world, load_database(world.robot), RiseOptions())
+    options = AttemptOptions(realtime=realtime)
     rng = np.random.default_rng(0)
     return get_up(SafetyGuard(backend), world, planner, rng, options, services=backend)
 

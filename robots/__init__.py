@@ -12,8 +12,10 @@ from robots.robot import (
     list_robots,
 )
 from robots.servo import Servo, ServoModel
+from robots.torque_limit import FULL_TORQUE, TorqueLimit
 
 __all__ = [
+    "FULL_TORQUE",
     "BoardSettings",
     "BusSettings",
     "Joint",
@@ -23,6 +25,7 @@ __all__ = [
     "RobotError",
     "Servo",
     "ServoModel",
+    "TorqueLimit",
     "list_robots",
     "load_posture",
     "load_robot",

@@ -17,7 +17,7 @@ from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import Robot
+from robots import FULL_TORQUE, Robot, TorqueLimit
 
 CLASSES = ("supine", "prone", "lateral")
 
@@ -47,7 +47,7 @@ def bench_rise(
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     records = []
     for number, fall in enumerate(falls):
-        twin = Twin(robot, world.model, pwm_limited=options.pwm_limited)
+        twin = Twin(robot, world.model, pwm_limited=options.torque_limit.by_pwm)
         rng = np.random.default_rng([seed, number])
         record = rise(twin, planner, fall.posture, fall.start_class, rng).record()
         record["bench_class"] = CLASSES[number // each]
@@ -59,7 +59,7 @@ def bench_rise(
         "n": len(records),
         "robot": robot.name,
         "scene": scene.name,
-        "torque_limit_nm": options.torque_limit,
+        "torque_limit_nm": options.torque_limit.value,
         "planning": options.planning,
         "filtering": options.filtering,
         "assistance": options.assistance,
@@ -82,8 +82,7 @@ def bench_methods(
     *,
     seed: int,
     each: int,
-    torque_limit: float | None = None,
-    pwm_limited: bool = False,
+    torque_limit: TorqueLimit = FULL_TORQUE,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Get up from the same settled falls in several ways, through the whole loop on the twin.
@@ -93,17 +92,16 @@ def bench_methods(
         ways: Finds what to play, by the way's name.
         seed: Of the falls and the plans.
         each: Falls of each class: supine, prone, lateral.
-        torque_limit: Cap on every servo [N·m].
-        pwm_limited: The cap is a PWM limit, as servos in position mode have it.
+        torque_limit: Of the servos.
         report: Called with the record of each rise.
     """
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
-    options = AttemptOptions(max_attempts=1, torque_limit=torque_limit, pwm_limited=pwm_limited)
+    options = AttemptOptions(max_attempts=1, torque_limit=torque_limit)
     cases = {}
     for name, plans in ways.items():
         records, heat = [], []
         for number, fall in enumerate(falls):
-            twin = Twin(world.robot, world.model, pwm_limited=pwm_limited)
+            twin = Twin(world.robot, world.model, pwm_limited=torque_limit.by_pwm)
             rng = np.random.default_rng([seed, number])
             rise = lay_down_and_get_up(twin, world, plans, fall, rng, options)
             record = rise.record() | {"way": name}
@@ -120,8 +118,8 @@ def bench_methods(
         "n": len(falls),
         "robot": world.robot.name,
         "scene": world.scene.name,
-        "torque_limit_nm": torque_limit,
-        "pwm_limited": pwm_limited,
+        "torque_limit_nm": torque_limit.value,
+        "pwm_limited": torque_limit.by_pwm,
         "cases": cases,
     }
 
@@ -130,7 +128,7 @@ def _heat_up(
     world: World, plans: Strategy, falls: list[Fall], options: AttemptOptions, seed: int
 ) -> float:
     """Rise, rest, rise again; return the hottest servo's temperature at the end [°C]."""
-    twin = Twin(world.robot, world.model, pwm_limited=options.pwm_limited)
+    twin = Twin(world.robot, world.model, pwm_limited=options.torque_limit.by_pwm)
     body = twin.simulation
     warm = body.temperature.copy()
     for number, fall in enumerate(falls):

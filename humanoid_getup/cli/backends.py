@@ -17,7 +17,7 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.execution.recovery import RebootsServos
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot
+from robots import Posture, Robot, TorqueLimit
 
 TWIN, VIRTUAL, DYNAMIXEL = "twin", "virtual", "dynamixel"
 BACKENDS = (TWIN, VIRTUAL, DYNAMIXEL)
@@ -38,10 +38,9 @@ class BackendChoice:
     """Puts a simulated robot somewhere."""
     services: RebootsServos | None = None
 
-    @property
-    def has_servos(self) -> bool:
-        """Tell whether its servos are servos, which limit torques by PWM; the twin's are ideal."""
-        return self.services is not None
+    def limit_torque(self, value: float | None) -> TorqueLimit:
+        """Make a torque limit [N·m] that acts as this robot's: by PWM, or ideal on the twin."""
+        return TorqueLimit(value, "torque" if self.services is None else "pwm")
 
     @property
     def is_real(self) -> bool:

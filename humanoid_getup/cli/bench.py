@@ -26,6 +26,7 @@ from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RiseOptions, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
+from robots import TorqueLimit
 
 RISE_FIGURES = ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s")
 MOTION_FIGURES = (
@@ -98,8 +99,7 @@ class BenchRise(BenchOptions):
             planning=self.planning,
             filtering=self.filtering,
             assistance=self.assistance,
-            torque_limit=self.torque_limit,
-            pwm_limited=self.pwm_limited,
+            torque_limit=TorqueLimit(self.torque_limit, "pwm" if self.pwm_limited else "torque"),
         )
         with counting("rises", len(CLASSES) * self.n) as count:
             robot, scene = world.robot, world.scene
@@ -263,23 +263,22 @@ class BenchMethods(BenchOptions):
     def run(self) -> int:
         """Run the benchmark."""
         world = self.load_stage()
-        ways = {name: self._make_plans(world, name) for name in self.ways}
+        limit = TorqueLimit(self.torque_limit, "pwm" if self.pwm_limited else "torque")
+        ways = {name: self._make_plans(world, name, limit) for name in self.ways}
         with counting("rises", len(CLASSES) * self.n * len(ways)) as count:
             result = bench_methods(
                 world,
                 ways,
                 seed=self.seed,
                 each=self.n,
-                torque_limit=self.torque_limit,
-                pwm_limited=self.pwm_limited,
+                torque_limit=limit,
                 report=lambda _: count(1),
             )
         return self.hand_over(result, FIGURES)
 
-    def _make_plans(self, world: World, name: str) -> Strategy:
+    def _make_plans(self, world: World, name: str, limit: TorqueLimit) -> Strategy:
         if name != PLAN:
             return LearnedRise(load_policy(world.robot, name, self.torque_limit), name)
         with refusing():
             database = load_database(world.robot)
-        options = RiseOptions(torque_limit=self.torque_limit, pwm_limited=self.pwm_limited)
-        return PlannedRise(world, database, options)
+        return PlannedRise(world, database, RiseOptions(torque_limit=limit))

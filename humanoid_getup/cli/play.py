@@ -27,7 +27,7 @@ from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import Fall, settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion, as_it_is
-from robots import Posture, Robot
+from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import read_posture
 
 OWN_START = "the motion's own"
@@ -114,7 +114,7 @@ class Play(RunOptions):
     ) -> Rise:
         """Play on a robot that may be a real one: after the preflight, supervised, once."""
         options = AttemptOptions(
-            max_attempts=1, torque_limit=self.torque_limit, pwm_limited=True, realtime=True
+            max_attempts=1, torque_limit=TorqueLimit(self.torque_limit, "pwm"), realtime=True
         )
         rng = np.random.default_rng(self.seed)
         with recording(self.out, world.robot, self._about(motion)) as recorder:

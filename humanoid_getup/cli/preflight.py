@@ -18,7 +18,7 @@ from humanoid_getup.cli.play import find_motion
 from humanoid_getup.execution.preflight import Severity, Verdict, preflight
 from humanoid_getup.execution.preflight_rollout import MOST_RISES
 from humanoid_getup.motions.motion import Motion
-from robots import Robot
+from robots import Robot, TorqueLimit
 
 SHOWN = 6  # joints in the table, the most loaded first
 
@@ -46,7 +46,7 @@ class Preflight(WorldOptions):
                 world,
                 motion,
                 voltage=voltage,
-                torque_limit=self.torque_limit,
+                torque_limit=TorqueLimit(self.torque_limit, "pwm"),
                 temperature=self.temperature,
             )
         write_json(to_json(self._record(world.robot, motion, verdict)), self.json)

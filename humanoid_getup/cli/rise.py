@@ -24,8 +24,6 @@ from humanoid_getup.strategies.plan import RiseOptions, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.selection import ByRecord
 from humanoid_getup.strategies.track_record import (
-    BY_PWM,
-    BY_TORQUE,
     PLAN,
     POLICY,
     TrackRecord,
@@ -105,20 +103,18 @@ class RiseCommand(RunOptions):
         return _Means(database, policy and LearnedRise(policy, self.policy), records)
 
     def _make_plans(self, world: World, body: BackendChoice, means: _Means) -> Strategy:
+        limit = body.limit_torque(self.torque_limit)
         ways: dict[Way, Strategy] = {}
         if means.database is not None:
             options = RiseOptions(
                 planning=self.planning,
                 filtering=self.filtering,
-                torque_limit=self.torque_limit,
-                pwm_limited=body.has_servos,
+                torque_limit=limit,
             )
             ways[Way(PLAN)] = PlannedRise(world, means.database, options)
         if means.policy is not None:
             ways[Way(POLICY, self.policy)] = means.policy
-        limit = float(world.robot.max_torque.max())
-        cap = BY_PWM if body.has_servos else BY_TORQUE
-        return ByRecord(ways, means.records, min(self.torque_limit or limit, limit), cap)
+        return ByRecord(ways, means.records, limit)
 
 
 @dataclass(frozen=True)

@@ -128,8 +128,7 @@ def try_to_rise(
         body.place(start.posture)
     how = AttemptOptions(
         max_attempts=attempts,
-        torque_limit=limit,
-        pwm_limited=body.has_servos,
+        torque_limit=body.limit_torque(limit),
         preflight=preflight,
         realtime=body.realtime,
     )

@@ -33,6 +33,7 @@ from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import PolicyPlan
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
+from robots import FULL_TORQUE, TorqueLimit
 
 UNCLASSED = "other"  # start class of a robot that lies on no side
 MOST_REMEDIES = 5  # faults of a robot that only lies there, before it is left alone
@@ -75,10 +76,7 @@ class AttemptOptions:
     """How to try, and how often."""
 
     max_attempts: int = 3
-    torque_limit: float | None = None
-    """Cap on every servo [N·m]."""
-    pwm_limited: bool = False
-    """The cap is a PWM limit, as servos in position mode have it, not one at the torque."""
+    torque_limit: TorqueLimit = FULL_TORQUE
     preflight: bool = True
     """False: play without asking; never on hardware."""
     realtime: bool = False
@@ -232,7 +230,6 @@ class AttemptManager:
             plan.motion,
             voltage=settled.voltage,
             torque_limit=self.options.torque_limit,
-            pwm_limited=self.options.pwm_limited,
             temperature=settled.temperature,
             start=now,
         )
@@ -240,7 +237,7 @@ class AttemptManager:
 
     def _supervise(self, plan: RisePlan) -> Supervised | None:
         """Make what plays a plan, watched; None where it holds nothing to play."""
-        supervision, limit = self.options.supervision, self.options.torque_limit
+        supervision, limit = self.options.supervision, self.options.torque_limit.value
         if isinstance(plan, PolicyPlan):
             return PolicySupervisor(plan.policy, supervision)
         if plan.motion is None:
@@ -294,7 +291,7 @@ class AttemptManager:
         self._recovery.cool_down()
 
     def _judge_by_sensors(self) -> Judge:
-        return SensorJudge(self._stage, self._guard.period, self.options.torque_limit)
+        return SensorJudge(self._stage, self._guard.period, self.options.torque_limit.value)
 
     def _tell(self, phase: Phase, detail: str) -> None:
         self._report(PhaseChange(phase, self._number, detail))

@@ -144,7 +144,6 @@ def rise(
     options = AttemptOptions(
         max_attempts=max_attempts,
         torque_limit=planner.options.torque_limit,
-        pwm_limited=planner.options.pwm_limited,
         # Without the filter, what is asked for is to see the raw path fail or stand.
         preflight=planner.options.filtering,
         realtime=realtime,
@@ -185,7 +184,7 @@ def lay_down_and_get_up(
         KeyboardInterrupt: once the robot is limp, if somebody interrupted.
     """
     check_start(world, fall.posture)
-    limit = options.torque_limit
+    limit = options.torque_limit.value
     guard = SafetyGuard(twin, GuardLimits.of(twin.robot, torque_limit=limit))
     twin.place(fall.posture)
     if temperature is not None:

@@ -11,11 +11,11 @@ import numpy as np
 from drivers import State
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
-from humanoid_getup.execution.preflight_rollout import Cap, Figures, measure
+from humanoid_getup.execution.preflight_rollout import Figures, measure
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
-from robots import Robot
+from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.kinematics import torso_orientation
 from robots.quaternion import Array
 
@@ -81,8 +81,7 @@ def preflight(
     motion: Motion,
     *,
     voltage: float,
-    torque_limit: float | None = None,
-    pwm_limited: bool = True,
+    torque_limit: TorqueLimit = FULL_TORQUE,
     temperature: Array | float = AMBIENT_TEMPERATURE,
     start: State | None = None,
 ) -> Verdict:
@@ -96,23 +95,22 @@ def preflight(
         world: Robot and scene.
         motion: What shall be played.
         voltage: Supply at the servos [V].
-        torque_limit: Cap on every servo [N·m].
-        pwm_limited: The cap is a PWM limit, as servos in position mode have it.
+        torque_limit: Of the servos.
         temperature: Of the servos now [°C], shape (n,) or one for all.
         start: Measurement of the robot as it lies; ``None`` when there is none yet.
 
     Raises:
-        ValueError: if voltage, torque limit or temperature is no sensible number.
+        ValueError: if voltage or temperature is not a sensible number.
     """
     robot = world.robot
-    _check_input(voltage, torque_limit, temperature)
+    _check_input(voltage, temperature)
     heat = np.broadcast_to(np.asarray(temperature, dtype=float), (robot.n,))
-    figures = measure(world, motion, voltage, Cap(torque_limit, pwm_limited), heat, start)
+    figures = measure(world, motion, voltage, torque_limit, heat, start)
     reasons = [
         *_judge_supply(robot, voltage),
         *_judge_limits(robot, motion),
         *_judge_speed(robot, figures),
-        *_judge_load(robot, figures, torque_limit),
+        *_judge_load(robot, figures, torque_limit.value),
         *_judge_warmth(robot, heat),
         *_judge_heat(robot, figures, heat),
         *_judge_overlap(figures),
@@ -134,12 +132,10 @@ def check_body(robot: Robot, voltage: float, temperature: Array) -> list[Reason]
     return [*_judge_supply(robot, voltage), *_judge_warmth(robot, temperature)]
 
 
-def _check_input(voltage: float, torque_limit: float | None, temperature: Array | float) -> None:
+def _check_input(voltage: float, temperature: Array | float) -> None:
     faults = []
     if not 0.0 < voltage < math.inf:
         faults.append(f"voltage is {voltage:g} V, allowed a finite number above 0 V")
-    if torque_limit is not None and not 0.0 < torque_limit < math.inf:
-        faults.append(f"torque limit is {torque_limit:g} N·m, allowed a finite number above 0 N·m")
     if not np.all(np.isfinite(temperature)):
         faults.append(f"temperature is {temperature} °C, allowed finite numbers")
     if faults:

@@ -19,7 +19,7 @@ from humanoid_getup.execution.supervisor import angle
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, quaternion
+from robots import Posture, Robot, TorqueLimit, quaternion
 from robots.kinematics import place, read_posture, torso_orientation
 from robots.quaternion import Array
 
@@ -64,21 +64,11 @@ class Figures:
     """Angle between measured and expected gravity in the torso [rad]."""
 
 
-@dataclass(frozen=True)
-class Cap:
-    """How servos are kept from giving all they have."""
-
-    torque: float | None
-    """[N·m]; None for no cap."""
-    by_pwm: bool
-    """As servos in position mode do it, and not at the torque itself."""
-
-
 def measure(
     world: World,
     motion: Motion,
     voltage: float,
-    cap: Cap,
+    torque_limit: TorqueLimit,
     temperature: Array,
     start: State | None,
 ) -> Figures:
@@ -88,16 +78,15 @@ def measure(
         world: Robot and scene.
         motion: What shall be played.
         voltage: Supply at the servos [V].
-        cap: Cap on every servo.
+        torque_limit: Of the servos.
         temperature: Of the servos now [°C], (n,).
         start: Measurement of the robot as it lies, to rehearse from there.
     """
     robot = world.robot
     lying = _find_start(world, motion, start)
-    trial = _rehearse(world, motion, lying, voltage, cap)
-    torque_limit = cap.torque
+    trial = _rehearse(world, motion, lying, voltage, torque_limit)
     stall = robot.max_torque * voltage / robot.supply_voltage
-    limit = np.minimum(stall, np.inf if torque_limit is None else torque_limit)
+    limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
     along = np.maximum(np.sign(trial.torque) * trial.velocity, 0.0)  # (T, n)
     line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
     saturated = np.abs(trial.torque) >= np.maximum(SATURATED * line, 0.05 * stall)
@@ -148,13 +137,17 @@ class _Trial:
     """[m]"""
 
 
-def _rehearse(world: World, motion: Motion, start: Posture, voltage: float, cap: Cap) -> _Trial:
+def _rehearse(
+    world: World, motion: Motion, start: Posture, voltage: float, torque_limit: TorqueLimit
+) -> _Trial:
     """Play the motion on a twin, whatever the supply."""
     robot = world.robot
-    twin = Twin(robot, world.model, voltage=voltage, pwm_limited=cap.by_pwm)
+    twin = Twin(robot, world.model, voltage=voltage, pwm_limited=torque_limit.by_pwm)
     twin.place(start)
-    limits = replace(GuardLimits.of(robot, cap.torque), min_voltage=0.0, max_temperature=math.inf)
-    watch = GroundTruthJudge(twin.simulation, cap.torque)
+    limits = replace(
+        GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf
+    )
+    watch = GroundTruthJudge(twin.simulation, torque_limit.value)
     velocity: list[Array] = []
     overlap: list[float] = []
 
@@ -163,7 +156,7 @@ def _rehearse(world: World, motion: Motion, start: Posture, voltage: float, cap:
         velocity.append(twin.truth.joint_vel.copy())
         overlap.append(twin.truth.self_penetration)
 
-    player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=cap.torque)
+    player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=torque_limit.value)
     run(player, SafetyGuard(twin, limits), max_time=math.inf, on_cycle=look)
     outcome = watch.conclude()
     return _Trial(outcome.stand, outcome.torque, np.array(velocity), max(overlap, default=0.0))

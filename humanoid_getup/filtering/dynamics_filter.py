@@ -14,7 +14,7 @@ from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.randomization import Disturbance, disturb
 from humanoid_getup.simulation.rollout import Conditions, Observation, Rehearsal, Trace
 from humanoid_getup.simulation.world import World
-from robots import Posture
+from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
 
@@ -74,12 +74,10 @@ class DynamicsFilter:
         self,
         world: World,
         *,
-        torque_limit: float | None = None,
-        pwm_limited: bool = False,
+        torque_limit: TorqueLimit = FULL_TORQUE,
         threads: int = 0,
     ) -> None:
-        self.world = world
-        self.torque_limit, self.pwm_limited = torque_limit, pwm_limited
+        self.world, self.torque_limit = world, torque_limit
         self.count = 0
         self._threads = threads
         self._limbs = LimbMap.of(world)
@@ -101,7 +99,7 @@ class DynamicsFilter:
             np.array([c.assistance for c in candidates]),
         )
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
-        limits = Conditions.nominal(world, len(candidates), torque_limit=self.torque_limit)
+        limits = Conditions.nominal(world, len(candidates), torque_limit=self.torque_limit.value)
         trace = self._play(starts, target, limits, steering)
         return [self._read(trace, i, c, moving[i]) for i, c in enumerate(candidates)]
 
@@ -115,7 +113,7 @@ class DynamicsFilter:
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
         world, robot = self.world, self.world.robot
-        limit = float(robot.max_torque.max()) if self.torque_limit is None else self.torque_limit
+        limit = self.torque_limit.largest(robot)
         starts, conditions = disturb(
             world, place(robot, world.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
         )
@@ -131,7 +129,7 @@ class DynamicsFilter:
         self, starts: Array, target: Array, conditions: Conditions, steering: _Steering | None
     ) -> Trace:
         n = len(starts)
-        conditions = replace(conditions, pwm_limited=self.pwm_limited)
+        conditions = replace(conditions, pwm_limited=self.torque_limit.by_pwm)
         self.count += n
         if n not in self._rehearsals:
             self._rehearsals[n] = Rehearsal(self.world, n, threads=self._threads)

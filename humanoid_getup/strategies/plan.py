@@ -11,7 +11,7 @@ import numpy as np
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
-from robots import Posture
+from robots import FULL_TORQUE, Posture, TorqueLimit
 
 
 class RiseStatus(Enum):
@@ -34,10 +34,7 @@ class RiseOptions:
     """False: the smoothed path and the motion are handed out as they are."""
     assistance: float = 1.0
     """Share of the virtual actuator's torques that the filter uses."""
-    torque_limit: float | None = None
-    """Cap on every servo [N·m]."""
-    pwm_limited: bool = False
-    """The cap is a PWM limit, as servos in position mode have it, not one at the torque."""
+    torque_limit: TorqueLimit = FULL_TORQUE
 
 
 @dataclass(frozen=True, kw_only=True)

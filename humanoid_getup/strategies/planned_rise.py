@@ -52,9 +52,7 @@ class PlannedRise:
         self.world, self.database, self.options = world, database, options
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
-        self.filter = DynamicsFilter(
-            world, torque_limit=options.torque_limit, pwm_limited=options.pwm_limited
-        )
+        self.filter = DynamicsFilter(world, torque_limit=options.torque_limit)
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest.

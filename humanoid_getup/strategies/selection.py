@@ -6,8 +6,8 @@ import numpy as np
 
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.strategies.plan import RisePlan, Strategy
-from humanoid_getup.strategies.track_record import BY_TORQUE, TrackRecord, Way
-from robots import Posture
+from humanoid_getup.strategies.track_record import TrackRecord, Way
+from robots import Posture, TorqueLimit
 
 
 class ByRecord:
@@ -21,19 +21,17 @@ class ByRecord:
         self,
         ways: dict[Way, Strategy],
         records: TrackRecord,
-        torque_limit: float,
-        cap: str = BY_TORQUE,
+        torque_limit: TorqueLimit,
     ) -> None:
         """Prepare to choose.
 
         Args:
             ways: Makes plans of each way.
             records: What each way has shown.
-            torque_limit: Cap on every servo [N·m].
-            cap: How it is made: `BY_TORQUE` or `BY_PWM`.
+            torque_limit: Of the servos.
         """
         self._ways, self._records = ways, records
-        self._torque_limit, self._cap = torque_limit, cap
+        self._torque_limit = torque_limit
 
     def choose(self, start_class: str | None) -> Way:
         """Choose the way for a class of starts; ``None`` for no side."""
@@ -41,7 +39,7 @@ class ByRecord:
         def promise(way: Way) -> float:
             if start_class is None:
                 return 0.0
-            return self._records.promise(way, start_class, self._torque_limit, self._cap)
+            return self._records.promise(way, start_class, self._torque_limit)
 
         return max(self._ways, key=promise)
 

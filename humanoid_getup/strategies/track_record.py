@@ -20,20 +20,21 @@ caps are alike: at all that the servos have::
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.simulation.falls import CLASSES
-from robots import Robot
+from robots import Robot, TorqueLimit
 from robots.schema import Fields
+from robots.torque_limit import LimitedBy
 from robots.validation import shown
 
 PLAN, POLICY = "plan", "policy"
-BY_TORQUE, BY_PWM = "torque", "pwm"
 RECORDS = Path("policies", "records.toml")
 LIMIT_SLACK = 1e-9  # N·m
 MOST_TORQUE, MOST_RISES = 1000.0, 10**9
@@ -67,11 +68,11 @@ class Record:
 
     way: Way
     torque_limit: float
-    """Cap on every servo [N·m]."""
+    """Of every servo [N·m]."""
     counts: Mapping[str, Count]
     """By the class of the start."""
-    cap: str | None = None
-    """`BY_TORQUE` or `BY_PWM`; None where both are alike."""
+    limited_by: LimitedBy | None = None
+    """How the limit acted; None where both ways are alike."""
 
 
 @dataclass(frozen=True)
@@ -84,23 +85,21 @@ class TrackRecord:
         """Tell whether a way was measured at all."""
         return any(record.way == way for record in self.records)
 
-    def promise(
-        self, way: Way, start_class: str, torque_limit: float, cap: str = BY_TORQUE
-    ) -> float:
+    def promise(self, way: Way, start_class: str, torque_limit: TorqueLimit) -> float:
         """Return the share of stands that a way can be trusted to reach, from 0 to 1.
 
         It is the lower end of the 95 % interval, so that few rises promise little. A robot
         with stronger servos gets up no worse: what counts is the record with the highest
-        torque limit [N·m] that is not above the one asked for. Without one, nothing is
-        promised.
+        torque limit that is not above the given one. Without such a record the share is 0.
         """
+        limit = math.inf if torque_limit.value is None else torque_limit.value
         fitting = [
             record
             for record in self.records
             if record.way == way
             and start_class in record.counts
-            and record.torque_limit <= torque_limit + LIMIT_SLACK
-            and record.cap in (None, cap)
+            and record.torque_limit <= limit + LIMIT_SLACK
+            and record.limited_by in (None, torque_limit.by)
         ]
         if not fitting:
             return 0.0
@@ -139,8 +138,8 @@ def _read(table: dict[str, Any], owner: str, faults: list[str]) -> Record:
     for name in CLASSES:
         if name in table:
             counts[name] = _count(table[name], f"{owner}{name}", faults)
-    cap = fields.choice("cap", (BY_TORQUE, BY_PWM)) if "cap" in table else None
-    return Record(way, torque_limit, counts, cap)
+    limited_by = fields.choice("cap", get_args(LimitedBy)) if "cap" in table else None
+    return Record(way, torque_limit, counts, cast("LimitedBy | None", limited_by))
 
 
 def _count(value: Any, owner: str, faults: list[str]) -> Count:

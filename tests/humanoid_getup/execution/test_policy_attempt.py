@@ -22,7 +22,7 @@ from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.selection import ByRecord
 from humanoid_getup.strategies.track_record import PLAN, POLICY, Count, Record, TrackRecord, Way
-from robots import Posture, Robot, quaternion
+from robots import Posture, Robot, TorqueLimit, quaternion
 
 PERIOD = 0.008
 KNEE = 13  # l_knee
@@ -160,7 +160,7 @@ class Named:
 
 def choose(records: TrackRecord, start: Posture, torque_limit: float = 4.1) -> str:
     ways = {Way(PLAN): Named("plan"), Way(POLICY, "robust"): Named("policy")}
-    chooser = ByRecord(ways, records, torque_limit)
+    chooser = ByRecord(ways, records, TorqueLimit(torque_limit))
     return chooser.plan(start, np.random.default_rng(0)).reason
 
 

@@ -19,7 +19,7 @@ from humanoid_getup.execution.preflight_rollout import predict_heat
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
-from robots import Robot, load_robot
+from robots import Robot, TorqueLimit, load_robot
 
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
 OWN = [name for name in MOTIONS if not name.endswith(MIRRORED_SUFFIX)]
@@ -73,7 +73,7 @@ def test_a_supply_that_the_servos_are_not_made_for_is_refused(
 
 
 def test_a_cap_on_torque_under_which_it_falls_is_refused(world: World, motion: Motion):
-    verdict = preflight(world, motion, voltage=12.0, torque_limit=0.5)
+    verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(0.5, "pwm"))
     assert "rehearsed at 12.0 V with 0.5 N·m, it does not end in a held stand" in refusals(verdict)
     assert not verdict.figures.stood
     assert verdict.figures.peak_torque.max() <= 0.5 + 1e-9
@@ -86,7 +86,7 @@ def test_a_servo_that_pushes_with_all_it_has_for_long_is_refused(world: World):
 
 
 def test_pushing_at_a_cap_far_below_stall_is_no_overload(world: World, motion: Motion):
-    verdict = preflight(world, motion, voltage=12.0, torque_limit=1.0)
+    verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(1.0, "pwm"))
     assert verdict.figures.torque_use.max() == pytest.approx(1.0)
     assert verdict.figures.saturation.max() < 0.2
 
@@ -201,7 +201,9 @@ def test_all_that_is_wrong_is_told_at_once_refusals_first(
     target[10, knee] = op3.upper[knee] + 0.02
     spoiled = replace(motion, joint_target=target)
     heat = np.full(op3.n, 80.0)
-    verdict = preflight(world, spoiled, voltage=9.5, torque_limit=0.4, temperature=heat)
+    verdict = preflight(
+        world, spoiled, voltage=9.5, torque_limit=TorqueLimit(0.4, "pwm"), temperature=heat
+    )
     told = "; ".join(refusals(verdict))
     for part in ("the supply is 9.5 V", f"'{KNEE}': target", "held stand", "has 80 °C"):
         assert part in told
@@ -215,7 +217,6 @@ def test_all_that_is_wrong_is_told_at_once_refusals_first(
         ({"voltage": math.nan}, "voltage is nan V"),
         ({"voltage": 0.0}, "voltage is 0 V"),
         ({"voltage": math.inf}, "voltage is inf V"),
-        ({"voltage": 12.0, "torque_limit": -1.0}, "torque limit is -1 N·m"),
         ({"voltage": 12.0, "temperature": math.nan}, "temperature is nan °C"),
     ],
 )

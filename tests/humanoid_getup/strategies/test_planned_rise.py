@@ -8,6 +8,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.strategies.plan import RiseOptions, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots import TorqueLimit
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, data
 
 
 def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fall):
-    options = RiseOptions(torque_limit=0.15)
+    options = RiseOptions(torque_limit=TorqueLimit(0.15))
     weak = PlannedRise(world, database, options).plan(fall, np.random.default_rng(0))
     assert weak.status is RiseStatus.FELL
     assert weak.motion is None

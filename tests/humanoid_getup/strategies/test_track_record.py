@@ -7,7 +7,6 @@ import pytest
 
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.strategies.track_record import (
-    BY_PWM,
     PLAN,
     POLICY,
     Count,
@@ -15,7 +14,7 @@ from humanoid_getup.strategies.track_record import (
     Way,
     load_records,
 )
-from robots import Robot, load_robot
+from robots import Robot, TorqueLimit, load_robot
 
 ROBUST = Way(POLICY, "robust")
 TEXT = """
@@ -64,7 +63,7 @@ def test_records_are_read_from_the_robots_folder(tmp_path: Path):
 def test_a_robot_without_records_has_none(tmp_path: Path):
     records = load_records(replace(load_robot("op3"), folder=tmp_path))
     assert records.records == ()
-    assert records.promise(Way(PLAN), "supine", 4.1) == 0.0
+    assert records.promise(Way(PLAN), "supine", TorqueLimit(4.1)) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -75,28 +74,32 @@ def test_what_counts_is_the_strongest_servo_not_stronger_than_mine(
     tmp_path: Path, torque_limit: float, stood: int, n: int
 ):
     records = load_records(robot_with(TEXT, tmp_path))
-    assert records.promise(ROBUST, "supine", torque_limit) == wilson_interval(stood, n)[0]
+    assert (
+        records.promise(ROBUST, "supine", TorqueLimit(torque_limit)) == wilson_interval(stood, n)[0]
+    )
 
 
 @pytest.mark.parametrize(("torque_limit", "stood"), [(2.0, 120), (3.0, 120), (4.1, 248)])
 def test_a_cap_by_pwm_has_records_of_its_own(tmp_path: Path, torque_limit: float, stood: int):
     records = load_records(robot_with(TEXT, tmp_path))
-    promised = records.promise(ROBUST, "supine", torque_limit, BY_PWM)
+    promised = records.promise(ROBUST, "supine", TorqueLimit(torque_limit, "pwm"))
     assert promised == wilson_interval(stood, 250)[0]
 
 
 def test_nothing_is_promised_of_what_was_not_measured(tmp_path: Path):
     records = load_records(robot_with(TEXT, tmp_path))
-    assert records.promise(ROBUST, "supine", 1.9) == 0.0
-    assert records.promise(ROBUST, "prone", 4.1) == 0.0
-    assert records.promise(Way(PLAN), "supine", 2.0) == 0.0
+    assert records.promise(ROBUST, "supine", TorqueLimit(1.9)) == 0.0
+    assert records.promise(ROBUST, "prone", TorqueLimit(4.1)) == 0.0
+    assert records.promise(Way(PLAN), "supine", TorqueLimit(2.0)) == 0.0
 
 
 def test_few_rises_promise_little(tmp_path: Path):
     """4 of 4 is 51 % at worst, 248 of 250 is 97 %: Wilson's score by hand."""
     records = load_records(robot_with(TEXT, tmp_path))
-    assert records.promise(ROBUST, "left", 4.1) == pytest.approx(4 / (4 + 1.96**2), abs=1e-4)
-    assert records.promise(ROBUST, "supine", 4.1) > 0.97
+    assert records.promise(ROBUST, "left", TorqueLimit(4.1)) == pytest.approx(
+        4 / (4 + 1.96**2), abs=1e-4
+    )
+    assert records.promise(ROBUST, "supine", TorqueLimit(4.1)) > 0.97
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path: Path):

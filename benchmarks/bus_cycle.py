@@ -30,6 +30,7 @@ import numpy as np
 
 from drivers import Command, SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.port import SerialPort
 from drivers.dynamixel.protocol2 import Span, read, sync_read, sync_write
 from drivers.twin.simulation import Simulation
@@ -37,7 +38,6 @@ from drivers.virtual_bus.serving.server import VirtualBus
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot, load_robot
 
-BITS_PER_BYTE = 10
 BAUDS = (1_000_000, 2_000_000, 3_000_000, 4_000_000)
 WARM_UP = 50  # cycles
 STATE, GOAL, IMU = (126, 10), (116, 4), (32, 12)  # register and bytes

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from memory_port import MemoryPort
 
 from drivers import Command, State
 from drivers.dynamixel.backend import DynamixelBackend
@@ -11,7 +12,6 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.memory_port import MemoryPort
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import PortSettings, Robot
 

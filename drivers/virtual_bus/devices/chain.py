@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import (
     BROADCAST,
     HEADER,
@@ -21,8 +22,6 @@ from drivers.dynamixel.protocol2 import (
 )
 from drivers.virtual_bus.devices.device import Call, VirtualDevice
 from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks
-
-BITS_PER_BYTE = 10  # on the wire, with start and stop bit
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
+from drivers.virtual_bus.devices.motor_command import DriveMode
 from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import RAD_PER_TICK
 
@@ -140,7 +141,6 @@ def approach(value: float, goal: float, step: float) -> float:
     return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)
 
 
-TIME_BASED = 4  # bit of drive_mode
 MOST = 0x7FFFFFFF  # counts that a register of four bytes holds
 
 
@@ -222,7 +222,7 @@ class PositionControl:
         return self._registers["profile_velocity"], self._registers["profile_acceleration"]
 
     def _is_time_based(self) -> bool:
-        return bool(self._registers["drive_mode"] & TIME_BASED)
+        return bool(self._registers["drive_mode"] & DriveMode.TIME_BASED)
 
     def _show(self) -> None:
         speed = self._velocity * RAD_PER_TICK or self.speed

@@ -15,7 +15,7 @@ from drivers.virtual_bus.devices.maintenance import (
     reset,
     reset_ram,
 )
-from drivers.virtual_bus.devices.motor_command import POSITION_MODES, Drive
+from drivers.virtual_bus.devices.motor_command import POSITION_MODES, Drive, DriveMode
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
@@ -23,9 +23,7 @@ from drivers.virtual_bus.devices.sensors import Sensors, clamp
 from drivers.virtual_bus.devices.write_rules import TRIPPED, Rules
 from robots.servo import PWM_FULL_SCALE
 
-TORQUE_BY_GOAL = 8  # bit of drive_mode
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
-FARTHEST_GOAL = 1_048_575  # ticks
 WATCHDOG_UNIT = 0.02  # s
 
 
@@ -55,6 +53,7 @@ class VirtualServo(VirtualDevice):
         self._motion, self._backup = PositionControl(self.registers), Backup()
         self._sensors = Sensors(self.registers, self._motion, quirks)
         self._protection = Protection(self.registers, quirks)
+        self._farthest_goal = table["goal_position"].upper or 0
         self._at_tick = table["realtime_tick"].address
         self._at_secondary = table["secondary_id"].address
         self._drive: Drive | None = None
@@ -284,7 +283,7 @@ class VirtualServo(VirtualDevice):
 
     def _seed_goal(self) -> None:
         """Make the present position the goal."""
-        self.registers["goal_position"] = clamp(self._sensors.position, FARTHEST_GOAL)
+        self.registers["goal_position"] = clamp(self._sensors.position, self._farthest_goal)
         self._halt()
 
     def _aim(self, goal: int) -> None:
@@ -312,7 +311,7 @@ class VirtualServo(VirtualDevice):
     def _takes_goals(self) -> bool:
         """Tell whether the motor follows a goal of its mode, which may switch torque on."""
         self._drive = None
-        if not self._torque_on and self.peek("drive_mode") & TORQUE_BY_GOAL:
+        if not self._torque_on and self.peek("drive_mode") & DriveMode.TORQUE_BY_GOAL:
             self._halt()
             if not self._is_shut_down:
                 self._engage()

@@ -188,8 +188,3 @@ class WireStatistics:
     """How much later than the wire would all these were [s]."""
     lateness_max: float = 0.0
     """How much later the latest was [s]."""
-
-    @property
-    def lateness_mean(self) -> float:
-        """Return how much later than the wire the client had its bytes, on average [s]."""
-        return self.lateness_total / self.sendings if self.sendings else 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet
 from drivers.virtual_bus.serving.bus_clock import BusTime
 from drivers.virtual_bus.serving.exchange import Exchange, asks_for_answer
@@ -12,7 +13,7 @@ from drivers.virtual_bus.serving.instruction_reader import Listener, Request
 from drivers.virtual_bus.serving.pseudo_terminal import Wire
 from drivers.virtual_bus.serving.wire_faults import Sending
 
-GOAL_POSITION = 116  # register of four bytes, in every X and MX(2.0) servo (e-manual)
+GOAL_POSITION = table_named("XM430-W350")["goal_position"]  # as in every X and MX(2.0) servo
 QUIET = 0.01  # s that a client lets pass by waiting for an answer in vain
 IDLE = 0.1  # s after which the port is looked after
 
@@ -86,4 +87,4 @@ def ends_cycle(item: Packet | Damaged) -> bool:
         return False
     address = int.from_bytes(item.params[:2], "little")
     length = int.from_bytes(item.params[2:4], "little")
-    return address <= GOAL_POSITION and address + length >= GOAL_POSITION + 4
+    return address <= GOAL_POSITION.address and address + length >= GOAL_POSITION.end

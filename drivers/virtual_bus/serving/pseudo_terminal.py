@@ -18,7 +18,6 @@ from pathlib import Path
 
 from drivers.errors import SetupError
 
-BITS_PER_BYTE = 10  # start, eight data bits, stop
 READ_SIZE = 65536
 TERMINALS = Path("/dev/pts")
 

@@ -8,12 +8,13 @@ from collections import deque
 from dataclasses import dataclass, replace
 from time import monotonic, sleep
 
+from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.virtual_bus.serving.bus_clock import BusTime
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.instruction_reader import Listener, Request
 from drivers.virtual_bus.serving.lock_step import Wait
-from drivers.virtual_bus.serving.pseudo_terminal import BITS_PER_BYTE, Wire
+from drivers.virtual_bus.serving.pseudo_terminal import Wire
 from drivers.virtual_bus.serving.wire_faults import Sending
 
 IDLE_STEP = 0.004  # s of physics in one go, while nothing is on the wire

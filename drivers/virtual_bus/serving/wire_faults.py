@@ -93,11 +93,6 @@ class LineFaults:
         """Let a mishap take the next answers of a device, or of any; or the next requests."""
         self._orders.append(_Order(fault, device, count))
 
-    def clear(self) -> None:
-        """Set all rates to 0 and cancel all orders."""
-        self._rates.clear()
-        self._orders.clear()
-
     @property
     def quiet(self) -> bool:
         """Tell whether no mishap can happen now."""

@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, FrameParser, Packet, Span, Status
-from drivers.virtual_bus.serving.fault_injector import FaultCounts, FaultError
+from drivers.virtual_bus.serving.fault_injector import FaultError
 from drivers.virtual_bus.serving.fault_schedule import KINDS, Schedule, ScheduleError
 from drivers.virtual_bus.serving.interfaces import StillPhysics
 from drivers.virtual_bus.serving.lock_step import QUIET
@@ -189,14 +190,6 @@ def test_a_rate_is_a_share():
         line_faults().set_rate(LineFault.LOSE, 1.5)
 
 
-def test_clearing_ends_all_mishaps():
-    line = line_faults()
-    line.set_rate(LineFault.LOSE, 1.0)
-    line.order(LineFault.FLIP, count=100)
-    line.clear()
-    assert bytes_of(line.disturb_answer(ANSWER)) == ANSWER.data
-
-
 # On the bus --------------------------------------------------------------------------------
 
 
@@ -205,7 +198,7 @@ def test_a_lost_answer_lets_the_client_wait_and_is_counted(bus: VirtualBus, port
     assert ask(port, protocol2.ping(2)) == b""
     assert ask(port, protocol2.ping(2), 14)[4] == 2
     assert bus.time == pytest.approx(QUIET)
-    assert bus.faults.counts == FaultCounts(lose=1)
+    assert bus.faults.counts == Counter(lose=1)
 
 
 def test_one_lost_answer_of_a_group_costs_no_other(bus: VirtualBus, port: serial.Serial):
@@ -240,7 +233,7 @@ def test_an_echo_precedes_the_answer(bus: VirtualBus, port: serial.Serial):
     bus.faults.order(LineFault.ECHO)
     request = protocol2.ping(1)
     assert ask(port, request, len(request) + 14)[: len(request)] == request
-    assert bus.faults.counts.echo == 1
+    assert bus.faults.counts["echo"] == 1
 
 
 def test_a_lost_sync_write_still_ends_the_cycle(bus, port, devices: FakeDevices):
@@ -256,7 +249,7 @@ def test_a_dead_device_is_silent_until_it_is_revived(bus: VirtualBus, port: seri
     assert len(ask(port, protocol2.ping(1), 14)) == 14
     bus.faults.revive(2)
     assert len(ask(port, protocol2.ping(2), 14)) == 14
-    assert bus.faults.counts == FaultCounts(kill=1, revive=1)
+    assert bus.faults.counts == Counter(kill=1, revive=1)
 
 
 def test_a_silent_bus_hears_and_says_nothing(bus, port, devices: FakeDevices):
@@ -265,7 +258,7 @@ def test_a_silent_bus_hears_and_says_nothing(bus, port, devices: FakeDevices):
     assert devices.heard == []
     bus.faults.silence(False)
     assert len(ask(port, protocol2.ping(1), 14)) == 14
-    assert bus.faults.counts == FaultCounts(silence=1, silenced=2)
+    assert bus.faults.counts == Counter(silence=1, silenced=2)
 
 
 def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevices):
@@ -276,8 +269,8 @@ def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevi
     assert (devices.device(1).rebooted, devices.device(2).errors) == (1, 32)
     assert isinstance(bus.body, WarmBody)
     assert bus.body.done == [("heat", 85.0), ("sag", 9.5)]
-    assert bus.faults.counts == FaultCounts(reboot=1, trip=1, heat=1, sag=1)
-    assert bus.faults.counts.total == 4
+    assert bus.faults.counts == Counter(reboot=1, trip=1, heat=1, sag=1)
+    assert bus.faults.counts.total() == 4
 
 
 def test_two_devices_of_one_id_break_together(devices: FakeDevices):
@@ -295,7 +288,7 @@ def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
     with pytest.raises(FaultError, match="allowed a bus with an IMU"):
         bus.faults.freeze_imu()
     assert len(ask(port, protocol2.ping(1), 14)) == 14
-    assert bus.faults.counts == FaultCounts()
+    assert bus.faults.counts == Counter()
 
 
 def test_every_imu_freezes(devices: FakeDevices):
@@ -317,7 +310,7 @@ def test_pulling_the_plug_is_a_fault(bus: VirtualBus, port: serial.Serial):
     bus.faults.replug()
     with serial.Serial(bus.path, 1_000_000, timeout=5.0) as again:
         assert len(ask(again, protocol2.ping(1), 14)) == 14
-    assert bus.faults.counts == FaultCounts(unplug=1, replug=1)
+    assert bus.faults.counts == Counter(unplug=1, replug=1)
 
 
 # Schedules ---------------------------------------------------------------------------------
@@ -350,12 +343,12 @@ def test_a_scheduled_unplugging_ends_by_itself(tmp_path, devices: FakeDevices):
         with serial.Serial(bus.path, 1_000_000) as port:
             port.write(GOALS)
             end = time.monotonic() + 10.0
-            while bus.faults.counts.replug == 0:
+            while bus.faults.counts["replug"] == 0:
                 assert time.monotonic() < end
                 time.sleep(0.001)
         with serial.Serial(bus.path, 1_000_000, timeout=5.0) as port:
             assert len(ask(port, protocol2.ping(1), 14)) == 14
-        assert bus.faults.counts == FaultCounts(unplug=1, replug=1)
+        assert bus.faults.counts == Counter(unplug=1, replug=1)
         assert bus.time >= 0.058
 
 
@@ -389,13 +382,13 @@ def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevic
     bus = VirtualBus(devices, WarmBody(devices), pace=TimeMode.REAL_TIME, schedule=schedule)
     with bus:
         end = time.monotonic() + 10.0
-        while bus.faults.counts.replug < 2:
+        while bus.faults.counts["replug"] < 2:
             assert time.monotonic() < end
             time.sleep(0.001)
-    made = FaultCounts(
+    made = Counter(
         kill=1, revive=1, reboot=1, trip=1, heat=1, sag=1, freeze_imu=1, silence=1, unplug=1
     )
-    assert bus.faults.counts == FaultCounts(**(vars(made) | {"replug": 2}))
+    assert bus.faults.counts == Counter(made, replug=2)
 
 
 def test_entries_are_done_in_the_order_of_their_times(tmp_path):

@@ -2,7 +2,7 @@
 
     python benchmarks/bus_cycle.py --cycles 500 --json bus_cycle.json
 
-A virtual bus in a process of its own, in real time, answers at the pace of the wire. Its
+A virtual bus in a process of its own, in real time, answers at the speed of the wire. Its
 servos lie on a table: physics would share the processor with the wire's clock. On it, one
 after another, each client does the same job as fast as it can: current, velocity and position
 of 20 servos, the IMU, and 20 goals. Peers: the group handlers of `dynamixel-sdk`, plain and
@@ -74,7 +74,7 @@ def serve(baud: int, pipe: Connection) -> None:
         pipe.send(bus.path)
         pipe.recv()
         statistics = bus.statistics
-        pipe.send(statistics.lateness_total / max(statistics.sendings, 1))
+        pipe.send(statistics.lateness_total / max(statistics.deliveries, 1))
 
 
 @contextmanager

@@ -70,7 +70,7 @@ def fuzz_driver(
     """
     robot = load_robot("op3")
     virtual = VirtualRobot(Simulation(robot), powered=True)
-    port = MemoryPort(virtual.chains["main"], virtual.bus.baud, virtual.body)
+    port = MemoryPort(virtual.chains["main"], virtual.bus.baud, virtual.physics)
     backend = DynamixelBackend(
         robot, {"main": "memory"}, clock=CycleClock(), make_port=lambda _path, _baud: port
     )
@@ -122,7 +122,7 @@ def _turn(
     if guard.fault is not None:
         tally.faults += 1
         guard.clear()
-    target = units.to_rad(np.array([round(s.drive().target_ticks) for s in virtual.servos]))
+    target = units.to_rad(np.array([round(s.motor_command().target_ticks) for s in virtual.servos]))
     driven = np.array([servo.torque_on for servo in virtual.servos])
     lower, upper = np.minimum(robot.lower, before), np.maximum(robot.upper, before)
     outside = (target < lower - RAD_PER_TICK) | (target > upper + RAD_PER_TICK)

@@ -45,7 +45,7 @@ class Rig:
     def _make_port(self, path: str, baud: int) -> MemoryPort:
         last = [port.name for port in self.robot.bus.ports][-1]
         # As on the virtual bus: time passes with the last port's traffic.
-        body = self.virtual.body if path == last else Still()
+        body = self.virtual.physics if path == last else Still()
         self.ports[path] = MemoryPort(self.virtual.chains[path], baud, body)
         return self.ports[path]
 

@@ -26,7 +26,7 @@ POSITION_MODES = frozenset(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class MotorCommand:
     """What the motor shall do now, in the horn's own direction."""
 
     torque_on: bool

@@ -27,7 +27,7 @@ class Protection:
 
     def __init__(self, registers: Registers, quirks: Quirks) -> None:
         self._registers = registers
-        self._overload = Overload(STALL_CURRENTS[registers.table.model], quirks)
+        self._overload = OverloadModel(STALL_CURRENTS[registers.table.model], quirks)
         self.reload()
 
     def reload(self) -> None:
@@ -55,7 +55,7 @@ class Protection:
         return self._overload.advance(current, duration)
 
 
-class Overload:
+class OverloadModel:
     """Heat of a winding, as a share of what full stall would bring it to in the long run.
 
     A first-order model of current squared: it follows ``(current / stall)²`` with the time

@@ -1,4 +1,4 @@
-"""Rules: what a servo accepts in an item beyond the item's own range."""
+"""WriteRules: what a servo accepts in an item beyond the item's own range."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TRIPPED = -1  # what bus_watchdog reads after it stopped the servo
 LONGEST_PROFILE = 32737  # ms, of a time-based profile (e-manual)
 
 
-class Rules:
+class WriteRules:
     """Judge values by the other registers; each check returns an `ErrorNumber`."""
 
     def __init__(self, registers: Registers, quirks: Quirks) -> None:

@@ -48,7 +48,7 @@ def chain():
 
 @pytest.fixture(params=TimeMode)
 def bus(chain: Chain, request: pytest.FixtureRequest):
-    with VirtualBus(chain, pace=request.param) as bus:
+    with VirtualBus(chain, time_mode=request.param) as bus:
         yield bus
 
 

@@ -2,7 +2,7 @@
 
     python benchmarks/bus_cycle.py --cycles 500 --json bus_cycle.json
 
-A virtual bus in a process of its own, in real time, answers at the pace of the wire. Its
+A virtual bus in a process of its own, in real time, answers at the speed of the wire. Its
 servos lie on a table: physics would share the processor with the wire's clock. On it, one
 after another, each client does the same job as fast as it can: current, velocity and position
 of 20 servos, the IMU, and 20 goals. Peers: the group handlers of `dynamixel-sdk`, plain and
@@ -30,6 +30,7 @@ import numpy as np
 
 from drivers import Command, SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.port import SerialPort
 from drivers.dynamixel.protocol2 import Span, read, sync_read, sync_write
 from drivers.twin.simulation import Simulation
@@ -37,7 +38,6 @@ from drivers.virtual_bus.serving.server import VirtualBus
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot, load_robot
 
-BITS_PER_BYTE = 10
 BAUDS = (1_000_000, 2_000_000, 3_000_000, 4_000_000)
 WARM_UP = 50  # cycles
 STATE, GOAL, IMU = (126, 10), (116, 4), (32, 12)  # register and bytes
@@ -74,7 +74,7 @@ def serve(baud: int, pipe: Connection) -> None:
         pipe.send(bus.path)
         pipe.recv()
         statistics = bus.statistics
-        pipe.send(statistics.lateness_total / max(statistics.sendings, 1))
+        pipe.send(statistics.lateness_total / max(statistics.deliveries, 1))
 
 
 @contextmanager

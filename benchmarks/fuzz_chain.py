@@ -19,9 +19,15 @@ from drivers.dynamixel.protocol2 import (
     decode_fast_status,
 )
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.chain import Answer, Chain
+from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks, Undefined
+from drivers.virtual_bus.devices.quirks import (
+    BadCrc,
+    Quirks,
+    ReadGap,
+    UndefinedRegisters,
+    WatchdogFeed,
+)
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 HANG = 60.0  # s that one chain's share may take before it counts as a hang
@@ -95,11 +101,11 @@ def fuzz_chain(rng: random.Random, size: int) -> ChainTally:
 def build_chain(rng: random.Random) -> Chain:
     """Build some servos and a board, with quirks of any kind."""
     quirks = Quirks(
-        sync_gap=rng.choice(list(Gap)),
-        fast_gap=rng.choice(list(Gap)),
+        sync_gap=rng.choice(list(ReadGap)),
+        fast_gap=rng.choice(list(ReadGap)),
         bad_crc=rng.choice(list(BadCrc)),
-        feeding=rng.choice(list(Feeding)),
-        undefined=rng.choice(list(Undefined)),
+        watchdog_feed=rng.choice(list(WatchdogFeed)),
+        undefined=rng.choice(list(UndefinedRegisters)),
         torque_on_seeds_goal=rng.random() < 0.8,
         voltage_error_clears=rng.random() < 0.5,
         reboot_time=0.05,
@@ -135,7 +141,7 @@ def pass_time(rng: random.Random, chain: Chain, now: float) -> None:
             device.powered = not device.powered
         elif chance < 0.34:
             device.alive = not device.alive
-        drive = device.drive()
+        drive = device.motor_command()
         assert all(math.isfinite(x) for x in (drive.target_ticks, drive.goal_velocity))
         assert 0.0 <= drive.pwm_limit <= 1.0
 
@@ -288,7 +294,7 @@ def check_servo(servo: VirtualServo, before: bytes) -> list[str]:
 
 
 def check_answers(
-    packet: Packet | Damaged, answers: Sequence[Answer], ids: Sequence[int]
+    packet: Packet | Damaged, answers: Sequence[Reply], ids: Sequence[int]
 ) -> list[str]:
     """Find answers that are no frames; devices of one id may garble each other's."""
     found = [f"delay {a.delay}" for a in answers if not 0.0 <= a.delay < math.inf]

@@ -8,8 +8,10 @@ CRC lets through by chance.
 from __future__ import annotations
 
 import random
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -19,10 +21,13 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.protocol2 import Packet
 from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.memory_port import MemoryPort
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import load_robot
 from robots.servo import RAD_PER_TICK
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
+
+from memory_port import MemoryPort  # pyright: ignore[reportMissingImports]
 
 SPOILT = (0.0, 0.02, 0.3)  # share of answers, one after the other
 STRETCH = 400  # cycles with one share
@@ -65,7 +70,7 @@ def fuzz_driver(
     """
     robot = load_robot("op3")
     virtual = VirtualRobot(Simulation(robot), powered=True)
-    port = MemoryPort(virtual.chains["main"], virtual.bus.baud, virtual.body)
+    port = MemoryPort(virtual.chains["main"], virtual.bus.baud, virtual.physics)
     backend = DynamixelBackend(
         robot, {"main": "memory"}, clock=CycleClock(), make_port=lambda _path, _baud: port
     )
@@ -117,7 +122,7 @@ def _turn(
     if guard.fault is not None:
         tally.faults += 1
         guard.clear()
-    target = units.to_rad(np.array([round(s.drive().target_ticks) for s in virtual.servos]))
+    target = units.to_rad(np.array([round(s.motor_command().target_ticks) for s in virtual.servos]))
     driven = np.array([servo.torque_on for servo in virtual.servos])
     lower, upper = np.minimum(robot.lower, before), np.maximum(robot.upper, before)
     outside = (target < lower - RAD_PER_TICK) | (target > upper + RAD_PER_TICK)

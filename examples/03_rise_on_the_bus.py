@@ -40,7 +40,7 @@ def main(port: str | None = None) -> bool:
     else:
         virtual = VirtualRobot(Simulation(robot, world.model))
         virtual.place(sample_falls(world, {"prone": 1}, np.random.default_rng(3))[0].posture)
-        with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
+        with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
             backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
             result = rise(world, backend, realtime=False)
             print(backend.statistics["main"])

@@ -1,9 +1,20 @@
-"""A virtual Dynamixel bus: servos and a board that answer byte for byte, without hardware.
+"""A virtual robot on a virtual Dynamixel bus, for any program that speaks Protocol 2.0.
 
-What hangs on the wire is logic alone, with no clock, thread or physics of its own: `registers` is
-a control table in memory, `device` obeys what every device obeys, `servo` and `board` are the
-two kinds, `chain` puts several on one wire. `quirks` holds what the manual leaves open.
+    with VirtualPorts(VirtualRobot(Simulation(robot)), time_mode=TimeMode.LOCK_STEP) as ports:
+        backend = DynamixelBackend(robot, ports.paths)
 
-`wire` is the pseudo-terminal, `server` serves it in `real_time` or in `lock_step`, `faults` breaks
-things on demand. `body` lets servos drive a simulation; `robot` puts it all together.
+`VirtualRobot` is a robot's servos and its controller board, coupled to a MuJoCo simulation by
+`servo_physics`; `VirtualPorts` serves it on pseudo-terminals.
+
+- `devices` is the firmware: control tables in memory, servos and the board that execute
+  instructions, and the chain that orders their replies. No clock, thread or physics.
+  `devices.quirks` holds the choices that the manual leaves open.
+- `serving` is the serial port: bytes in, instructions to the devices, replies out, either in real
+  time (every byte takes as long as on a wire) or in lock-step with the client. It also injects
+  faults, on demand or from a schedule file.
 """
+
+from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+
+__all__ = ["TimeMode", "VirtualPorts", "VirtualRobot"]

@@ -1,4 +1,4 @@
-"""The body on the virtual bus: servos' registers on one side, physics on the other."""
+"""Couples the registers of virtual servos to a MuJoCo simulation."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from drivers.servo_units import ServoUnits
 from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Drives, Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.motor_command import Drive
+from drivers.virtual_bus.devices.motor_command import MotorCommand
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Posture
 from robots.quaternion import Array
 from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, RAD_PER_TICK
 
-PLAIN_MODES = (OperatingMode.POSITION, OperatingMode.EXTENDED_POSITION)
+POSITION_LOOP_MODES = (OperatingMode.POSITION, OperatingMode.EXTENDED_POSITION)
 CONTROL_RATE = 1000.0  # Hz, of a servo's integrators; not published
 
 
 class ServoPhysics:
-    """Lets time pass in a simulation whose joints are driven by servos' registers.
+    """Advances a simulation whose joints are driven by servos' registers.
 
-    Before each stretch of physics the servos tell what they do; after it they are told
-    what they would measure. The servos' position loops are the simulation's own, so a robot
-    behind the bus moves as its twin does, bit for bit. In the other modes a target is worked
-    out in each physics step that makes the position loop do what the mode asks for. Of the
-    position loop's gains, only P acts. Any thread may let time pass.
+    Before each run of physics steps the servos' motor commands are applied; after it their
+    sensors are updated. The position loops are the simulation's own, so a robot behind the bus
+    moves as its twin does, bit for bit. In the other modes, a target that makes the position loop
+    produce the commanded torque is computed in each physics step. Of the position loop's gains,
+    only P has an effect. Thread-safe.
     """
 
     def __init__(
@@ -40,10 +40,10 @@ class ServoPhysics:
         board: VirtualBoard | None = None,
         imu_axes: tuple[int, int, int] = (1, 1, 1),
     ) -> None:
-        """Couple a simulation to servos, in the robot's joint order, and a board with an IMU."""
+        """Couple a simulation to servos, in the robot's joint order, and to a board with an IMU."""
         self.simulation = simulation
         self.time = 0.0
-        """Bus time [s]; it never goes back, the simulation's clock does."""
+        """Bus time [s]; unlike the simulation's clock it is never reset."""
         self._servos, self._board = list(servos), board
         self._imu_axes = np.array(imu_axes)
         robot = simulation.robot
@@ -55,11 +55,11 @@ class ServoPhysics:
         self._torque_per_ampere = np.array([m.stall_torque / m.stall_current for m in models])
         self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
-        self._steps_since_look = 0
+        self._steps_since_sensing = 0
         self._drives: Drives | None = None
-        self._last_drives: list[Drive] = []
-        self.on_pass: list[Callable[[], None]] = []
-        """Called after each stretch of time, by whoever lets it pass."""
+        self._last_commands: list[MotorCommand] = []
+        self.on_advance: list[Callable[[], None]] = []
+        """Called after each run of physics steps, in the thread that advances time."""
         self._sense()
 
     @property
@@ -68,34 +68,34 @@ class ServoPhysics:
         return self.simulation.period
 
     def place(self, posture: Posture) -> None:
-        """Put the robot somewhere, at rest, cool and limp; the bus time goes on."""
+        """Place the robot at rest, cool, torque off; the bus time is kept."""
         with self._lock:
             self.simulation.place(posture)
             for servo in self._servos:
                 servo.poke("torque_enable", 0)
-            self._steps_since_look = 0
+            self._steps_since_sensing = 0
             self._sense()
 
     def pass_period(self) -> None:
-        """Let one control period pass."""
+        """Advance by one control period."""
         self.advance(self.time + self.period)
 
     def advance(self, to: float) -> None:
-        """Let time pass in whole steps of physics, up to a bus time [s] at most."""
+        """Advance by whole physics steps, at most up to a bus time [s]."""
         step = self.simulation.model.opt.timestep
         with self._lock:
             left = int((to - self.time) / step + 1e-6)
             while left > 0:
-                left -= self._stretch(left, step)
+                left -= self._run_steps(left, step)
 
     def heat(self, servo_id: int, temperature: float) -> None:
-        """Bring a servo to a temperature [°C]."""
+        """Set the temperature of a servo [°C]."""
         with self._lock:
             self.simulation.temperature[self._find(servo_id)] = temperature
             self._sense()
 
     def sag(self, voltage: float) -> None:
-        """Set what the battery gives [V]."""
+        """Set the supply voltage [V]."""
         with self._lock:
             self.simulation.supply = voltage
             self._sense()
@@ -103,44 +103,44 @@ class ServoPhysics:
     def _find(self, servo_id: int) -> int:
         return [servo.id for servo in self._servos].index(servo_id)
 
-    def _stretch(self, left: int, step: float) -> int:
-        """Pass as many steps as may be passed in one go; return how many."""
-        body = self.simulation
-        drives = [servo.drive() for servo in self._servos]
-        plain = all(not d.torque_on or d.mode in PLAIN_MODES for d in drives)
+    def _run_steps(self, left: int, step: float) -> int:
+        """Run as many steps as need no new motor commands or sensor update; return how many."""
+        simulation = self.simulation
+        commands = [servo.motor_command() for servo in self._servos]
+        plain = all(not d.torque_on or d.mode in POSITION_LOOP_MODES for d in commands)
         moving = not plain or any(servo.has_profile for servo in self._servos)
-        until_look = body.steps_per_period - self._steps_since_look
-        steps = 1 if moving else min(left, until_look)
-        if moving or self._drives is None or not _are_the_same(drives, self._last_drives):
-            self._drives, self._last_drives = self._convert(drives, plain, step), drives
-        body.drive(self._drives)
-        body.step(steps)
+        until_sensing = simulation.steps_per_period - self._steps_since_sensing
+        steps = 1 if moving else min(left, until_sensing)
+        if moving or self._drives is None or not _are_the_same(commands, self._last_commands):
+            self._drives, self._last_commands = self._convert(commands, plain, step), commands
+        simulation.drive(self._drives)
+        simulation.step(steps)
         self.time += steps * step
-        self._steps_since_look += steps
-        if self._steps_since_look == body.steps_per_period:
-            body.feel(body.period)
-            self._steps_since_look = 0
+        self._steps_since_sensing += steps
+        if self._steps_since_sensing == simulation.steps_per_period:
+            simulation.feel(simulation.period)
+            self._steps_since_sensing = 0
         for servo in self._servos:
             servo.advance(self.time)
         if self._board is not None:
             self._board.advance(self.time)
         self._sense()
-        for look in self.on_pass:
-            look()
+        for callback in self.on_advance:
+            callback()
         return steps
 
-    def _convert(self, drives: list[Drive], plain: bool, step: float) -> Drives:
+    def _convert(self, commands: list[MotorCommand], plain: bool, step: float) -> Drives:
         robot = self.simulation.robot
-        on = np.array([d.torque_on for d in drives])
-        target = self._units.to_rad(np.array([d.target_ticks for d in drives]))
-        gain = np.array([d.p_gain for d in drives]) / DEFAULT_P_GAIN
-        pwm_limit = np.array([d.pwm_limit for d in drives])
+        on = np.array([d.torque_on for d in commands])
+        target = self._units.to_rad(np.array([d.target_ticks for d in commands]))
+        gain = np.array([d.p_gain for d in commands]) / DEFAULT_P_GAIN
+        pwm_limit = np.array([d.pwm_limit for d in commands])
         if not plain:
-            for i, drive in enumerate(drives):
-                if drive.torque_on and drive.mode not in PLAIN_MODES:
-                    # The position loop is only the way to the motor here: at its usual gain.
+            for i, command in enumerate(commands):
+                if command.torque_on and command.mode not in POSITION_LOOP_MODES:
+                    # The position loop only transmits the torque here: at its default gain.
                     gain[i] = 1.0
-                    target[i] = self._aim(i, drive, step)
+                    target[i] = self._find_target(i, command, step)
         return Drives(
             target=target,
             gain_scale=gain,
@@ -148,43 +148,51 @@ class ServoPhysics:
             pwm_limit=pwm_limit,
         )
 
-    def _aim(self, i: int, drive: Drive, step: float) -> float:
-        """Find the target [rad] at which the position loop does what another mode asks for."""
-        body, robot = self.simulation, self.simulation.robot
-        position, velocity = body.joint_pos[i], body.joint_vel[i]
+    def _find_target(self, i: int, command: MotorCommand, step: float) -> float:
+        """Compute the target [rad] at which the position loop produces another mode's torque."""
+        simulation, robot = self.simulation, self.simulation.robot
+        position, velocity = simulation.joint_pos[i], simulation.joint_vel[i]
         stiffness = (
-            robot.position_gain[i] * body.voltage / robot.joints[i].servo.model.nominal_voltage
+            robot.position_gain[i]
+            * simulation.voltage
+            / robot.joints[i].servo.model.nominal_voltage
         )
-        back_emf = robot.torque_speed_slope[i] * velocity  # what the loop loses to speed [N·m]
-        if drive.mode == OperatingMode.PWM:
-            torque = drive.goal_pwm * self._sign[i] * robot.max_torque[i]
-        elif drive.mode == OperatingMode.VELOCITY:
-            torque = self._pursue_velocity(i, drive, velocity, step) * robot.max_torque[i]
+        back_emf = (
+            robot.torque_speed_slope[i] * velocity
+        )  # torque that the loop loses to back-EMF [N·m]
+        if command.mode == OperatingMode.PWM:
+            torque = command.goal_pwm * self._sign[i] * robot.max_torque[i]
+        elif command.mode == OperatingMode.VELOCITY:
+            torque = self._run_velocity_loop(i, command, velocity, step) * robot.max_torque[i]
         else:
-            current = drive.goal_current * self._sign[i]
-            if drive.mode == OperatingMode.CURRENT_BASED_POSITION:
-                target = float(self._sign[i] * (drive.target_ticks - self._zero[i])) * RAD_PER_TICK
-                current = drive.p_gain / DEFAULT_P_GAIN * robot.position_gain[i]
+            current = command.goal_current * self._sign[i]
+            if command.mode == OperatingMode.CURRENT_BASED_POSITION:
+                target = (
+                    float(self._sign[i] * (command.target_ticks - self._zero[i])) * RAD_PER_TICK
+                )
+                current = command.p_gain / DEFAULT_P_GAIN * robot.position_gain[i]
                 current *= (target - position) / self._torque_per_ampere[i]
-            limit = drive.current_limit
+            limit = command.current_limit
             torque = float(np.clip(current, -limit, limit)) * self._torque_per_ampere[i] + back_emf
         return position + torque / stiffness
 
-    def _pursue_velocity(self, i: int, drive: Drive, velocity: float, step: float) -> float:
-        """Compute the share of the supply that a velocity loop applies."""
-        error = (drive.goal_velocity * self._sign[i] - velocity) / VELOCITY_STEP  # counts
-        self._integral[i] += drive.velocity_i_gain / 65536 * error * step * CONTROL_RATE
+    def _run_velocity_loop(
+        self, i: int, command: MotorCommand, velocity: float, step: float
+    ) -> float:
+        """Compute the share of the supply that the velocity loop applies."""
+        error = (command.goal_velocity * self._sign[i] - velocity) / VELOCITY_STEP  # counts
+        self._integral[i] += command.velocity_i_gain / 65536 * error * step * CONTROL_RATE
         self._integral[i] = float(np.clip(self._integral[i], -PWM_FULL_SCALE, PWM_FULL_SCALE))
-        counts = drive.velocity_p_gain / 128 * error + self._integral[i]
-        return float(np.clip(counts / PWM_FULL_SCALE, -drive.pwm_limit, drive.pwm_limit))
+        counts = command.velocity_p_gain / 128 * error + self._integral[i]
+        return float(np.clip(counts / PWM_FULL_SCALE, -command.pwm_limit, command.pwm_limit))
 
     def _sense(self) -> None:
-        """Tell servos and board what they measure."""
-        body = self.simulation
-        ticks = self._zero + self._sign * body.joint_pos / RAD_PER_TICK
-        velocity = self._sign * body.joint_vel
-        current = self._sign * body.joint_current
-        temperature, voltage = body.temperature, body.voltage
+        """Update the sensors of the servos and the board."""
+        simulation = self.simulation
+        ticks = self._zero + self._sign * simulation.joint_pos / RAD_PER_TICK
+        velocity = self._sign * simulation.joint_vel
+        current = self._sign * simulation.joint_current
+        temperature, voltage = simulation.temperature, simulation.voltage
         for i, servo in enumerate(self._servos):
             servo.sense(
                 ticks=float(ticks[i]),
@@ -197,14 +205,14 @@ class ServoPhysics:
         if self._board is not None:
             self._board.sense_voltage(voltage)
             self._board.sense_imu(
-                self._counts(body.imu.gyro, GYRO_STEP),
-                self._counts(body.imu.accelerometer, ACCELEROMETER_STEP),
+                self._counts(simulation.imu.gyro, GYRO_STEP),
+                self._counts(simulation.imu.accelerometer, ACCELEROMETER_STEP),
             )
 
     def _counts(self, value: Array, step: float) -> list[int]:
         return np.rint(self._imu_axes * value / step).astype(int).tolist()
 
 
-def _are_the_same(drives: list[Drive], others: list[Drive]) -> bool:
-    """Tell whether servos do what they did: a servo keeps its `Drive` until something changes."""
-    return all(a is b for a, b in zip(drives, others, strict=True))
+def _are_the_same(commands: list[MotorCommand], others: list[MotorCommand]) -> bool:
+    """Compare by identity: a servo keeps its `MotorCommand` until something changes."""
+    return all(a is b for a, b in zip(commands, others, strict=True))

@@ -1,10 +1,8 @@
-"""A whole robot on a virtual bus: its servos, its board, and the body that they move."""
+"""A whole virtual robot: its servos, its board, the simulation behind them, its ports."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +13,7 @@ from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.serving.fault_schedule import Schedule
+from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 from drivers.virtual_bus.servo_physics import ServoPhysics
 from robots import BusSettings, Posture, Robot
@@ -24,7 +22,7 @@ FIRMWARE = 46
 
 
 class NoBusError(SetupError):
-    """A robot's description does not say how its servos are reached."""
+    """A robot's description has no servo bus."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(
@@ -34,7 +32,7 @@ class NoBusError(SetupError):
 
 
 class VirtualRobot:
-    """Servos that speak the protocol, with a simulation behind them."""
+    """The servos and the board of a robot, with a simulation behind them."""
 
     def __init__(
         self,
@@ -44,13 +42,13 @@ class VirtualRobot:
         powered: bool = False,
         quirks: Quirks | None = None,
     ) -> None:
-        """Hang a simulated robot's servos on its buses.
+        """Build the devices of a simulated robot and couple them to its simulation.
 
         Args:
             simulation: Physics of the robot.
-            firmware: Of all servos.
-            powered: Whether servos have power before the board switches it on.
-            quirks: What the devices do where the manual is silent.
+            firmware: Firmware version of all servos.
+            powered: Whether servos have power from the start, not only once the board switches it.
+            quirks: Device behavior that the manual leaves open; None for the defaults.
 
         Raises:
             NoBusError: if the robot has no bus.
@@ -68,34 +66,32 @@ class VirtualRobot:
             )
             for joint in self.robot.joints
         ]
-        self.board = self._build_board(quirks)
+        self.board = self._build_board()
         if self.board is not None and self.bus.board is not None:
             if powered:
                 self.board.poke("dynamixel_power", 1)
             elif self.bus.board.powers_servos:
                 self._switch_power(False)
         axes = self.bus.board.imu_axes if self.bus.board else (1, 1, 1)
-        self.body = ServoPhysics(simulation, self.servos, self.board, axes)
-        self.chains = {port.name: self._build_chain(port.name, quirks) for port in self.bus.ports}
+        self.physics = ServoPhysics(simulation, self.servos, self.board, axes)
+        self.chains = {port.name: self._build_chain(port.name) for port in self.bus.ports}
 
     def place(self, posture: Posture) -> None:
-        """Put the robot somewhere, at rest, cool and limp."""
-        self.body.place(posture)
+        """Place the robot at rest, cool, torque off."""
+        self.physics.place(posture)
 
-    def _build_board(self, quirks: Quirks | None) -> VirtualBoard | None:
+    def _build_board(self) -> VirtualBoard | None:
         settings = self.bus.board
         if settings is None:
             return None
-        on_power: Callable[[bool], None] = self._switch_power
-        if not settings.powers_servos:
-            on_power = _ignore
-        return VirtualBoard(settings.id, baud=self.bus.baud, on_power=on_power, quirks=quirks)
+        on_power = self._switch_power if settings.powers_servos else None
+        return VirtualBoard(settings.id, baud=self.bus.baud, on_power=on_power, quirks=self.quirks)
 
     def _switch_power(self, on: bool) -> None:
         for servo in self.servos:
             servo.powered = on
 
-    def _build_chain(self, name: str, quirks: Quirks | None) -> Chain:
+    def _build_chain(self, name: str) -> Chain:
         port = next(port for port in self.bus.ports if port.name == name)
         names = self.robot.joint_names
         devices: list[VirtualServo | VirtualBoard] = [
@@ -103,92 +99,65 @@ class VirtualRobot:
         ]
         if self.board is not None and self.bus.board is not None and self.bus.board.port == name:
             devices.append(self.board)
-        return Chain(devices, quirks)
-
-
-@dataclass(frozen=True)
-class _Passenger:
-    """The body as a second port sees it: the first port's traffic lets time pass."""
-
-    body: ServoPhysics
-
-    @property
-    def time(self) -> float:
-        return self.body.time
-
-    @property
-    def period(self) -> float:
-        return self.body.period
-
-    def advance(self, to: float) -> None:
-        del to
-
-    def pass_period(self) -> None:
-        return
-
-    def heat(self, servo_id: int, temperature: float) -> None:
-        self.body.heat(servo_id, temperature)
-
-    def sag(self, voltage: float) -> None:
-        self.body.sag(voltage)
+        return Chain(devices, self.quirks)
 
 
 class VirtualPorts:
-    """The serial ports of a virtual robot, one a bus, served while the block lasts.
+    """Serves the serial ports of a virtual robot, one per bus, inside a ``with`` block.
 
-    In lock-step, time passes with the traffic on the robot's last port: a driver writes
-    its goals there last.
+    In lock-step, only the traffic on the robot's last port advances time: that is where a driver
+    writes its last goals.
     """
 
     def __init__(
         self,
         robot: VirtualRobot,
         *,
-        pace: TimeMode,
+        time_mode: TimeMode,
         link: Path | None = None,
         rng: np.random.Generator | None = None,
-        schedule: Schedule | None = None,
+        schedule: FaultSchedule | None = None,
         adapter_latency: float = 0.0,
     ) -> None:
         """Prepare the ports.
 
         Args:
-            robot: What hangs on them.
-            pace: How time passes.
-            link: Path of the port; of several, each gets ``-NAME`` appended.
-            rng: Source of chance in faults.
-            schedule: Faults to come, on the last port.
-            adapter_latency: How often the USB adapter hands bytes over [s].
+            robot: Robot to serve.
+            time_mode: How time advances.
+            link: Path of the port; with several ports, each gets ``-NAME`` appended.
+            rng: Random source of faults.
+            schedule: FaultInjector to come, on the last port.
+            adapter_latency: Latency timer of the USB adapter [s].
         """
         names = list(robot.chains)
         self.buses: dict[str, VirtualBus] = {}
         for name in names:
-            leads = name == names[-1]
-            passenger = pace is TimeMode.LOCK_STEP and not leads
+            is_main = name == names[-1]
             self.buses[name] = VirtualBus(
                 robot.chains[name],
-                _Passenger(robot.body) if passenger else robot.body,
-                pace=pace,
+                robot.physics,
+                time_mode=time_mode,
                 link=_link(link, name, len(names)),
                 rng=rng.spawn(1)[0] if rng else None,
-                schedule=schedule if leads else None,
+                schedule=schedule if is_main else None,
                 adapter_latency=adapter_latency,
                 strict_stuffing=robot.quirks.strict_stuffing,
+                advances_time=is_main or time_mode is TimeMode.REAL_TIME,
             )
         self._open = ExitStack()
 
     @property
     def main(self) -> VirtualBus:
-        """Return the bus with which time passes."""
+        """Return the bus that advances time."""
         return list(self.buses.values())[-1]
 
     @property
     def paths(self) -> dict[str, str]:
-        """Return the path of each port, by the robot's names of them."""
+        """Return the path of each port by its name in robot.toml."""
         return {name: bus.path for name, bus in self.buses.items()}
 
     def __enter__(self) -> VirtualPorts:
-        """Make and serve the ports."""
+        """Create and serve the ports."""
         with ExitStack() as opening:
             for bus in self.buses.values():
                 opening.enter_context(bus)
@@ -196,15 +165,15 @@ class VirtualPorts:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Take the ports away."""
+        """Remove the ports."""
         self._open.close()
 
 
 def check_bus(robot: Robot) -> BusSettings:
-    """Return how a robot's servos are reached.
+    """Return the bus settings of a robot.
 
     Raises:
-        NoBusError: if nobody said.
+        NoBusError: if it has none.
     """
     if robot.bus is None:
         raise NoBusError(robot)
@@ -215,7 +184,3 @@ def _link(link: Path | None, name: str, count: int) -> Path | None:
     if link is None or count == 1:
         return link
     return link.with_name(f"{link.name}-{name}")
-
-
-def _ignore(on: bool) -> None:
-    del on

@@ -18,7 +18,7 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import HardwareError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.fault_injector import Faults
+from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
@@ -63,7 +63,7 @@ class FaultTrial:
 class Moment:
     """What a fault may break."""
 
-    faults: Faults
+    faults: FaultInjector
     guard: SafetyGuard
     servo: int
     """Id of a servo, drawn by chance."""
@@ -198,7 +198,7 @@ def bench_faults(
 def _try(world: World, motion: Motion, case: Case, rng: np.random.Generator) -> FaultTrial:
     robot = world.robot
     virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
-    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP, rng=rng) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, rng=rng) as ports:
         backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
         with backend:
             pass  # the first connection sets the servos up; time may pass in it
@@ -226,7 +226,7 @@ def _try(world: World, motion: Motion, case: Case, rng: np.random.Generator) -> 
             report = str(error)
         stood = ports.main.call(watch.conclude).stand.stood
         since = struck_at[0] - robot.control_period if struck_at else ports.main.time
-        ports.main.call(lambda: virtual.body.advance(virtual.body.time + AFTERMATH))
+        ports.main.call(lambda: virtual.physics.advance(virtual.physics.time + AFTERMATH))
     went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
     return FaultTrial(
         ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
@@ -321,7 +321,7 @@ def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | N
     virtual = VirtualRobot(Simulation(robot, world.model))
     virtual.place(read_posture(robot, world.model, settle_posture(world, motion.posture(0))))
     sights = Sights(virtual)
-    with VirtualPorts(virtual, pace=TimeMode.REAL_TIME) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.REAL_TIME) as ports:
         command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
         command += ["--robot", str(robot.folder)]
         command += ["--backend", "virtual", "--port", ports.main.path]
@@ -355,4 +355,4 @@ def _await_torque(virtual: VirtualRobot, client: subprocess.Popen[bytes]) -> boo
 
 def _kill(client: subprocess.Popen[bytes], virtual: VirtualRobot) -> float:
     client.send_signal(signal.SIGKILL)
-    return virtual.body.time
+    return virtual.physics.time

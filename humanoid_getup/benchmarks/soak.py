@@ -133,7 +133,7 @@ def bench_soak(
     rng = np.random.default_rng(seed)
     virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
     tally, began = Tally(), time.perf_counter()
-    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
         backend = Counted(driver)
         guard = SafetyGuard(backend)

@@ -72,13 +72,13 @@ class Sights:
         self._virtual = virtual
         self._units = ServoUnits(virtual.robot)
         self.seen: list[Sight] = []
-        virtual.body.on_pass.append(self._look)
+        virtual.physics.on_advance.append(self._look)
 
     def _look(self) -> None:
-        drives = [servo.drive() for servo in self._virtual.servos]
+        drives = [servo.motor_command() for servo in self._virtual.servos]
         self.seen.append(
             Sight(
-                time=self._virtual.body.time,
+                time=self._virtual.physics.time,
                 torque_on=np.array([drive.torque_on for drive in drives]),
                 target=self._units.to_rad(np.array([drive.target_ticks for drive in drives])),
                 ticks=self._units.quantize(self._virtual.simulation.joint_pos),

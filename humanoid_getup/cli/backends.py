@@ -83,8 +83,8 @@ def open_body(
         yield BackendChoice(backend=driver, realtime=True, services=driver)
         return
     virtual = VirtualRobot(Simulation(robot, world.model))
-    pace = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
-    with VirtualPorts(virtual, pace=pace, rng=np.random.default_rng(seed)) as served:
+    time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
+    with VirtualPorts(virtual, time_mode=time_mode, rng=np.random.default_rng(seed)) as served:
         driver = DynamixelBackend(robot, served.paths, release=RELEASES[release])
         if not realtime:
             driver = DynamixelBackend(

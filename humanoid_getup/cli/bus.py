@@ -12,7 +12,7 @@ import numpy as np
 from tyro.conf import arg
 
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.fault_schedule import Schedule
+from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.errors import BadInputError
@@ -60,12 +60,12 @@ class ServeBus(WorldOptions):
         simulation = Simulation(world.robot, world.model, voltage=self.voltage)
         robot = VirtualRobot(simulation, powered=self.powered)
         ids = [servo.id for servo in robot.servos]
-        schedule = Schedule.from_file(self.faults, ids) if self.faults else None
+        schedule = FaultSchedule.from_file(self.faults, ids) if self.faults else None
         robot.place(find_start(world, self.origin, rng).posture)
-        pace = TimeMode.LOCK_STEP if self.lock_step else TimeMode.REAL_TIME
+        time_mode = TimeMode.LOCK_STEP if self.lock_step else TimeMode.REAL_TIME
         ports = VirtualPorts(
             robot,
-            pace=pace,
+            time_mode=time_mode,
             link=self.link,
             rng=rng,
             schedule=schedule,

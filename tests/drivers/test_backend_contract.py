@@ -23,7 +23,7 @@ Make = Callable[[Robot], AbstractContextManager[Backend]]
 @contextmanager
 def virtual(robot: Robot) -> Iterator[Backend]:
     """The real driver, its port, and servos that speak the protocol with physics behind them."""
-    with VirtualPorts(VirtualRobot(Simulation(robot)), pace=TimeMode.LOCK_STEP) as ports:
+    with VirtualPorts(VirtualRobot(Simulation(robot)), time_mode=TimeMode.LOCK_STEP) as ports:
         yield DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
 
 

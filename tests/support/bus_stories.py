@@ -74,7 +74,7 @@ class Served:
 def serving(
     robot: Robot | str | Path,
     *,
-    pace: TimeMode = TimeMode.LOCK_STEP,
+    time_mode: TimeMode = TimeMode.LOCK_STEP,
     powered: bool = True,
     voltage: float | None = None,
     prepare: Callable[[VirtualRobot], None] = lambda _: None,
@@ -84,7 +84,7 @@ def serving(
         robot = load_robot(robot)
     virtual = VirtualRobot(Simulation(robot, voltage=voltage), powered=powered)
     prepare(virtual)
-    with VirtualPorts(virtual, pace=pace) as ports:
+    with VirtualPorts(virtual, time_mode=time_mode) as ports:
         yield Served(virtual, ports)
 
 

@@ -33,7 +33,7 @@ class FakeDevice:
 
 
 @dataclass(frozen=True)
-class FakeAnswer:
+class FakeReply:
     device: int
     delay: float
     data: bytes
@@ -53,7 +53,7 @@ class FakeDevices:
     def device(self, device_id: int) -> FakeDevice:
         return self._by_id[device_id]
 
-    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[FakeAnswer]:
+    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[FakeReply]:
         assert baud is None or baud in {device.baud for device in self.devices}
         self.heard.append(item)
         if isinstance(item, Damaged):
@@ -73,9 +73,9 @@ class FakeDevices:
             ]
             if item.instruction == Instruction.FAST_SYNC_READ:
                 return self._cut(encode_fast_status(statuses), statuses)
-            return [FakeAnswer(s.id, self.delay, s.encode()) for s in statuses]
+            return [FakeReply(s.id, self.delay, s.encode()) for s in statuses]
         answers = [self._answer(d, item) for d in self.devices if item.id in (d.id, BROADCAST)]
-        return [FakeAnswer(s.id, self.delay, s.encode()) for s in answers if s]
+        return [FakeReply(s.id, self.delay, s.encode()) for s in answers if s]
 
     def _answer(self, device: FakeDevice, item: Packet) -> Status | None:
         if not device.alive:
@@ -91,10 +91,10 @@ class FakeDevices:
             return Status(device.id) if item.id != BROADCAST else None
         return None
 
-    def _cut(self, frame: bytes, statuses: list[Status]) -> list[FakeAnswer]:
+    def _cut(self, frame: bytes, statuses: list[Status]) -> list[FakeReply]:
         pieces, at = [], 0
         for k, status in enumerate(statuses):
             end = at + (8 if k == 0 else 0) + 4 + len(status.data)
-            pieces.append(FakeAnswer(status.id, self.delay if k == 0 else 0.0, frame[at:end]))
+            pieces.append(FakeReply(status.id, self.delay if k == 0 else 0.0, frame[at:end]))
             at = end
         return pieces

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from memory_port import MemoryPort
 
 from drivers import Command, State
 from drivers.dynamixel.backend import DynamixelBackend
@@ -11,7 +12,6 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.memory_port import MemoryPort
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import PortSettings, Robot
 
@@ -45,7 +45,7 @@ class Rig:
     def _make_port(self, path: str, baud: int) -> MemoryPort:
         last = [port.name for port in self.robot.bus.ports][-1]
         # As on the virtual bus: time passes with the last port's traffic.
-        body = self.virtual.body if path == last else Still()
+        body = self.virtual.physics if path == last else Still()
         self.ports[path] = MemoryPort(self.virtual.chains[path], baud, body)
         return self.ports[path]
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
-from drivers.virtual_bus.devices.chain import Answer, Chain
+from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.servo import VirtualServo
 
@@ -23,7 +23,7 @@ def talk(chain: Chain, frame: bytes) -> bytes:
     return b"".join(answer.data for answer in chain.handle(request(frame)))
 
 
-def read_answers(answers: Iterable[Answer]) -> list[Status]:
+def read_answers(answers: Iterable[Reply]) -> list[Status]:
     """Read ordinary statuses; each answer must be one good frame."""
     statuses = []
     for answer in answers:
@@ -52,7 +52,7 @@ def read(device: VirtualDevice, name: str) -> int:
     return item.decode(status.data)
 
 
-def feel(
+def sense(
     servo: VirtualServo,
     *,
     ticks: float = 2048.0,

@@ -1,4 +1,4 @@
-"""The virtual OpenCR board: the IMU, the battery's voltage, and the servos' power switch."""
+"""A virtual OpenCR board: IMU, battery voltage, and the servos' power switch."""
 
 from __future__ import annotations
 
@@ -11,12 +11,8 @@ from drivers.virtual_bus.devices.quirks import Quirks
 AXES = ("x", "y", "z")
 
 
-def _ignore(on: bool) -> None:
-    del on
-
-
 class VirtualBoard(VirtualDevice):
-    """Answer like an OpenCR; its switch calls ``on_power``."""
+    """Replies like an OpenCR; writing its power register calls ``on_power``."""
 
     def __init__(
         self,
@@ -24,7 +20,7 @@ class VirtualBoard(VirtualDevice):
         *,
         firmware: int = 1,
         baud: int = 2_000_000,
-        on_power: Callable[[bool], None] = _ignore,
+        on_power: Callable[[bool], None] | None = None,
         quirks: Quirks | None = None,
     ) -> None:
         """Build a board with the servos' power off.
@@ -33,18 +29,18 @@ class VirtualBoard(VirtualDevice):
             board_id: Its id on the bus.
             firmware: Its firmware version.
             baud: Its speed on the bus [bit/s].
-            on_power: Called whenever the servos' power is switched on or off.
-            quirks: What it does where the manual is silent; None for the defaults.
+            on_power: Called when the servos' power is switched on or off.
+            quirks: Behavior that the manual leaves open; None for the defaults.
         """
         table = table_named("OpenCR")
         super().__init__(table, board_id, firmware, baud, quirks or Quirks())
         self.frozen = False
-        """True when the IMU repeats its last values for ever."""
+        """True while the IMU repeats its last values."""
         self.on_power = on_power
-        self._effects["dynamixel_power"] = lambda value: self.on_power(bool(value))
+        self._effects["dynamixel_power"] = self._switch_power
 
     def sense_imu(self, gyro_counts: Sequence[int], acc_counts: Sequence[int]) -> None:
-        """Take what the IMU measures, in counts of the board's own axes, (3,) each."""
+        """Set the IMU registers, in counts along the board's own axes, (3,) each."""
         if self.frozen:
             return
         for name, counts in (("gyro", gyro_counts), ("acc", acc_counts)):
@@ -52,7 +48,7 @@ class VirtualBoard(VirtualDevice):
                 self.registers[f"{name}_{axis}"] = max(-32768, min(32767, int(count)))
 
     def sense_voltage(self, voltage: float) -> None:
-        """Take the battery's voltage [V]."""
+        """Set the measured battery voltage [V]."""
         self.registers["present_input_voltage"] = max(0, min(255, round(voltage * 10.0)))
 
     def _boot(self) -> None:
@@ -67,4 +63,8 @@ class VirtualBoard(VirtualDevice):
         for item in self.table:
             if not item.eeprom and item.default is not None:
                 self.registers[item.name] = item.default
-        self.on_power(False)
+        self._switch_power(0)
+
+    def _switch_power(self, value: int) -> None:
+        if self.on_power is not None:
+            self.on_power(bool(value))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import (
     BROADCAST,
     HEADER,
@@ -19,14 +20,12 @@ from drivers.dynamixel.protocol2 import (
     Status,
     crc16,
 )
-from drivers.virtual_bus.devices.device import Call, VirtualDevice
-from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks
-
-BITS_PER_BYTE = 10  # on the wire, with start and stop bit
+from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
+from drivers.virtual_bus.devices.quirks import BadCrc, Quirks, ReadGap, WatchdogFeed
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Reply:
     """Bytes that a device puts on the wire."""
 
     device: int
@@ -37,7 +36,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class MemberRead:
     """What a group read asks of one device."""
 
     id: int
@@ -54,7 +53,7 @@ class Chain:
     def __init__(self, devices: Sequence[VirtualDevice], quirks: Quirks | None = None) -> None:
         self.devices = list(devices)
         self.quirks = quirks or Quirks()
-        self._groups: dict[int, Callable[[bytes], list[Answer]]] = {
+        self._groups: dict[int, Callable[[bytes], list[Reply]]] = {
             Instruction.SYNC_READ: lambda params: self._answer_reads(_sync_requests(params)),
             Instruction.BULK_READ: lambda params: self._answer_reads(_bulk_requests(params)),
             Instruction.FAST_SYNC_READ: lambda params: self._answer_fast(_sync_requests(params)),
@@ -82,7 +81,7 @@ class Chain:
         for device in self.devices:
             device.advance(now)
 
-    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[Answer]:
+    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[Reply]:
         """Let an instruction pass over the wire; return the answers in their order.
 
         Args:
@@ -94,7 +93,7 @@ class Chain:
             return self._answer_damaged(item)
         if item.instruction == Instruction.STATUS:
             return []  # another device's answer, not an instruction
-        if self.quirks.feeding is Feeding.ANY_INSTRUCTION:
+        if self.quirks.watchdog_feed is WatchdogFeed.ANY_INSTRUCTION:
             self._feed_watchdogs()
         group = self._groups.get(item.instruction)
         if group is not None and item.id == BROADCAST:
@@ -122,42 +121,42 @@ class Chain:
 
     # One instruction, one id or all ----------------------------------------------------------
 
-    def _answer_damaged(self, item: Damaged) -> list[Answer]:
+    def _answer_damaged(self, item: Damaged) -> list[Reply]:
         if self.quirks.bad_crc is BadCrc.SILENT:
             return []
         devices = self._members.get(item.id, [])
         return _talk(devices, lambda device: Status(item.id, ErrorNumber.CRC | device.alert))
 
-    def _address(self, packet: Packet) -> list[Answer]:
+    def _address(self, packet: Packet) -> list[Reply]:
         devices = self._members.get(packet.id, [])
         answers = _talk(devices, lambda device: device.handle(packet.instruction, packet.params))
         for device in self._seconds.get(packet.id, []):
-            device.handle(packet.instruction, packet.params, call=Call.SECONDARY)
+            device.handle(packet.instruction, packet.params, addressing=Addressing.SECONDARY)
         return answers
 
-    def _broadcast(self, packet: Packet) -> list[Answer]:
+    def _broadcast(self, packet: Packet) -> list[Reply]:
         if packet.instruction == Instruction.PING:
             return self._answer_roll_call()
         for devices in self._members.values():
             for device in devices:
-                device.handle(packet.instruction, packet.params, call=Call.BROADCAST)
+                device.handle(packet.instruction, packet.params, addressing=Addressing.BROADCAST)
         return []
 
-    def _answer_roll_call(self) -> list[Answer]:
-        """Answer a ping to all: each id has its slot of time."""
-        answers: list[Answer] = []
+    def _answer_roll_call(self) -> list[Reply]:
+        """Reply a ping to all: each id has its slot of time."""
+        answers: list[Reply] = []
         now = 0.0  # s since the instruction
         for device_id, devices in sorted(self._members.items()):
             (answer,) = _talk(devices, lambda device: device.handle(Instruction.PING))
             slot = device_id * self.quirks.ping_slot
             delay = max(answer.delay, slot - now)
-            answers.append(Answer(device_id, delay, answer.data))
+            answers.append(Reply(device_id, delay, answer.data))
             now += delay + _duration(len(answer.data), devices[0].baud)
         return answers
 
     # Group writes ----------------------------------------------------------------------------
 
-    def _write(self, rows: Iterable[tuple[int, int, bytes]]) -> list[Answer]:
+    def _write(self, rows: Iterable[tuple[int, int, bytes]]) -> list[Reply]:
         done: set[int] = set()
         for device_id, address, data in rows:
             if device_id in done:
@@ -166,40 +165,40 @@ class Chain:
             for device in self._members.get(device_id, ()):
                 device.write(address, data)
             for device in self._seconds.get(device_id, ()):
-                device.write(address, data, call=Call.SECONDARY)
+                device.write(address, data, addressing=Addressing.SECONDARY)
         return []
 
     # Group reads -----------------------------------------------------------------------------
 
-    def _answer_reads(self, requests: Iterable[Request]) -> list[Answer]:
-        answers: list[Answer] = []
+    def _answer_reads(self, requests: Iterable[MemberRead]) -> list[Reply]:
+        answers: list[Reply] = []
         waited = 0.0
         for request in requests:
             devices = [d for d in self._members.get(request.id, ()) if d.answers_reads]
             if not devices:
-                if self.quirks.sync_gap is Gap.CHAIN_BREAKS:
+                if self.quirks.sync_gap is ReadGap.CHAIN_BREAKS:
                     break
                 waited += self._slot(request.length + OVERHEAD + 1)
                 continue
             (answer,) = _talk(devices, partial(_read, request))
-            answers.append(Answer(answer.device, waited + answer.delay, answer.data))
+            answers.append(Reply(answer.device, waited + answer.delay, answer.data))
             waited = 0.0
         return answers
 
-    def _answer_fast(self, requests: Iterable[Request]) -> list[Answer]:
-        """Answer a fast read: one frame, written in turn, each piece with the CRC so far."""
+    def _answer_fast(self, requests: Iterable[MemberRead]) -> list[Reply]:
+        """Reply a fast read: one frame, written in turn, each piece with the CRC so far."""
         requests = list(requests)
         length = 1 + sum(request.length + 4 for request in requests)
         if length > MAX_LENGTH:
             return []
-        answers: list[Answer] = []
+        answers: list[Reply] = []
         waited, crc = 0.0, 0
         start = HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
         for request in requests:
             members = self._members.get(request.id, ())
             devices = [d for d in members if d.answers_reads and d.has_fast_read]
             if not devices:
-                if self.quirks.fast_gap is Gap.CHAIN_BREAKS:
+                if self.quirks.fast_gap is ReadGap.CHAIN_BREAKS:
                     break
                 waited += self._slot(len(start) + request.length + 4)
                 start = b""
@@ -215,7 +214,7 @@ class Chain:
             crc = crc16(data, crc)
             waits = not answers or self.quirks.fast_pieces_wait
             delay = waited + (devices[0].return_delay if waits else 0.0)
-            answers.append(Answer(request.id, delay, data))
+            answers.append(Reply(request.id, delay, data))
             waited, start = 0.0, b""
         return answers
 
@@ -229,21 +228,21 @@ def _duration(length: int, baud: int) -> float:
     return length * BITS_PER_BYTE / baud
 
 
-def _read(request: Request, device: VirtualDevice) -> Status:
+def _read(request: MemberRead, device: VirtualDevice) -> Status:
     error, data = device.read(request.address, request.length)
     return Status(request.id, error | device.alert, data)
 
 
 def _talk(
     devices: Sequence[VirtualDevice], ask: Callable[[VirtualDevice], Status | None]
-) -> list[Answer]:
+) -> list[Reply]:
     """Let devices of one id answer at once."""
     if not devices:
         return []
     device_id, delay = devices[0].id, devices[0].return_delay  # what they are told may change them
     statuses = [ask(device) for device in devices]
     frames = [status.encode() for status in statuses if status is not None]
-    return [Answer(device_id, delay, _garble(frames))] if frames else []
+    return [Reply(device_id, delay, _garble(frames))] if frames else []
 
 
 def _garble(frames: Sequence[bytes]) -> bytes:
@@ -260,17 +259,17 @@ def _garble(frames: Sequence[bytes]) -> bytes:
 # Parameters of group instructions ---------------------------------------------------------------
 
 
-def _sync_requests(params: bytes) -> list[Request]:
+def _sync_requests(params: bytes) -> list[MemberRead]:
     if len(params) < 5:
         return []
     address, length = struct.unpack_from("<HH", params)
-    return [Request(device_id, address, length) for device_id in dict.fromkeys(params[4:])]
+    return [MemberRead(device_id, address, length) for device_id in dict.fromkeys(params[4:])]
 
 
-def _bulk_requests(params: bytes) -> list[Request]:
-    requests: dict[int, Request] = {}
+def _bulk_requests(params: bytes) -> list[MemberRead]:
+    requests: dict[int, MemberRead] = {}
     for start in range(0, len(params) - 4, 5):
-        request = Request(*struct.unpack_from("<BHH", params, start))
+        request = MemberRead(*struct.unpack_from("<BHH", params, start))
         requests.setdefault(request.id, request)  # an id counts once
     return list(requests.values())
 

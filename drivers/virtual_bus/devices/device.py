@@ -12,10 +12,10 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers, WritePlan
 
 READ_LEVEL = 1  # status return level from which reads are answered; from 2 on, all is
-Handler = Callable[[bytes, "Call"], int]
+Handler = Callable[[bytes, "Addressing"], int]
 
 
-class Call(Enum):
+class Addressing(Enum):
     """By which id an instruction reached a device."""
 
     OWN = "its own: it answers"
@@ -133,7 +133,7 @@ class VirtualDevice:
         self.now = now
 
     def handle(
-        self, instruction: int, params: bytes = b"", *, call: Call = Call.OWN
+        self, instruction: int, params: bytes = b"", *, addressing: Addressing = Addressing.OWN
     ) -> Status | None:
         """Obey an instruction; return the answer unless it stays silent."""
         self.hear()
@@ -141,15 +141,15 @@ class VirtualDevice:
         device_id, alert, level = self.id, self.alert, self.registers.memory[self._at_level]
         if instruction == Instruction.PING:
             data = self._identity()
-            return Status(device_id, alert, data) if call is Call.OWN else None
+            return Status(device_id, alert, data) if addressing is Addressing.OWN else None
         if instruction == Instruction.READ:
-            if call is not Call.OWN or level < READ_LEVEL:
+            if addressing is not Addressing.OWN or level < READ_LEVEL:
                 return None
             error, data = self._handle_read(params)
             return Status(device_id, error | alert, data)
         handler = self._handlers.get(instruction)
-        error = handler(params, call) if handler else ErrorNumber.INSTRUCTION
-        if call is not Call.OWN or level <= READ_LEVEL:
+        error = handler(params, addressing) if handler else ErrorNumber.INSTRUCTION
+        if addressing is not Addressing.OWN or level <= READ_LEVEL:
             return None
         return Status(device_id, error | alert)
 
@@ -158,10 +158,10 @@ class VirtualDevice:
         self.hear()
         return self.registers.read(address, length)
 
-    def write(self, address: int, data: bytes, *, call: Call = Call.OWN) -> int:
+    def write(self, address: int, data: bytes, *, addressing: Addressing = Addressing.OWN) -> int:
         """Set registers, all of them or none; return an `ErrorNumber`."""
         self.hear()
-        error, plan, values = self._judge(address, data, call)
+        error, plan, values = self._judge(address, data, addressing)
         if error:
             return error
         memory = self.registers.memory
@@ -174,13 +174,15 @@ class VirtualDevice:
             self.registers.forget_plans()
         return ErrorNumber.NONE
 
-    def _judge(self, address: int, data: bytes, call: Call) -> tuple[int, WritePlan, list[int]]:
+    def _judge(
+        self, address: int, data: bytes, addressing: Addressing
+    ) -> tuple[int, WritePlan, list[int]]:
         """Tell what a write would do: an `ErrorNumber`, or the items and their values."""
         plan = self.registers.plan_write(address, len(data))
         values: list[int] = []
         if plan.error:
             return plan.error, plan, values
-        if plan.eeprom and (self._is_locked() or call is Call.SECONDARY):
+        if plan.eeprom and (self._is_locked() or addressing is Addressing.SECONDARY):
             return ErrorNumber.ACCESS, plan, values
         for field in plan.fields:
             value = field.codec.unpack_from(data, field.offset)[0]
@@ -204,28 +206,28 @@ class VirtualDevice:
             return ErrorNumber.DATA_LENGTH, b""
         return self.read(params[0] | params[1] << 8, params[2] | params[3] << 8)
 
-    def _handle_write(self, params: bytes, call: Call) -> int:
+    def _handle_write(self, params: bytes, addressing: Addressing) -> int:
         if len(params) < 3:
             return ErrorNumber.DATA_LENGTH
-        return self.write(params[0] | params[1] << 8, params[2:], call=call)
+        return self.write(params[0] | params[1] << 8, params[2:], addressing=addressing)
 
-    def _handle_reg_write(self, params: bytes, call: Call) -> int:
+    def _handle_reg_write(self, params: bytes, addressing: Addressing) -> int:
         if len(params) < 3:
             return ErrorNumber.DATA_LENGTH
         address, data = params[0] | params[1] << 8, params[2:]
-        error, _, _ = self._judge(address, data, call)
+        error, _, _ = self._judge(address, data, addressing)
         if error:
             return error
         self._store_write((address, data))
         return ErrorNumber.NONE
 
-    def _handle_action(self, params: bytes, call: Call) -> int:
+    def _handle_action(self, params: bytes, addressing: Addressing) -> int:
         del params
         if self._stored is None:
             return ErrorNumber.INSTRUCTION
         address, data = self._stored
         self._store_write(None)
-        return self.write(address, data, call=call)
+        return self.write(address, data, addressing=addressing)
 
     def _store_write(self, stored: tuple[int, bytes] | None) -> None:
         self._stored = stored

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from drivers.dynamixel.control_table import Item
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset
-from drivers.virtual_bus.devices.device import Call, Handler
+from drivers.virtual_bus.devices.device import Addressing, Handler
 from drivers.virtual_bus.devices.registers import Registers
 
 GAINS = (
@@ -101,13 +101,13 @@ class Maintenance:
             Instruction.BACKUP: self._store_or_restore,
         }
 
-    def _reboot(self, params: bytes, call: Call) -> int:
-        del params, call
+    def _reboot(self, params: bytes, addressing: Addressing) -> int:
+        del params, addressing
         self._servo.reboot()
         return ErrorNumber.NONE
 
-    def _clear(self, params: bytes, call: Call) -> int:
-        del call
+    def _clear(self, params: bytes, addressing: Addressing) -> int:
+        del addressing
         if self._servo.firmware < CLEAR_FIRMWARE:
             return ErrorNumber.INSTRUCTION
         if params != CLEAR_TURNS:
@@ -117,21 +117,25 @@ class Maintenance:
         self._servo.clear_turns()
         return ErrorNumber.NONE
 
-    def _reset(self, params: bytes, call: Call) -> int:
+    def _reset(self, params: bytes, addressing: Addressing) -> int:
         if len(params) != 1:
             return ErrorNumber.DATA_LENGTH
         if params[0] not in set(Reset):
             return ErrorNumber.DATA_RANGE
         kept = Reset(params[0])
-        if call is Call.SECONDARY:
+        if addressing is Addressing.SECONDARY:
             return ErrorNumber.ACCESS
-        if call is Call.BROADCAST and kept is Reset.ALL and self._servo.firmware >= CLEAR_FIRMWARE:
+        if (
+            addressing is Addressing.BROADCAST
+            and kept is Reset.ALL
+            and self._servo.firmware >= CLEAR_FIRMWARE
+        ):
             return ErrorNumber.RESULT_FAIL  # every id would become 1
         reset_eeprom(self._servo.registers, kept)
         self._servo.reboot()
         return ErrorNumber.NONE
 
-    def _store_or_restore(self, params: bytes, call: Call) -> int:
+    def _store_or_restore(self, params: bytes, addressing: Addressing) -> int:
         servo = self._servo
         if not servo.table.supports_backup(servo.firmware):
             return ErrorNumber.INSTRUCTION
@@ -143,7 +147,7 @@ class Maintenance:
             self._backup.store(servo.registers)
             servo.poke("backup_ready", 1)
             return ErrorNumber.NONE
-        if call is Call.SECONDARY:
+        if addressing is Addressing.SECONDARY:
             return ErrorNumber.ACCESS
         if not self._backup.is_ready:
             return ErrorNumber.RESULT_FAIL

@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntFlag
 
 from drivers.dynamixel.control_table import OperatingMode
+
+
+class DriveMode(IntFlag):
+    """Bits of the item ``drive_mode`` (e-manual)."""
+
+    REVERSE = 1
+    TIME_BASED = 4
+    TORQUE_BY_GOAL = 8
+
 
 POSITION_MODES = frozenset(
     (
@@ -16,7 +26,7 @@ POSITION_MODES = frozenset(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class MotorCommand:
     """What the motor shall do now, in the horn's own direction."""
 
     torque_on: bool

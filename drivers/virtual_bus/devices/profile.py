@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
+from drivers.virtual_bus.devices.motor_command import DriveMode
 from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import RAD_PER_TICK
 
 
-class Shape(IntEnum):
+class ProfileShape(IntEnum):
     """Bits 4 and 5 of Moving Status."""
 
     STEP = 0
@@ -37,7 +38,7 @@ class ProfileTrajectory:
     """Duration of the cruise [s]."""
     slow_down: float = 0.0
     """Duration of the last ramp [s]."""
-    shape: Shape = Shape.STEP
+    shape: ProfileShape = ProfileShape.STEP
 
     @property
     def end(self) -> float:
@@ -89,7 +90,7 @@ def plan_by_velocity(
         cruise = math.copysign(top, way)
         hold = abs(way) / top
         return ProfileTrajectory(
-            start, position, cruise, goal, cruise, hold=hold, shape=Shape.RECTANGLE
+            start, position, cruise, goal, cruise, hold=hold, shape=ProfileShape.RECTANGLE
         )
     # Braking now would end beyond the goal: then the way leads back.
     stop = velocity * abs(velocity) / (2.0 * acceleration)
@@ -101,7 +102,7 @@ def plan_by_velocity(
     slow_down = cruise / acceleration
     ramps = 0.5 * (v + cruise) * speed_up + 0.5 * cruise * slow_down
     hold = max(d - ramps, 0.0) / cruise if peak > top else 0.0
-    shape = Shape.TRAPEZOID if peak > top else Shape.TRIANGLE
+    shape = ProfileShape.TRAPEZOID if peak > top else ProfileShape.TRIANGLE
     return ProfileTrajectory(
         start, position, velocity, goal, side * cruise, speed_up, hold, slow_down, shape
     )
@@ -127,11 +128,11 @@ def plan_by_time(
     if ramp <= 0.0:
         cruise = way / total
         return ProfileTrajectory(
-            start, position, cruise, goal, cruise, hold=total, shape=Shape.RECTANGLE
+            start, position, cruise, goal, cruise, hold=total, shape=ProfileShape.RECTANGLE
         )
     cruise = (way - 0.5 * velocity * ramp) / (total - ramp)
     hold = total - 2.0 * ramp
-    shape = Shape.TRAPEZOID if hold > 0.0 else Shape.TRIANGLE
+    shape = ProfileShape.TRAPEZOID if hold > 0.0 else ProfileShape.TRIANGLE
     return ProfileTrajectory(start, position, velocity, goal, cruise, ramp, hold, ramp, shape)
 
 
@@ -140,7 +141,6 @@ def approach(value: float, goal: float, step: float) -> float:
     return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)
 
 
-TIME_BASED = 4  # bit of drive_mode
 MOST = 0x7FFFFFFF  # counts that a register of four bytes holds
 
 
@@ -158,7 +158,7 @@ class PositionControl:
         """Where the ramp of velocity mode is [rad/s]."""
         self.running = False
         """True while the goal is not reached yet."""
-        self.shape = Shape.STEP
+        self.shape = ProfileShape.STEP
         self._velocity = 0.0  # ticks/s
         self._trajectory: ProfileTrajectory | None = None
         self._goal_speed, self._acceleration = 0.0, 0.0
@@ -167,7 +167,7 @@ class PositionControl:
         """Stay at a position [ticks], with no velocity."""
         self.position, self._velocity = position, 0.0
         self.speed = self._goal_speed = 0.0
-        self._trajectory, self.running, self.shape = None, False, Shape.STEP
+        self._trajectory, self.running, self.shape = None, False, ProfileShape.STEP
         self._show()
 
     def aim(self, now: float, goal: float) -> None:
@@ -222,7 +222,7 @@ class PositionControl:
         return self._registers["profile_velocity"], self._registers["profile_acceleration"]
 
     def _is_time_based(self) -> bool:
-        return bool(self._registers["drive_mode"] & TIME_BASED)
+        return bool(self._registers["drive_mode"] & DriveMode.TIME_BASED)
 
     def _show(self) -> None:
         speed = self._velocity * RAD_PER_TICK or self.speed

@@ -7,17 +7,18 @@ import math
 from drivers.dynamixel.control_table import HardwareError
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
+from robots.servo import servo_models
 
-# A at the nominal supply (e-manual, specifications of each model)
-STALL_CURRENTS = {
-    "XM430-W350": 2.3,
-    "XM540-W270": 4.4,
-    "XL430-W250": 1.3,
+# A at the nominal supply (e-manual), of the models that robots/servos.toml does not describe
+OTHER_STALL_CURRENTS = {
     "XC330-M288": 1.8,
     "XC330-T288": 0.8,
     "2XC430-W250": 1.4,
     "MX-64(2.0)": 4.1,
     "MX-106(2.0)": 5.2,
+}
+STALL_CURRENTS = OTHER_STALL_CURRENTS | {
+    name: model.stall_current for name, model in servo_models().items()
 }
 
 
@@ -26,7 +27,7 @@ class Protection:
 
     def __init__(self, registers: Registers, quirks: Quirks) -> None:
         self._registers = registers
-        self._overload = Overload(STALL_CURRENTS[registers.table.model], quirks)
+        self._overload = OverloadModel(STALL_CURRENTS[registers.table.model], quirks)
         self.reload()
 
     def reload(self) -> None:
@@ -54,7 +55,7 @@ class Protection:
         return self._overload.advance(current, duration)
 
 
-class Overload:
+class OverloadModel:
     """Heat of a winding, as a share of what full stall would bring it to in the long run.
 
     A first-order model of current squared: it follows ``(current / stall)²`` with the time

@@ -13,7 +13,7 @@ from enum import Enum
 from drivers.dynamixel.protocol2 import ErrorNumber
 
 
-class Gap(Enum):
+class ReadGap(Enum):
     """What the devices listed after a silent one do in a group read."""
 
     SLOT_STAYS_EMPTY = "each waits for its own slot, the silent one's stays empty"
@@ -27,14 +27,14 @@ class BadCrc(Enum):
     ANSWERED = "it answers with error 3"
 
 
-class Feeding(Enum):
+class WatchdogFeed(Enum):
     """What counts as traffic for a device's bus watchdog."""
 
     ANY_INSTRUCTION = "any instruction on the bus"
     OWN_INSTRUCTION = "instructions that concern the device"
 
 
-class Undefined(Enum):
+class UndefinedRegisters(Enum):
     """What happens to addresses without an item inside a longer read or write."""
 
     ZEROS = "they read as zeros and writing them does nothing"
@@ -45,10 +45,10 @@ class Undefined(Enum):
 class Quirks:
     """One choice for everything that the manual leaves open."""
 
-    sync_gap: Gap = Gap.SLOT_STAYS_EMPTY
+    sync_gap: ReadGap = ReadGap.SLOT_STAYS_EMPTY
     """A dead member of a sync or bulk read. The manual shows only complete answers; it does
     not say how a device knows that its turn has come."""
-    fast_gap: Gap = Gap.CHAIN_BREAKS
+    fast_gap: ReadGap = ReadGap.CHAIN_BREAKS
     """The same in a fast read, whose single frame cannot be whole any more: the manual
     does not say whether the later devices still write their pieces."""
     fast_pieces_wait: bool = False
@@ -60,9 +60,9 @@ class Quirks:
     strict_stuffing: bool = False
     """Whether a frame whose body holds an unstuffed FF FF FD is refused (by the wire, which
     sees the bytes). The manual demands stuffing; it does not say what happens without."""
-    feeding: Feeding = Feeding.ANY_INSTRUCTION
+    watchdog_feed: WatchdogFeed = WatchdogFeed.ANY_INSTRUCTION
     """The manual speaks of instruction packets without saying whose."""
-    undefined: Undefined = Undefined.ZEROS
+    undefined: UndefinedRegisters = UndefinedRegisters.ZEROS
     """The manual gives error 7 for undefined addresses, yet its own clients read over gaps;
     an instruction that begins in one fails in either case."""
     limit_error: ErrorNumber = ErrorNumber.DATA_LIMIT

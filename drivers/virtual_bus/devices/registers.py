@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from drivers.dynamixel.control_table import ControlTable, Item
 from drivers.dynamixel.protocol2 import ErrorNumber
-from drivers.virtual_bus.devices.quirks import Undefined
+from drivers.virtual_bus.devices.quirks import UndefinedRegisters
 
 MOST_PLANS = 256  # spans remembered; clients use a handful, a fuzzer many
 _Plan = TypeVar("_Plan")
@@ -45,7 +45,9 @@ class WritePlan:
 class Registers:
     """The bytes of a control table."""
 
-    def __init__(self, table: ControlTable, undefined: Undefined = Undefined.ZEROS) -> None:
+    def __init__(
+        self, table: ControlTable, undefined: UndefinedRegisters = UndefinedRegisters.ZEROS
+    ) -> None:
         self.table = table
         self.memory = table.initial_bytes()
         self._undefined = undefined
@@ -88,7 +90,10 @@ class Registers:
             return ErrorNumber.DATA_LENGTH, b""
         if end > len(self.memory) or not self._defined[address]:
             return ErrorNumber.ACCESS, b""
-        if self._undefined is not Undefined.ZEROS and self._defined.find(0, address, end) >= 0:
+        if (
+            self._undefined is not UndefinedRegisters.ZEROS
+            and self._defined.find(0, address, end) >= 0
+        ):
             return ErrorNumber.ACCESS, b""
         if self._redirected.find(1, address, end) < 0:
             return 0, bytes(self.memory[address:end])
@@ -132,7 +137,7 @@ class Registers:
         while offset < length:
             item = self.table.at(addresses[offset])
             if item is None:
-                if offset == 0 or self._undefined is not Undefined.ZEROS:
+                if offset == 0 or self._undefined is not UndefinedRegisters.ZEROS:
                     return WritePlan(ErrorNumber.ACCESS)
                 offset += 1
                 continue

@@ -15,22 +15,20 @@ from drivers.virtual_bus.devices.maintenance import (
     reset,
     reset_ram,
 )
-from drivers.virtual_bus.devices.motor_command import POSITION_MODES, Drive
+from drivers.virtual_bus.devices.motor_command import POSITION_MODES, DriveMode, MotorCommand
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.sensors import Sensors, clamp
-from drivers.virtual_bus.devices.write_rules import TRIPPED, Rules
+from drivers.virtual_bus.devices.write_rules import TRIPPED, WriteRules
 from robots.servo import PWM_FULL_SCALE
 
-TORQUE_BY_GOAL = 8  # bit of drive_mode
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
-FARTHEST_GOAL = 1_048_575  # ticks
 WATCHDOG_UNIT = 0.02  # s
 
 
 class VirtualServo(VirtualDevice):
-    """Answer like an X-series servo; physics asks it for `drive` and tells it by `sense`."""
+    """Replies like an X-series servo; physics reads `motor_command` and calls `sense`."""
 
     def __init__(
         self,
@@ -55,15 +53,16 @@ class VirtualServo(VirtualDevice):
         self._motion, self._backup = PositionControl(self.registers), Backup()
         self._sensors = Sensors(self.registers, self._motion, quirks)
         self._protection = Protection(self.registers, quirks)
+        self._farthest_goal = table["goal_position"].upper or 0
         self._at_tick = table["realtime_tick"].address
         self._at_secondary = table["secondary_id"].address
-        self._drive: Drive | None = None
+        self._motor_command: MotorCommand | None = None
         self._connect_rules()
         self._restart()
 
     def _connect_rules(self) -> None:
         self._handlers |= Maintenance(self, self._backup).handlers
-        self._checks |= Rules(self.registers, self.quirks).checks
+        self._checks |= WriteRules(self.registers, self.quirks).checks
         self._checks["torque_enable"] = self._check_torque
         configuration = ("homing_offset", "moving_threshold", *GAINS)
         limits = ("temperature_limit", "min_voltage_limit", "max_voltage_limit")
@@ -140,11 +139,11 @@ class VirtualServo(VirtualDevice):
         if self._powered:
             self._protect()
 
-    def drive(self) -> Drive:
+    def motor_command(self) -> MotorCommand:
         """Return what the motor shall do."""
-        if self._drive is None:
-            self._drive = self._compute_drive()
-        return self._drive
+        if self._motor_command is None:
+            self._motor_command = self._compute_motor_command()
+        return self._motor_command
 
     def trip(self, error: HardwareError) -> None:
         """Raise a hardware error; if it is one to shut down for, go limp until a reboot."""
@@ -180,12 +179,12 @@ class VirtualServo(VirtualDevice):
                 self._trip_watchdog()
             if self._motion.running:
                 self._motion.advance(now, duration)
-                self._drive = None
+                self._motor_command = None
                 self._sensors.show_flags()
         if self._protection.advance(self._sensors.current, duration):
             self.trip(HardwareError.OVERLOAD)
 
-    def _compute_drive(self) -> Drive:
+    def _compute_motor_command(self) -> MotorCommand:
         registers, sign = self.registers, self._sensors.sign
         pwm = registers["goal_pwm"] / PWM_FULL_SCALE
         goal_current, current_limit = 0.0, math.inf
@@ -195,7 +194,7 @@ class VirtualServo(VirtualDevice):
             current_limit = registers["current_limit"] * scale
             if self._mode == OperatingMode.CURRENT_BASED_POSITION:
                 current_limit = abs(goal_current)
-        return Drive(
+        return MotorCommand(
             torque_on=self._torque_on,
             mode=OperatingMode(self._mode),
             target_ticks=self._sensors.to_horn(self._motion.position),
@@ -270,7 +269,7 @@ class VirtualServo(VirtualDevice):
     def _engage(self) -> None:
         self._torque_on, self._heard = True, self.now
         self.registers["torque_enable"] = 1
-        self._drive = None
+        self._motor_command = None
 
     def _release(self) -> None:
         self._torque_on = False
@@ -280,11 +279,11 @@ class VirtualServo(VirtualDevice):
     def _halt(self) -> None:
         """Stay where it is."""
         self._motion.halt(self._sensors.position)
-        self._drive = None
+        self._motor_command = None
 
     def _seed_goal(self) -> None:
         """Make the present position the goal."""
-        self.registers["goal_position"] = clamp(self._sensors.position, FARTHEST_GOAL)
+        self.registers["goal_position"] = clamp(self._sensors.position, self._farthest_goal)
         self._halt()
 
     def _aim(self, goal: int) -> None:
@@ -299,20 +298,20 @@ class VirtualServo(VirtualDevice):
 
     def _take_current(self, goal: int) -> None:
         del goal
-        self._drive = None
+        self._motor_command = None
         if self._mode == OperatingMode.CURRENT:
             self._takes_goals()
 
     def _take_pwm(self, goal: int) -> None:
         del goal
-        self._drive = None
+        self._motor_command = None
         if self._mode == OperatingMode.PWM:
             self._takes_goals()
 
     def _takes_goals(self) -> bool:
         """Tell whether the motor follows a goal of its mode, which may switch torque on."""
-        self._drive = None
-        if not self._torque_on and self.peek("drive_mode") & TORQUE_BY_GOAL:
+        self._motor_command = None
+        if not self._torque_on and self.peek("drive_mode") & DriveMode.TORQUE_BY_GOAL:
             self._halt()
             if not self._is_shut_down:
                 self._engage()
@@ -327,7 +326,7 @@ class VirtualServo(VirtualDevice):
         self._watchdog = self.peek("bus_watchdog")
         self._sensors.reload()
         self._protection.reload()
-        self._drive = None
+        self._motor_command = None
 
     def _set_watchdog(self, value: int) -> None:
         self._watchdog, self._heard = value, self.now
@@ -339,7 +338,7 @@ class VirtualServo(VirtualDevice):
         for quantity in ("pwm", "current", "velocity"):
             if (name := f"goal_{quantity}") in registers:
                 registers[name] = clamp(registers[name], registers[f"{quantity}_limit"])
-        self._drive = None
+        self._motor_command = None
 
     def _change_mode(self, mode: int) -> None:
         reset(self.registers, (self.table[name] for name in (*GAINS, *PROFILE)))

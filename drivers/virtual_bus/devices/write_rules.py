@@ -1,4 +1,4 @@
-"""Rules: what a servo accepts in an item beyond the item's own range."""
+"""WriteRules: what a servo accepts in an item beyond the item's own range."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber
+from drivers.virtual_bus.devices.motor_command import DriveMode
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 
 TRIPPED = -1  # what bus_watchdog reads after it stopped the servo
-TIME_BASED = 4  # bit of drive_mode
 LONGEST_PROFILE = 32737  # ms, of a time-based profile (e-manual)
 
 
-class Rules:
+class WriteRules:
     """Judge values by the other registers; each check returns an `ErrorNumber`."""
 
     def __init__(self, registers: Registers, quirks: Quirks) -> None:
@@ -45,7 +45,7 @@ class Rules:
         return ErrorNumber.DATA_RANGE if stays else ErrorNumber.NONE
 
     def _check_profile(self, value: int) -> int:
-        too_long = value > LONGEST_PROFILE and self._registers["drive_mode"] & TIME_BASED
+        too_long = value > LONGEST_PROFILE and self._registers["drive_mode"] & DriveMode.TIME_BASED
         return ErrorNumber.DATA_RANGE if too_long else ErrorNumber.NONE
 
     def _check_goal_position(self, goal: int) -> int:

@@ -1,37 +1,48 @@
-"""The time of a virtual bus: physics, devices and scheduled faults go along with it."""
+"""The clock of a virtual bus: advances physics, devices and scheduled faults."""
 
 from __future__ import annotations
 
 from collections import deque
 
-from drivers.virtual_bus.serving.fault_injector import Faults
-from drivers.virtual_bus.serving.fault_schedule import Schedule
+from drivers.virtual_bus.serving.fault_injector import FaultInjector
+from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.interfaces import Physics
 
 
-class BusTime:
-    """Lets time pass."""
+class BusClock:
+    """Advances physics, and injects the faults of a schedule as they come due."""
 
-    def __init__(self, body: Physics, faults: Faults, schedule: Schedule | None = None) -> None:
-        """Let time pass in a body, and make the faults of a schedule as they come due."""
-        self._body, self._faults = body, faults
+    def __init__(
+        self,
+        physics: Physics,
+        faults: FaultInjector,
+        schedule: FaultSchedule | None = None,
+        *,
+        advances_time: bool = True,
+    ) -> None:
+        """Drive physics; without ``advances_time`` another bus of the same robot does."""
+        self._physics, self._faults, self._advances_time = physics, faults, advances_time
         self._actions = deque(schedule.plan_actions() if schedule else ())
 
     @property
     def now(self) -> float:
-        """Return the time up to which body and devices went [s]."""
-        return self._body.time
+        """Return the bus time that physics and devices have reached [s]."""
+        return self._physics.time
 
     def pass_until(self, to: float) -> None:
-        """Let time pass up to a bus time [s], or just before it."""
+        """Advance to a bus time [s], or to the last physics step before it."""
+        if not self._advances_time:
+            return
         while self._actions and self._actions[0][0] <= to:
             at, act = self._actions.popleft()
-            self._body.advance(at)
+            self._physics.advance(at)
             act(self._faults)
-        self._body.advance(to)
+        self._physics.advance(to)
 
     def pass_period(self) -> None:
-        """Let one control period pass, then make the faults that came due in it."""
-        self._body.pass_period()
+        """Advance by one control period, then inject the faults that came due in it."""
+        if not self._advances_time:
+            return
+        self._physics.pass_period()
         while self._actions and self._actions[0][0] <= self.now:
             self._actions.popleft()[1](self._faults)

@@ -1,4 +1,4 @@
-"""Calls from other threads to the one that serves a bus."""
+"""CallQueue from other threads to the one that serves a bus."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
-class Calls:
-    """Takes what other threads want done, and lets the serving thread do it when it can.
+class CallQueue:
+    """Queues actions of other threads; the serving thread runs them between instructions.
 
-    Nobody else touches devices or physics while a thread serves, so they need no locks.
+    Only the serving thread touches devices and physics, so they need no locks.
     """
 
     def __init__(self) -> None:
-        """Prepare; until `open` and after `close` callers do things themselves."""
+        """Create a closed queue: until `open` and after `close`, callers run their own actions."""
         self._lock = threading.RLock()
         self._server: int | None = None
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._bell: tuple[int, int] | None = None
 
     def open(self) -> None:
-        """Let the thread that calls this be the serving one."""
+        """Make the calling thread the serving one."""
         with self._lock:
             self._bell = os.pipe()
             for end in self._bell:
@@ -35,7 +35,7 @@ class Calls:
             self._server = threading.get_ident()
 
     def close(self) -> None:
-        """Do what waits, and take no more."""
+        """Run what is queued; later actions run in their caller's thread."""
         with self._lock:
             self._server = None
             self._do_waiting()
@@ -44,13 +44,11 @@ class Calls:
             self._bell = None
 
     def call(self, action: Callable[[], T]) -> T:
-        """Have something done by the serving thread; return what it returns."""
+        """Run an action in the serving thread; return its result."""
         with self._lock:
-            if self._server in (None, threading.get_ident()):
-                is_ours = True
-            else:
-                is_ours = False
-                future: Future[T] = Future()
+            is_ours = self._server in (None, threading.get_ident())
+            future: Future[T] = Future()
+            if not is_ours:
                 self._waiting.append((action, future))
                 self._ring()
         return action() if is_ours else future.result()
@@ -60,28 +58,28 @@ class Calls:
         with self._lock:
             self._ring()
 
-    def wait(self, line: int, duration: float) -> bool:
-        """Wait for bytes, doing what is called for; tell whether bytes are there.
+    def wait(self, port: int, duration: float) -> bool:
+        """Wait for bytes, running queued actions; return whether bytes are there.
 
         Args:
-            line: File descriptor of the bytes, -1 for none.
-            duration: Longest wait [s]; less than 0 for no wait.
+            port: File descriptor of the bytes, -1 for none.
+            duration: Longest wait [s]; below 0 for none.
         """
         assert self._bell is not None
         bell = self._bell[0]
-        ends = (bell,) if line < 0 else (line, bell)
+        ends = (bell,) if port < 0 else (port, bell)
         ready = select.select(ends, (), (), max(duration, 0.0))[0]
         if bell in ready:
             os.read(bell, 4096)
             self._do_waiting()
-        return line in ready
+        return port in ready
 
     def _do_waiting(self) -> None:
         while self._waiting:
             action, future = self._waiting.popleft()
             try:
                 future.set_result(action())
-            except BaseException as error:  # it is the caller's, not the bus' own
+            except BaseException as error:  # raised in the caller, not in the bus
                 future.set_exception(error)
 
     def _ring(self) -> None:
@@ -89,4 +87,4 @@ class Calls:
             try:
                 os.write(self._bell[1], b"!")
             except BlockingIOError:
-                return  # a full pipe wakes as well
+                return  # a full pipe wakes it too

@@ -1,13 +1,13 @@
-"""One request and its answers, with the faults that befall them."""
+"""Passes one instruction to the devices and returns their replies, with faults injected."""
 
 from __future__ import annotations
 
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
-from drivers.virtual_bus.serving.fault_injector import Faults
-from drivers.virtual_bus.serving.instruction_reader import Request
+from drivers.virtual_bus.serving.fault_injector import FaultInjector
+from drivers.virtual_bus.serving.instruction_reader import ReceivedInstruction
 from drivers.virtual_bus.serving.interfaces import Devices, WireStatistics
-from drivers.virtual_bus.serving.pseudo_terminal import Wire
-from drivers.virtual_bus.serving.wire_faults import Sending
+from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
+from drivers.virtual_bus.serving.wire_faults import Transmission
 
 GROUP_READS = (
     Instruction.SYNC_READ,
@@ -18,41 +18,41 @@ GROUP_READS = (
 
 
 class Exchange:
-    """Puts requests to the devices; knows nothing of time."""
+    """Passes instructions to devices, without any notion of time."""
 
     def __init__(
         self,
         devices: Devices,
-        faults: Faults,
+        faults: FaultInjector,
         statistics: WireStatistics,
         *,
         strict_stuffing: bool = False,
     ) -> None:
-        """Put requests to devices, and count."""
+        """Connect devices, fault injection and counters."""
         self._devices, self._faults = devices, faults
         self._strict_stuffing = strict_stuffing
         self.statistics = statistics
 
-    def answer(self, request: Request) -> list[Sending]:
-        """Return what goes to the client, in the order of the wire."""
+    def run(self, request: ReceivedInstruction) -> list[Transmission]:
+        """Execute an instruction; return what goes to the client, in its order on the wire."""
         line, statistics = self._faults.line, self.statistics
-        sendings: list[Sending] = []
-        if line.echoes():
-            sendings.append(Sending(BROADCAST, 0.0, _frame_of(request.item)))
-        heard = self._hear(request)
-        answers = [a for item in heard for a in self._devices.handle(item, baud=request.baud)]
-        statistics.answers += len(answers)
-        statistics.unanswered += not answers and asks_for_answer(request.item)
+        transmissions: list[Transmission] = []
+        if line.strikes_echo():
+            transmissions.append(Transmission(BROADCAST, 0.0, _frame_of(request.item)))
+        received = self._deliver(request)
+        replies = [r for item in received for r in self._devices.handle(item, baud=request.baud)]
+        statistics.answers += len(replies)
+        statistics.unanswered += not replies and expects_reply(request.item)
         if line.quiet:
-            return sendings + [Sending(a.device, a.delay, a.data) for a in answers]
-        for answer in answers:
-            sendings += line.disturb_answer(answer)
-        return sendings
+            return transmissions + [Transmission(r.device, r.delay, r.data) for r in replies]
+        for reply in replies:
+            transmissions += line.disturb_reply(reply)
+        return transmissions
 
-    def hand_over(self, wire: Wire, data: bytes, baud: int) -> None:
-        """Give the client bytes that were sent at a rate [bit/s].
+    def hand_over(self, wire: PseudoTerminal, data: bytes, baud: int) -> None:
+        """Deliver bytes that were sent at a baud rate [bit/s] to the client.
 
-        Lost are the bytes that it has no room for, and all if it has changed its rate since.
+        Bytes are lost when its queue is full or when it has changed its rate since.
         """
         if wire.plugged and wire.baud != baud:
             self.statistics.missed += len(data)
@@ -61,9 +61,9 @@ class Exchange:
         self.statistics.bytes_out += taken
         self.statistics.overflow += len(data) - taken
 
-    def _hear(self, request: Request) -> list[Packet | Damaged]:
+    def _deliver(self, request: ReceivedInstruction) -> list[Packet | Damaged]:
         if self._faults.silent:
-            self._faults.note_silenced()
+            self._faults.count_silenced()
             return []
         if all(device.baud != request.baud for device in self._devices.devices):
             self.statistics.wrong_baud += 1
@@ -73,8 +73,8 @@ class Exchange:
         return self._faults.line.disturb_request(request.item)
 
 
-def asks_for_answer(item: Packet | Damaged) -> bool:
-    """Tell whether a client will wait for an answer."""
+def expects_reply(item: Packet | Damaged) -> bool:
+    """Return whether a client waits for a reply."""
     if isinstance(item, Damaged):
         return True
     if item.instruction in GROUP_READS or item.instruction == Instruction.PING:

@@ -1,183 +1,144 @@
-"""Faults on demand: what can break on a bus of servos, while it is running."""
+"""Injects faults into a running bus."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.serving.interfaces import Bench
+from drivers.virtual_bus.serving.interfaces import FaultTarget
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 
 
 class FaultError(DriverError):
-    """A fault was asked for that cannot happen on this bus."""
+    """A fault that cannot be injected on this bus."""
 
-    def __init__(self, fault: str, device: int | None, allowed: str) -> None:
+    def __init__(self, fault: str, device: int | None, expected: str) -> None:
         where = "" if device is None else f" of id {device}"
-        super().__init__(f"fault '{fault}'{where} cannot happen here, allowed {allowed}")
+        super().__init__(f"fault '{fault}'{where} cannot be injected: expected {expected}")
         self.fault, self.device = fault, device
 
 
-@dataclass(frozen=True, kw_only=True)
-class FaultCounts:
-    """How often each fault was made."""
+class FaultInjector:
+    """Injects faults; thread-safe.
 
-    lose_request: int = 0
-    flip_request: int = 0
-    echo: int = 0
-    lose: int = 0
-    wrong_id: int = 0
-    flip: int = 0
-    cut: int = 0
-    noise: int = 0
-    duplicate: int = 0
-    split: int = 0
-    late: int = 0
-    silenced: int = 0
-    """Requests that came while the whole bus was silent."""
-    kill: int = 0
-    revive: int = 0
-    reboot: int = 0
-    trip: int = 0
-    heat: int = 0
-    sag: int = 0
-    freeze_imu: int = 0
-    silence: int = 0
-    unplug: int = 0
-    replug: int = 0
-
-    @property
-    def total(self) -> int:
-        """Return the number of all faults."""
-        return sum(getattr(self, field.name) for field in fields(self))
-
-
-class Faults:
-    """Breaks things; may be asked to by any thread.
-
-    What it does to devices happens between two instructions.
+    Devices are changed between two instructions.
     """
 
-    def __init__(self, bench: Bench, rng: np.random.Generator) -> None:
-        """Make faults on a bus, from a random source where chance has a part."""
+    def __init__(self, target: FaultTarget, rng: np.random.Generator) -> None:
+        """Inject faults into a bus; ``rng`` draws the random ones."""
         self.line = LineFaults(rng)
         self.silent = False
-        self._bench = bench
+        self._target = target
         self._counts: Counter[str] = Counter()
 
     @property
-    def counts(self) -> FaultCounts:
-        """Return how often each fault was made so far."""
-        return self._bench.call(lambda: FaultCounts(**self._counts, **self.line.counts))
+    def counts(self) -> Counter[str]:
+        """Return how often each kind of fault was made; "silenced": requests to a silent bus."""
+        return self._target.call(lambda: +(self._counts + self.line.counts))
 
     # Bytes on the wire ---------------------------------------------------------------------
 
     def set_rate(self, fault: LineFault, rate: float) -> None:
-        """Let a mishap take a share of all answers, requests or bytes, 0 to 1."""
-        self._bench.call(lambda: self.line.set_rate(fault, rate))
+        """Apply a wire fault to a share of all replies, requests or bytes, 0 to 1."""
+        self._target.call(lambda: self.line.set_rate(fault, rate))
 
     def order(self, fault: LineFault, device: int | None = None, count: int = 1) -> None:
-        """Let a mishap take the next answers of a device, or of any; or the next requests."""
-        self._bench.call(lambda: self.line.order(fault, device, count))
+        """Apply a wire fault to the next replies (of one device, or of any) or requests."""
+        self._target.call(lambda: self.line.order(fault, device, count))
 
     def set_times(self, *, late_by: float | None = None, split_pause: float | None = None) -> None:
-        """Set how long late answers and second parts are kept back [s]."""
+        """Set how long late replies and the second parts of split ones are held back [s]."""
         if late_by is not None:
             self.line.late_by = late_by
         if split_pause is not None:
             self.line.split_pause = split_pause
 
-    def clear_line(self) -> None:
-        """End all mishaps on the wire."""
-        self._bench.call(self.line.clear)
-
     def silence(self, silent: bool = True) -> None:
-        """Cut the wire between adapter and devices: nothing is heard or answered."""
+        """Disconnect the adapter from all devices: no instruction is executed."""
         self._do("silence", lambda: setattr(self, "silent", silent), counts=silent)
 
-    def note_silenced(self) -> None:
-        """Count a request that met a silent bus."""
+    def count_silenced(self) -> None:
+        """Count an instruction that was sent to a silent bus."""
         self._counts["silenced"] += 1
 
     # Devices -------------------------------------------------------------------------------
 
     def kill(self, device: int) -> None:
-        """Break a device's cable: it hears and says nothing, and goes on doing what it does."""
+        """Disconnect a device: it neither receives nor replies, and carries on as before."""
         self._do("kill", lambda: self._set("kill", device, "alive", False))
 
     def revive(self, device: int) -> None:
-        """Mend a device's cable."""
+        """Reconnect a device."""
         self._do("revive", lambda: self._set("revive", device, "alive", True))
 
     def reboot(self, device: int) -> None:
-        """Restart a servo: its RAM goes back to defaults, torque off."""
-        self._do("reboot", lambda: self._ask("reboot", device, "reboot"))
+        """Restart a servo: RAM at its defaults, torque off."""
+        self._do("reboot", lambda: self._call("reboot", device, "reboot"))
 
     def trip(self, device: int, error: int) -> None:
-        """Raise hardware error bits of a servo (`HardwareError`)."""
-        self._do("trip", lambda: self._ask("trip", device, "trip", error))
+        """Set hardware error bits of a servo (`HardwareError`)."""
+        self._do("trip", lambda: self._call("trip", device, "trip", error))
 
     def heat(self, device: int, temperature: float) -> None:
-        """Bring a servo to a temperature [°C]; it cools as physics lets it."""
+        """Set the temperature of a servo [°C]; from there it follows the thermal model."""
         self._do("heat", lambda: self._heat(device, temperature))
 
     def freeze_imu(self, frozen: bool = True) -> None:
-        """Let every IMU repeat its last measurement."""
+        """Make every IMU repeat its last measurement."""
         self._do("freeze_imu", lambda: self._freeze(frozen), counts=frozen)
 
     # Supply and port -----------------------------------------------------------------------
 
     def sag(self, voltage: float) -> None:
-        """Let the battery give another voltage from now on [V]."""
-        self._do("sag", lambda: self._bench.body.sag(voltage))
+        """Set the battery voltage [V]."""
+        self._do("sag", lambda: self._target.physics.sag(voltage))
 
     def unplug(self) -> None:
-        """Pull the adapter out: the port is gone."""
-        self._do("unplug", self._bench.unplug)
+        """Unplug the adapter: the port disappears."""
+        self._do("unplug", self._target.unplug)
 
     def replug(self) -> None:
-        """Plug the adapter in: a new port, under the old path."""
-        self._do("replug", self._bench.plug)
+        """Plug the adapter in: a new port under the same path."""
+        self._do("replug", self._target.plug)
 
     def _do(self, name: str, action: Callable[[], object], *, counts: bool = True) -> None:
         def act() -> None:
             action()
             self._counts[name] += counts
 
-        self._bench.call(act)
+        self._target.call(act)
 
     def _find(self, fault: str, device: int) -> list[Any]:
-        devices = self._bench.devices.devices
-        found = [d for d in devices if d.id == device]  # two with one id break together
+        devices = self._target.devices.devices
+        found = [d for d in devices if d.id == device]  # all devices of one id
         if not found:
             ids = ", ".join(str(d.id) for d in devices)
-            raise FaultError(fault, device, f"ids {ids}")
+            raise FaultError(fault, device, f"one of the ids {ids}")
         return found
 
     def _set(self, fault: str, device: int, name: str, value: object) -> None:
         for found in self._find(fault, device):
             setattr(found, name, value)
 
-    def _ask(self, fault: str, device: int, method: str, *arguments: object) -> None:
+    def _call(self, fault: str, device: int, method: str, *arguments: object) -> None:
         for found in self._find(fault, device):
             if not hasattr(found, method):
-                raise FaultError(fault, device, "servos")
+                raise FaultError(fault, device, "a servo")
             getattr(found, method)(*arguments)
 
     def _heat(self, device: int, temperature: float) -> None:
         self._find("heat", device)
         try:
-            self._bench.body.heat(device, temperature)
+            self._target.physics.heat(device, temperature)
         except ValueError as error:
-            raise FaultError("heat", device, "servos") from error
+            raise FaultError("heat", device, "a servo") from error
 
     def _freeze(self, frozen: bool) -> None:
-        boards: list[Any] = [d for d in self._bench.devices.devices if hasattr(d, "frozen")]
+        boards: list[Any] = [d for d in self._target.devices.devices if hasattr(d, "frozen")]
         if not boards:
             raise FaultError("freeze_imu", None, "a bus with an IMU")
         for board in boards:

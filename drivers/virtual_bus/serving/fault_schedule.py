@@ -10,7 +10,7 @@ from typing import Any
 
 from drivers.dynamixel.control_table import HardwareError
 from drivers.errors import SetupError
-from drivers.virtual_bus.serving.fault_injector import Faults
+from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from robots.validation import is_number, shown
 
@@ -41,17 +41,17 @@ class ScheduledFault:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """What a kind of fault needs, and does."""
 
-    start: Callable[[Faults, Any], None]
-    end: Callable[[Faults, Any], None] | None = None
+    start: Callable[[FaultInjector, Any], None]
+    end: Callable[[FaultInjector, Any], None] | None = None
     """None where nothing ends."""
     needs: tuple[str, ...] = ()
     takes: tuple[str, ...] = ()
 
 
-def _disturb_line(faults: Faults, fault: ScheduledFault) -> None:
+def _disturb_line(faults: FaultInjector, fault: ScheduledFault) -> None:
     kind = LineFault(fault.kind)
     if kind is LineFault.LATE:
         faults.set_times(late_by=fault.seconds)
@@ -63,59 +63,59 @@ def _disturb_line(faults: Faults, fault: ScheduledFault) -> None:
         faults.set_rate(kind, fault.rate)
 
 
-def _calm_line(faults: Faults, fault: ScheduledFault) -> None:
+def _calm_line(faults: FaultInjector, fault: ScheduledFault) -> None:
     if fault.rate is not None:
         faults.set_rate(LineFault(fault.kind), 0.0)
 
 
-def _line_kind(fault: LineFault) -> Kind:
+def _line_kind(fault: LineFault) -> FaultKind:
     takes = ("rate", "count", "for")
     if fault not in (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO):
         takes += ("id",)
     if fault in (LineFault.LATE, LineFault.SPLIT):
         takes += ("seconds",)
-    return Kind(_disturb_line, _calm_line, takes=takes)
+    return FaultKind(_disturb_line, _calm_line, takes=takes)
 
 
-KINDS: Mapping[str, Kind] = {fault.value: _line_kind(fault) for fault in LineFault} | {
-    "kill": Kind(
+KINDS: Mapping[str, FaultKind] = {fault.value: _line_kind(fault) for fault in LineFault} | {
+    "kill": FaultKind(
         lambda faults, fault: faults.kill(fault.device),
         lambda faults, fault: faults.revive(fault.device),
         needs=("id",),
         takes=("for",),
     ),
-    "revive": Kind(lambda faults, fault: faults.revive(fault.device), needs=("id",)),
-    "reboot": Kind(lambda faults, fault: faults.reboot(fault.device), needs=("id",)),
-    "trip": Kind(
+    "revive": FaultKind(lambda faults, fault: faults.revive(fault.device), needs=("id",)),
+    "reboot": FaultKind(lambda faults, fault: faults.reboot(fault.device), needs=("id",)),
+    "trip": FaultKind(
         lambda faults, fault: faults.trip(fault.device, HardwareError[fault.error.upper()]),
         needs=("id", "error"),
     ),
-    "heat": Kind(
+    "heat": FaultKind(
         lambda faults, fault: faults.heat(fault.device, fault.temperature),
         needs=("id", "temperature"),
     ),
-    "sag": Kind(lambda faults, fault: faults.sag(fault.voltage), needs=("voltage",)),
-    "freeze_imu": Kind(
+    "sag": FaultKind(lambda faults, fault: faults.sag(fault.voltage), needs=("voltage",)),
+    "freeze_imu": FaultKind(
         lambda faults, _: faults.freeze_imu(),
         lambda faults, _: faults.freeze_imu(False),
         takes=("for",),
     ),
-    "silence": Kind(
+    "silence": FaultKind(
         lambda faults, _: faults.silence(),
         lambda faults, _: faults.silence(False),
         takes=("for",),
     ),
-    "unplug": Kind(
+    "unplug": FaultKind(
         lambda faults, _: faults.unplug(), lambda faults, _: faults.replug(), takes=("for",)
     ),
-    "replug": Kind(lambda faults, _: faults.replug()),
+    "replug": FaultKind(lambda faults, _: faults.replug()),
 }
 """Kinds of faults by their names in a file."""
 
-Action = Callable[[Faults], None]
+Action = Callable[[FaultInjector], None]
 
 
-class ScheduleError(SetupError):
+class FaultScheduleError(SetupError):
     """A schedule of faults that cannot be used."""
 
     def __init__(self, file: Path, faults: list[str]) -> None:
@@ -124,13 +124,13 @@ class ScheduleError(SetupError):
 
 
 @dataclass(frozen=True)
-class Schedule:
-    """Faults in the order of their times."""
+class FaultSchedule:
+    """FaultInjector in the order of their times."""
 
     faults: tuple[ScheduledFault, ...] = ()
 
     @classmethod
-    def from_file(cls, file: Path | str, devices: Collection[int] = ()) -> Schedule:
+    def from_file(cls, file: Path | str, devices: Collection[int] = ()) -> FaultSchedule:
         """Read a schedule.
 
         Args:
@@ -138,7 +138,7 @@ class Schedule:
             devices: Ids on the bus, to check the file's against; none for no check.
 
         Raises:
-            ScheduleError: telling all that is wrong at once.
+            FaultScheduleError: telling all that is wrong at once.
         """
         file = Path(file)
         table = _read_table(file)
@@ -147,7 +147,7 @@ class Schedule:
         for key in table.keys() - {"fault"}:
             faults.append(f"unknown table {shown(key)}, allowed fault")
         if not isinstance(entries, list):
-            raise ScheduleError(
+            raise FaultScheduleError(
                 file, [*faults, f"fault is {shown(entries)}, allowed [[fault]] tables"]
             )
         read = [
@@ -155,7 +155,7 @@ class Schedule:
             for i, entry in enumerate(entries, start=1)
         ]
         if faults:
-            raise ScheduleError(file, faults)
+            raise FaultScheduleError(file, faults)
         return cls(tuple(sorted((f for f in read if f), key=lambda fault: fault.at)))
 
     def plan_actions(self) -> list[tuple[float, Action]]:
@@ -170,7 +170,7 @@ class Schedule:
 
 
 @dataclass(frozen=True)
-class Range:
+class NumberRange:
     """Allowed values of a number in a file."""
 
     lower: float
@@ -190,15 +190,15 @@ class Range:
 
 
 _LONGEST = 1e6  # s
-RANGES: Mapping[str, Range] = {
-    "at": Range(0.0, _LONGEST, "s"),
-    "for": Range(0.0, _LONGEST, "s"),
-    "id": Range(0, 252, whole=True),
-    "rate": Range(0.0, 1.0),
-    "count": Range(1, 10**9, whole=True),
-    "seconds": Range(0.0, 10.0, "s"),
-    "temperature": Range(-40.0, 200.0, "°C"),
-    "voltage": Range(0.0, 30.0, "V"),
+RANGES: Mapping[str, NumberRange] = {
+    "at": NumberRange(0.0, _LONGEST, "s"),
+    "for": NumberRange(0.0, _LONGEST, "s"),
+    "id": NumberRange(0, 252, whole=True),
+    "rate": NumberRange(0.0, 1.0),
+    "count": NumberRange(1, 10**9, whole=True),
+    "seconds": NumberRange(0.0, 10.0, "s"),
+    "temperature": NumberRange(-40.0, 200.0, "°C"),
+    "voltage": NumberRange(0.0, 30.0, "V"),
 }
 """Allowed numbers by their names in a file."""
 ERRORS = tuple(str(error.name).lower() for error in HardwareError)
@@ -209,9 +209,9 @@ def _read_table(file: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(file.read_text("utf-8"))
     except OSError as error:
-        raise ScheduleError(file, [str(error.strerror)]) from error
+        raise FaultScheduleError(file, [str(error.strerror)]) from error
     except (ValueError, RecursionError) as error:
-        raise ScheduleError(file, [f"not TOML ({' '.join(str(error).split())})"]) from error
+        raise FaultScheduleError(file, [f"not TOML ({' '.join(str(error).split())})"]) from error
 
 
 def _read_entry(
@@ -235,7 +235,7 @@ def _read_entry(
     return ScheduledFault(**content)
 
 
-def _find_entry_faults(entry: dict[str, Any], kind: Kind, devices: Collection[int]):
+def _find_entry_faults(entry: dict[str, Any], kind: FaultKind, devices: Collection[int]):
     needs = ("at", *kind.needs)
     allowed = ("kind", *needs, *kind.takes)
     for key in needs:
@@ -256,5 +256,5 @@ def _find_entry_faults(entry: dict[str, Any], kind: Kind, devices: Collection[in
         yield "has a time to last and no rate, allowed a rate"
 
 
-def _bind(act: Callable[[Faults, Any], None], fault: ScheduledFault) -> Action:
+def _bind(act: Callable[[FaultInjector, Any], None], fault: ScheduledFault) -> Action:
     return lambda faults: act(faults, fault)

@@ -1,4 +1,4 @@
-"""From the bytes of a client to the instructions that are on the wire."""
+"""Parses the bytes of a client into instructions."""
 
 from __future__ import annotations
 
@@ -11,48 +11,50 @@ from drivers.virtual_bus.serving.interfaces import WireStatistics
 LONGEST_GAP = 0.0015  # s between two bytes of an instruction (e-manual)
 
 _NEXT_FRAME = re.compile(b"(?=" + re.escape(HEADER) + b")")
-_RUN = b"\xff\xff\xfd"
+_HEADER_RUN = b"\xff\xff\xfd"
 
 
 @dataclass(frozen=True)
-class Request:
-    """An instruction as it came from the client."""
+class ReceivedInstruction:
+    """An instruction as received from a client."""
 
     item: Packet | Damaged
     size: int
-    """Bytes from the end of the one before to its own last byte, noise included."""
+    """Bytes since the end of the previous one, noise included."""
     arrival: float
-    """Time at which its last bytes came in [s]."""
+    """Time at which its last bytes arrived [s]."""
     baud: int
-    """Rate that the client had set [bit/s]."""
+    """Baud rate of the client [bit/s]."""
     unstuffed: bool = False
-    """Whether it holds FF FF FD without the FD that must follow."""
+    """Whether it contains FF FF FD without the FD that must follow."""
 
 
-class Listener:
-    """Finds instructions, and notes what clients do wrong."""
+class InstructionReader:
+    """Finds instructions in a byte stream and counts the mistakes of clients."""
 
     def __init__(self, statistics: WireStatistics, *, timed: bool) -> None:
-        """Listen.
+        """Start with an empty buffer.
 
         Args:
-            statistics: Where to count.
-            timed: Whether a gap inside an instruction breaks it off. Without, an
-                instruction ends where another one begins.
+            statistics: Counters to update.
+            timed: Whether a gap inside an instruction drops it. Otherwise it is dropped when
+                the next one begins.
         """
         self._statistics, self._timed = statistics, timed
         self._parser = FrameParser()
         self._last_byte = 0.0
         self._unclaimed = 0
 
-    def hear(self, data: bytes, at: float, baud: int, byte_time: float) -> list[Request]:
-        """Take bytes; return the instructions that they complete.
+    def hear(
+        self, data: bytes, at: float, baud: int, byte_time: float
+    ) -> list[ReceivedInstruction]:
+        """Parse bytes; return the instructions that they complete.
 
         Args:
-            data: Bytes in a row.
-            at: When they came [s].
-            baud: The client's rate [bit/s].
-            byte_time: How long one of them takes on the wire [s].
+            data: Consecutive bytes.
+            at: Arrival time [s].
+            baud: Baud rate of the client [bit/s].
+            byte_time: Duration of one byte on the wire [s].
         """
         parser, statistics = self._parser, self._statistics
         statistics.bytes_in += len(data)
@@ -60,7 +62,7 @@ class Listener:
             parser.reset()
             statistics.broken_off += 1
         self._last_byte = max(self._last_byte, at) + len(data) * byte_time
-        found: list[Request] = []
+        found: list[ReceivedInstruction] = []
         # A piece from one header to the next ends where its instruction does.
         for piece in _NEXT_FRAME.split(data):
             noise, begun = parser.noise, parser.pending + len(piece)
@@ -68,10 +70,10 @@ class Listener:
             self._unclaimed += len(piece)
             for item in items:
                 size = begun - parser.pending - (parser.noise - noise)
-                unstuffed = self._note(item, size)
+                unstuffed = self._count(item, size)
                 whole = self._unclaimed - parser.pending
                 self._unclaimed = parser.pending
-                found.append(Request(item, whole, at, baud, unstuffed))
+                found.append(ReceivedInstruction(item, whole, at, baud, unstuffed))
         statistics.noise = parser.noise
         return found
 
@@ -80,13 +82,13 @@ class Listener:
             return at - self._last_byte > LONGEST_GAP
         return data.startswith(HEADER)
 
-    def _note(self, item: Packet | Damaged, size: int) -> bool:
-        """Count an instruction; tell whether it misses stuffing."""
+    def _count(self, item: Packet | Damaged, size: int) -> bool:
+        """Count an instruction; return whether it lacks byte stuffing."""
         statistics = self._statistics
         if isinstance(item, Damaged):
             statistics.damaged += 1
             return False
         statistics.packets += 1
-        unstuffed = _RUN in item.params and size < len(item.encode())
+        unstuffed = _HEADER_RUN in item.params and size < len(item.encode())
         statistics.unstuffed += unstuffed
         return unstuffed

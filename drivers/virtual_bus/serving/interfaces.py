@@ -1,4 +1,4 @@
-"""What a virtual bus is made of, as its wire and its faults see it."""
+"""What serving a bus needs from devices, physics and the bus itself, and what it counts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class DeviceReply(Protocol):
-    """What one device puts on the wire."""
+    """Bytes that one device puts on the wire."""
 
     @property
     def device(self) -> int:
@@ -21,12 +21,12 @@ class DeviceReply(Protocol):
 
     @property
     def delay(self) -> float:
-        """Return the silence before its first byte [s]."""
+        """Return the silence before the first byte [s]."""
         ...
 
     @property
     def data(self) -> bytes:
-        """Return its bytes: a frame, or its part of a fast one."""
+        """Return the bytes: a frame, or the device's part of a fast one."""
         ...
 
 
@@ -34,7 +34,7 @@ class Device(Protocol):
     """A servo or a board."""
 
     alive: bool
-    """False behind a broken cable: it hears and says nothing."""
+    """False behind a broken cable: it neither receives nor replies."""
 
     @property
     def id(self) -> int:
@@ -43,7 +43,7 @@ class Device(Protocol):
 
     @property
     def baud(self) -> int:
-        """Return the rate at which it talks [bit/s]."""
+        """Return its baud rate [bit/s]."""
         ...
 
 
@@ -52,20 +52,20 @@ class Devices(Protocol):
 
     @property
     def devices(self) -> Sequence[Device]:
-        """Return them, in any order."""
+        """Return them in any order."""
         ...
 
     def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> Sequence[DeviceReply]:
-        """Let them hear an instruction; return their answers in the order of the wire.
+        """Execute an instruction; return the replies in their order on the wire.
 
         Args:
             item: Instruction, or a frame whose CRC does not match.
-            baud: Rate at which it came [bit/s]: devices at another hear nothing of it.
+            baud: Rate at which it was sent [bit/s]; devices at another rate ignore it.
         """
         ...
 
     def advance(self, now: float) -> None:
-        """Let time pass in them, up to a bus time [s]."""
+        """Advance the devices to a bus time [s]."""
         ...
 
 
@@ -74,122 +74,104 @@ class Physics(Protocol):
 
     @property
     def time(self) -> float:
-        """Return the bus time up to which it went [s]."""
-        ...
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
+        """Return the bus time that it has reached [s]."""
         ...
 
     def advance(self, to: float) -> None:
-        """Let time pass in physics and devices, up to a bus time [s] or just before it."""
+        """Advance physics and devices to a bus time [s], or to the last step before it."""
         ...
 
     def pass_period(self) -> None:
-        """Let one control period pass."""
+        """Advance by one control period."""
         ...
 
     def heat(self, servo_id: int, temperature: float) -> None:
-        """Bring a servo to a temperature [°C]."""
+        """Set the temperature of a servo [°C]."""
         ...
 
     def sag(self, voltage: float) -> None:
-        """Set what the battery gives [V]."""
+        """Set the supply voltage [V]."""
         ...
 
 
 class StillPhysics:
-    """No physics: the devices lie on a table, and only their clocks run."""
+    """No physics: the devices do not move, and only their clocks run."""
 
     def __init__(self, devices: Devices, period: float = 0.008) -> None:
-        """Let devices' clocks run, by a control period [s]."""
-        self.time = 0.0
-        self.period = period
+        """Advance the clocks of devices, with a control period [s]."""
+        self.time, self.period = 0.0, period
         self._devices = devices
 
     def advance(self, to: float) -> None:
-        """Let time pass in the devices, up to a bus time [s]."""
+        """Advance the devices to a bus time [s]."""
         self.time = max(self.time, to)
         self._devices.advance(self.time)
 
     def pass_period(self) -> None:
-        """Let one control period pass."""
+        """Advance by one control period."""
         self.advance(self.time + self.period)
 
     def heat(self, servo_id: int, temperature: float) -> None:
-        """Refuse: nothing here has a temperature."""
+        """Refuse: there is no temperature to set."""
         raise NotImplementedError("a bus without physics has no temperature to change")
 
     def sag(self, voltage: float) -> None:
-        """Refuse: nothing here has a supply."""
+        """Refuse: there is no supply to set."""
         raise NotImplementedError("a bus without physics has no supply to change")
 
 
-class Bench(Protocol):
-    """A bus that faults can be made on."""
+class FaultTarget(Protocol):
+    """A bus that faults are injected into."""
 
-    @property
-    def devices(self) -> Devices:
-        """Return what hangs on the bus."""
-        ...
-
-    @property
-    def body(self) -> Physics:
-        """Return the physics."""
-        ...
+    devices: Devices
+    physics: Physics
 
     def call(self, action: Callable[[], T]) -> T:
-        """Do something between two instructions, and return what it returns."""
+        """Run an action between two instructions; return its result."""
         ...
 
     def plug(self) -> None:
-        """Plug the bus' port in."""
+        """Plug the port in."""
         ...
 
     def unplug(self) -> None:
-        """Unplug the bus' port."""
+        """Unplug the port."""
         ...
 
 
 @dataclass
 class WireStatistics:
-    """Counts since the bus began; each is a number of its kind, bytes where it says so."""
+    """Counts since the bus was started, of instructions where nothing else is said."""
 
     bytes_in: int = 0
-    """Bytes that clients sent."""
+    """Bytes sent by clients."""
     bytes_out: int = 0
-    """Bytes that clients were handed."""
+    """Bytes delivered to clients."""
     packets: int = 0
     """Instructions whose CRC matched when they left the client."""
     answers: int = 0
-    """Answers that devices gave; each device's part of a fast answer is one."""
+    """Replies of devices; each device's part of a fast reply is one."""
     damaged: int = 0
     """Instructions whose CRC did not match when they left the client."""
     noise: int = 0
     """Bytes from clients that belong to no instruction."""
     broken_off: int = 0
-    """Instructions dropped for a gap between two of their bytes."""
+    """Instructions dropped because of a gap between two of their bytes."""
     wrong_baud: int = 0
-    """Instructions that no device heard, for the client's rate is none of theirs."""
+    """Instructions sent at a rate that no device is set to."""
     unstuffed: int = 0
-    """Instructions that hold FF FF FD and miss the FD after it."""
+    """Instructions that contain FF FF FD without the FD that byte stuffing puts after it."""
     talked_over: int = 0
-    """Instructions sent while devices still answered the one before."""
+    """Instructions sent while replies to the one before were still coming."""
     unanswered: int = 0
-    """Instructions that ask for an answer and got none."""
+    """Instructions that ask for a reply and got none."""
     overflow: int = 0
     """Bytes lost because the client did not read."""
     missed: int = 0
-    """Bytes lost because the client changed its rate before they arrived."""
-    sendings: int = 0
-    """Times that bytes were handed over on time's account (real time only)."""
+    """Bytes lost because the client changed its baud rate before they arrived."""
+    deliveries: int = 0
+    """Batches of bytes delivered in real time."""
     lateness_total: float = 0.0
-    """How much later than the wire would all these were [s]."""
+    """Sum of their delays behind the wire's own timing [s]."""
     lateness_max: float = 0.0
-    """How much later the latest was [s]."""
-
-    @property
-    def lateness_mean(self) -> float:
-        """Return how much later than the wire the client had its bytes, on average [s]."""
-        return self.lateness_total / self.sendings if self.sendings else 0.0
+    """Largest of these delays [s]."""

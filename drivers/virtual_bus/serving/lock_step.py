@@ -1,76 +1,78 @@
-"""Time that passes with the client, as fast as both can go."""
+"""Lock-step: bus time advances with the client's requests, as fast as both can run."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
 
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet
-from drivers.virtual_bus.serving.bus_clock import BusTime
-from drivers.virtual_bus.serving.exchange import Exchange, asks_for_answer
-from drivers.virtual_bus.serving.instruction_reader import Listener, Request
-from drivers.virtual_bus.serving.pseudo_terminal import Wire
-from drivers.virtual_bus.serving.wire_faults import Sending
+from drivers.virtual_bus.serving.bus_clock import BusClock
+from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
+from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
+from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
+from drivers.virtual_bus.serving.wire_faults import Transmission
 
-GOAL_POSITION = 116  # register of four bytes, in every X and MX(2.0) servo (e-manual)
-QUIET = 0.01  # s that a client lets pass by waiting for an answer in vain
-IDLE = 0.1  # s after which the port is looked after
+GOAL_POSITION = table_named("XM430-W350")["goal_position"]  # as in every X and MX(2.0) servo
+QUIET = 0.01  # s that a client waits before it gives up a reply
+IDLE = 0.1  # s without traffic after which an abandoned port is cleaned up
 
 Wait = Callable[[int, float], bool]
-"""Waits for bytes on a file descriptor, so many seconds at most; tells whether there are."""
+"""Waits for bytes on a file descriptor for at most some seconds; returns whether they came."""
 
 
 class LockStep:
-    """Serves a wire whose time is its client's.
+    """Serves a port whose time is advanced by its client.
 
-    A control period passes with each sync write of goal positions, and `QUIET` when an
-    answer was due and none came, or part of it is kept back: then the client waits. Nothing
-    else takes time. While the port is unplugged there is no client to keep time, so it passes
-    by the wall clock.
+    Each sync write of goal positions advances time by one control period. An expected reply that
+    is missing or held back advances it by `QUIET`, because the client waits then. Nothing else
+    takes time. While the port is unplugged, time follows the wall clock.
     """
 
-    def __init__(self, wire: Wire, exchange: Exchange, time: BusTime, wait: Wait) -> None:
-        """Serve a wire."""
+    def __init__(
+        self, wire: PseudoTerminal, exchange: Exchange, time: BusClock, wait: Wait
+    ) -> None:
+        """Connect a port to its devices and its clock."""
         self._wire, self._exchange, self._time, self._wait = wire, exchange, time, wait
-        self._listener = Listener(exchange.statistics, timed=False)
+        self._reader = InstructionReader(exchange.statistics, timed=False)
         self._held: deque[tuple[float, bytes, int]] = deque()
 
     def serve(self) -> None:
-        """Wait for requests, and answer them."""
+        """Wait for instructions and execute them."""
         wire = self._wire
         if self._wait(wire.fileno(), IDLE if wire.plugged else QUIET) and wire.plugged:
-            for request in self._listener.hear(wire.read(), 0.0, wire.baud, 0.0):
-                self._answer(request)
+            for request in self._reader.hear(wire.read(), 0.0, wire.baud, 0.0):
+                self._run(request)
         elif not wire.plugged:
             self._held.clear()
             self._time.pass_until(self._time.now + QUIET)
         elif wire.tidy():
             self._held.clear()
 
-    def _answer(self, request: Request) -> None:
+    def _run(self, request: ReceivedInstruction) -> None:
         self._release()
-        sendings = self._exchange.answer(request)
-        if self._held or any(sending.hold for sending in sendings):
-            self._hand_over_what_is_not_held(sendings, request.baud)
+        transmissions = self._exchange.run(request)
+        if self._held or any(transmission.hold for transmission in transmissions):
+            self._hand_over_or_hold(transmissions, request.baud)
         else:
-            data = b"".join([s.data for s in sendings])
+            data = b"".join([s.data for s in transmissions])
             self._exchange.hand_over(self._wire, data, request.baud)
         if ends_cycle(request.item):
             self._time.pass_period()
-        elif asks_for_answer(request.item) and (self._held or not sendings):
+        elif expects_reply(request.item) and (self._held or not transmissions):
             self._time.pass_until(self._time.now + QUIET)
         self._release()
 
-    def _hand_over_what_is_not_held(self, sendings: list[Sending], baud: int) -> None:
-        """Hand over up to the first answer that is kept back; all behind it wait with it."""
-        for sending in sendings:
-            until = self._time.now + sending.hold
+    def _hand_over_or_hold(self, transmissions: list[Transmission], baud: int) -> None:
+        """Deliver up to the first reply that is held back; all after it wait with it."""
+        for transmission in transmissions:
+            until = self._time.now + transmission.hold
             if self._held:
                 until = max(until, self._held[-1][0])
-            if self._held or sending.hold:
-                self._held.append((until, sending.data, baud))
+            if self._held or transmission.hold:
+                self._held.append((until, transmission.data, baud))
             else:
-                self._exchange.hand_over(self._wire, sending.data, baud)
+                self._exchange.hand_over(self._wire, transmission.data, baud)
 
     def _release(self) -> None:
         while self._held and self._held[0][0] <= self._time.now:
@@ -79,11 +81,11 @@ class LockStep:
 
 
 def ends_cycle(item: Packet | Damaged) -> bool:
-    """Tell whether an instruction sets goal positions of all: a control period's last."""
+    """Return whether an instruction sync-writes goal positions, the last of a control period."""
     if isinstance(item, Damaged) or item.instruction != Instruction.SYNC_WRITE:
         return False
     if len(item.params) < 4:
         return False
     address = int.from_bytes(item.params[:2], "little")
     length = int.from_bytes(item.params[2:4], "little")
-    return address <= GOAL_POSITION and address + length >= GOAL_POSITION + 4
+    return address <= GOAL_POSITION.address and address + length >= GOAL_POSITION.end

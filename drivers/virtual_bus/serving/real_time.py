@@ -1,4 +1,4 @@
-"""Time that passes by the wall clock, with every byte as long on the wire as its rate says."""
+"""Real time: bus time follows the wall clock, and every byte takes its time on the wire."""
 
 from __future__ import annotations
 
@@ -8,69 +8,70 @@ from collections import deque
 from dataclasses import dataclass, replace
 from time import monotonic, sleep
 
+from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
-from drivers.virtual_bus.serving.bus_clock import BusTime
+from drivers.virtual_bus.serving.bus_clock import BusClock
 from drivers.virtual_bus.serving.exchange import Exchange
-from drivers.virtual_bus.serving.instruction_reader import Listener, Request
+from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
 from drivers.virtual_bus.serving.lock_step import Wait
-from drivers.virtual_bus.serving.pseudo_terminal import BITS_PER_BYTE, Wire
-from drivers.virtual_bus.serving.wire_faults import Sending
+from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
+from drivers.virtual_bus.serving.wire_faults import Transmission
 
-IDLE_STEP = 0.004  # s of physics in one go, while nothing is on the wire
-SHORT = 0.001  # s to the next event that are too short for a stretch of physics
-IDLE = 0.1  # s after which the port is looked after
-SPIN = 60e-6  # s before an event that are watched out for and not slept through
-MICROFRAME = 125e-6  # s; a high-speed USB adapter hands bytes over no oftener
+IDLE_STEP = 0.004  # s of physics at once while the wire is idle
+SHORT = 0.001  # s; when the next event is nearer, physics waits
+IDLE = 0.1  # s without traffic after which an abandoned port is cleaned up
+SPIN = 60e-6  # s before an event that are polled, not slept
+MICROFRAME = 125e-6  # s; a high-speed USB adapter delivers bytes at most this often
 PR_SET_TIMERSLACK = 29  # Linux' prctl.h
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Bytes that reach the client together."""
+    """Bytes that are delivered to the client together."""
 
     begin: float
-    """Bus time at which the first of them is on the wire [s]."""
+    """Bus time at which the first byte starts on the wire [s]."""
     at: float
-    """Bus time at which the last of them reaches the client [s]."""
+    """Bus time at which they are delivered [s]."""
     data: bytes
     baud: int
-    """Rate at which they are sent [bit/s]."""
+    """Baud rate [bit/s]."""
 
 
 class RealTime:
-    """Serves a wire whose time is the wall's.
+    """Serves a port in real time.
 
-    An instruction is complete when its bytes have taken their time at the client's rate;
-    then the devices hear it. Each device's answer follows the one before after its return
-    delay, and reaches the client when its last byte is through.
+    The devices execute an instruction once its bytes have taken their time at the client's baud
+    rate. Each device's reply follows the one before after its return delay, and is delivered when
+    its last byte has been sent.
 
-    Replies to a broadcast ping leave the wire silent between their slots. An instruction sent
-    in such a silence is transmitted at once, and the devices whose slots are still to come
-    drop their replies: the new instruction has taken the place of the ping.
+    The wire is silent between the slots of a broadcast ping. An instruction sent meanwhile is
+    transmitted at once, and devices whose slots are still to come drop their replies: the new
+    instruction replaces the ping. The manual does not describe this case.
     """
 
     def __init__(
         self,
-        wire: Wire,
+        wire: PseudoTerminal,
         exchange: Exchange,
-        time: BusTime,
+        time: BusClock,
         wait: Wait,
         *,
         adapter_latency: float = 0.0,
     ) -> None:
-        """Serve a wire from the thread that calls; its time goes on from the body's."""
+        """Connect a port to its devices; time continues from the physics' own."""
         self._wire, self._exchange, self._time, self._wait = wire, exchange, time, wait
         self._adapter_latency = adapter_latency
         self._statistics = exchange.statistics
-        self._listener = Listener(exchange.statistics, timed=True)
-        self._requests: deque[Request] = deque()
+        self._reader = InstructionReader(exchange.statistics, timed=True)
+        self._requests: deque[ReceivedInstruction] = deque()
         self._complete_at = math.inf
         self._is_ping_window = False
-        self._free_at = 0.0  # when the wire is, of all that was planned
+        self._free_at = 0.0  # when the wire is free of all that was planned
         self._batches: deque[Batch] = deque()
-        self._delivered_at = 0.0  # when the last of them will be
-        self._last_look = 0.0
-        self._start = monotonic() - time.now  # the body may have lived before
+        self._delivered_at = 0.0  # when the last of them is delivered
+        self._last_activity = 0.0
+        self._start = monotonic() - time.now  # physics may have run before
         _sleep_precisely()
 
     @property
@@ -79,8 +80,8 @@ class RealTime:
         return monotonic() - self._start
 
     def serve(self) -> None:
-        """Do what is due, then wait for what comes next, for bytes, or for physics' turn."""
-        self._do_due()
+        """Process due events, then wait for the next one, for bytes, or for physics."""
+        self._process_due()
         now, coming = self.now, self._next_event
         if coming - now <= SPIN:
             self._spin(coming)
@@ -90,36 +91,36 @@ class RealTime:
             self._pass_idle(now)
             until = min(until, now + IDLE_STEP)
         if self._wait(self._wire.fileno(), until - self.now):
-            self._hear()
+            self._receive()
 
     @property
     def _next_event(self) -> float:
         return min(self._batches[0].at, self._complete_at) if self._batches else self._complete_at
 
-    def _do_due(self) -> None:
+    def _process_due(self) -> None:
         while self._next_event <= self.now:
             if self._batches and self._batches[0].at <= self._complete_at:
                 self._send(self._batches.popleft())
             else:
-                self._answer()
+                self._run_instruction()
 
     def _spin(self, until: float) -> None:
         while self.now < until:
-            sleep(0.0)  # lets clients of the same process run
+            sleep(0.0)  # lets clients in the same process run
 
     def _pass_idle(self, now: float) -> None:
         self._time.pass_until(now)
-        if now - self._last_look > IDLE and not self._batches:
+        if now - self._last_activity > IDLE and not self._batches:
             self._wire.tidy()
-            self._last_look = now
+            self._last_activity = now
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         now, wire = self.now, self._wire
-        self._last_look = now
+        self._last_activity = now
         if not wire.plugged:
             return
         baud = wire.baud
-        requests = self._listener.hear(wire.read(), now, baud, _byte_time(baud))
+        requests = self._reader.hear(wire.read(), now, baud, _byte_time(baud))
         if requests and now < self._free_at:
             self._statistics.talked_over += 1
         self._requests += requests
@@ -128,37 +129,37 @@ class RealTime:
         self._begin_next()
 
     def _begin_next(self) -> None:
-        """Let the next instruction's bytes go over the wire, once it is free."""
+        """Start transmitting the next instruction once the wire is free."""
         if self._requests and self._complete_at == math.inf:
             request = self._requests[0]
             begin = max(request.arrival, self._free_at)
             self._complete_at = begin + request.size * _byte_time(request.baud)
-            # Nothing can happen to the devices before that: physics may go ahead already,
-            # and the answer need not wait for it.
+            # Nothing reaches the devices before that, so physics can run ahead and the reply
+            # need not wait for it.
             self._time.pass_until(self._complete_at)
 
-    def _answer(self) -> None:
+    def _run_instruction(self) -> None:
         request, self._free_at = self._requests.popleft(), self._complete_at
-        self._plan(self._exchange.answer(request), request.baud)
+        self._plan(self._exchange.run(request), request.baud)
         self._complete_at = math.inf
         self._is_ping_window = _is_broadcast_ping(request.item)
         if self._requests and self._is_ping_window:
             self._end_ping_window(self.now)
         self._begin_next()
 
-    def _plan(self, sendings: list[Sending], baud: int) -> None:
-        """Work out when replies reach the client; those close together do so as one."""
+    def _plan(self, transmissions: list[Transmission], baud: int) -> None:
+        """Schedule the delivery of replies; those close together are delivered at once."""
         first, byte_time = -math.inf, _byte_time(baud)
-        for sending in sendings:
-            begin = self._free_at + sending.delay
-            self._free_at = begin + len(sending.data) * byte_time
-            at = max(self._tick(self._free_at) + sending.hold, self._delivered_at)
+        for transmission in transmissions:
+            begin = self._free_at + transmission.delay
+            self._free_at = begin + len(transmission.data) * byte_time
+            at = max(self._tick(self._free_at) + transmission.hold, self._delivered_at)
             self._delivered_at = at
             if at - first < MICROFRAME:
                 last = self._batches[-1]
-                self._batches[-1] = replace(last, at=at, data=last.data + sending.data)
+                self._batches[-1] = replace(last, at=at, data=last.data + transmission.data)
             else:
-                self._batches.append(Batch(begin, at, sending.data, baud))
+                self._batches.append(Batch(begin, at, transmission.data, baud))
                 first = at
 
     def _end_ping_window(self, now: float) -> None:
@@ -172,7 +173,7 @@ class RealTime:
         self._delivered_at = last.at if last else now
 
     def _tick(self, at: float) -> float:
-        """Return when the adapter hands over what it has at a time [s]."""
+        """Return when the adapter delivers bytes that it received at a time [s]."""
         latency = self._adapter_latency
         return math.ceil(at / latency) * latency if latency else at
 
@@ -180,7 +181,7 @@ class RealTime:
         self._exchange.hand_over(self._wire, batch.data, batch.baud)
         late = self.now - batch.at
         statistics = self._statistics
-        statistics.sendings += 1
+        statistics.deliveries += 1
         statistics.lateness_total += late
         statistics.lateness_max = max(statistics.lateness_max, late)
 
@@ -195,10 +196,10 @@ def _byte_time(baud: int) -> float:
 
 
 def _sleep_precisely() -> None:
-    """Let this thread's sleeps end within a microsecond of their time, not within 50.
+    """Make this thread's sleeps accurate to a microsecond instead of 50.
 
-    Linux delays wake-ups by its timer slack to save power. On a system without prctl the
-    answers come some ten microseconds later.
+    Linux delays wake-ups by its timer slack to save power. On a system without prctl, replies
+    are some ten microseconds late.
     """
     prctl = getattr(ctypes.CDLL(None), "prctl", None)
     if prctl is not None:

@@ -1,4 +1,4 @@
-"""A bus of virtual servos behind a serial port, served by a thread of its own."""
+"""A bus of virtual devices behind a serial port, served by its own thread."""
 
 from __future__ import annotations
 
@@ -13,82 +13,83 @@ from typing import TypeVar
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.serving.bus_clock import BusTime
-from drivers.virtual_bus.serving.call_queue import Calls
+from drivers.virtual_bus.serving.bus_clock import BusClock
+from drivers.virtual_bus.serving.call_queue import CallQueue
 from drivers.virtual_bus.serving.exchange import Exchange
-from drivers.virtual_bus.serving.fault_injector import Faults
-from drivers.virtual_bus.serving.fault_schedule import Schedule
+from drivers.virtual_bus.serving.fault_injector import FaultInjector
+from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.interfaces import Devices, Physics, StillPhysics, WireStatistics
 from drivers.virtual_bus.serving.lock_step import LockStep
-from drivers.virtual_bus.serving.pseudo_terminal import Wire
+from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 from drivers.virtual_bus.serving.real_time import RealTime
 
 T = TypeVar("T")
-LONGEST_STOP = 30.0  # s that one stretch of physics may take before a stop is given up
+LONGEST_STOP = 30.0  # s that one run of physics steps may take before `stop` gives up
 
 
 class TimeMode(Enum):
-    """How time passes on a virtual bus."""
+    """How time advances on a virtual bus."""
 
     REAL_TIME = "real time"
-    """As on a real bus: by the wall clock, and each byte takes its time on the wire."""
+    """By the wall clock, and each byte takes its time on the wire, as on a real bus."""
     LOCK_STEP = "lock-step"
-    """With the client: one control period for each sync write of goal positions."""
+    """One control period for each sync write of goal positions by the client."""
 
 
 class VirtualBusError(DriverError):
-    """A virtual bus was asked for what it cannot do now."""
+    """A virtual bus cannot do this in its present state."""
 
 
 class VirtualBus:
-    """A serial port with servos behind it, for any program that speaks Dynamixel.
+    """A serial port with devices behind it, for any program that speaks Dynamixel.
 
-    Use it in a ``with`` block, or `start` and `stop` it. What goes wrong in its thread is
-    raised by `stop`, and clients see an unplugged port from then on.
+    Use it in a ``with`` block, or call `start` and `stop`. An exception in its thread is raised
+    by `stop`; clients see an unplugged port from then on.
 
-    A client in the same process shares the interpreter with the bus: one that computes for
-    milliseconds without waiting makes the bus answer late. Where times matter, let the
-    client run in a process of its own.
+    A client in the same process shares the interpreter with the bus, so a client that computes
+    for milliseconds delays its replies. Where timing matters, run the client in another process.
     """
 
     def __init__(
         self,
         devices: Devices,
-        body: Physics | None = None,
+        physics: Physics | None = None,
         *,
-        pace: TimeMode = TimeMode.REAL_TIME,
+        time_mode: TimeMode = TimeMode.REAL_TIME,
         link: Path | str | None = None,
         rng: np.random.Generator | None = None,
-        schedule: Schedule | None = None,
+        schedule: FaultSchedule | None = None,
         adapter_latency: float = 0.0,
         strict_stuffing: bool = False,
+        advances_time: bool = True,
     ) -> None:
-        """Prepare a bus; it has no port yet.
+        """Create a bus; `start` creates its port.
 
         Args:
-            devices: What hangs on the wire.
-            body: Physics behind it; ``None`` for devices on a table.
-            pace: How time passes.
-            link: Path of the port; ``None`` for one of its own.
-            rng: Source of chance in faults.
-            schedule: Faults to come.
-            adapter_latency: In real time, how often the USB adapter hands bytes over [s]
-                (an FTDI's latency timer: 0.016 as shipped, at best 0.001); 0 for at once.
-            strict_stuffing: Whether devices ignore an instruction with an unstuffed
-                FF FF FD in it; else it is only counted.
+            devices: Devices on the bus.
+            physics: Physics behind them; None for devices that do not move.
+            time_mode: How time advances.
+            link: Path of the port; None for a temporary one.
+            rng: Random source of faults.
+            schedule: FaultInjector to come.
+            adapter_latency: In real time, latency timer of the USB adapter [s] (FTDI: 0.016 as
+                shipped, at best 0.001); 0 for none.
+            strict_stuffing: Whether devices ignore an instruction with an unstuffed FF FF FD;
+                otherwise it is only counted.
+            advances_time: False if another bus of the same robot does.
         """
-        self.devices = devices
-        self.body = body or StillPhysics(devices)
-        self.pace = pace
-        self.faults = Faults(self, rng or np.random.default_rng(0))
-        self._time = BusTime(self.body, self.faults, schedule)
+        self.devices: Devices = devices
+        self.physics: Physics = physics or StillPhysics(devices)
+        self.time_mode = time_mode
+        self.faults = FaultInjector(self, rng or np.random.default_rng(0))
+        self._time = BusClock(self.physics, self.faults, schedule, advances_time=advances_time)
         self._statistics = WireStatistics()
         self._exchange = Exchange(
             devices, self.faults, self._statistics, strict_stuffing=strict_stuffing
         )
         self._link, self._adapter_latency = link, adapter_latency
-        self._calls = Calls()
-        self._wire: Wire | None = None
+        self._calls = CallQueue()
+        self._wire: PseudoTerminal | None = None
         self._thread: threading.Thread | None = None
         self._error: BaseException | None = None
         self._stopping = threading.Event()
@@ -96,15 +97,15 @@ class VirtualBus:
     # Life ----------------------------------------------------------------------------------
 
     def start(self) -> VirtualBus:
-        """Make the port and serve it.
+        """Create the port and serve it.
 
         Raises:
-            WireError: if the port cannot be put where it was asked for.
+            PortLinkError: if the link cannot be created.
             VirtualBusError: if the bus has run before.
         """
         if self._wire is not None:
-            raise VirtualBusError("a virtual bus runs once: make another one")
-        self._wire = Wire(self._link)
+            raise VirtualBusError("a virtual bus runs once: create another one")
+        self._wire = PseudoTerminal(self._link)
         ready = threading.Event()
         self._thread = threading.Thread(
             target=self._run, args=(self._wire, ready), name="virtual bus", daemon=True
@@ -114,10 +115,10 @@ class VirtualBus:
         return self
 
     def stop(self) -> None:
-        """End the thread and take the port away; calling it again is harmless.
+        """End the thread and remove the port; calling it again is harmless.
 
         Raises:
-            BaseException: what the thread ended with, if it did so by itself.
+            BaseException: the exception that ended the thread, if there was one.
         """
         if self._thread is None:
             return
@@ -125,7 +126,7 @@ class VirtualBus:
         self._calls.ring()
         self._thread.join(LONGEST_STOP)
         if self._thread.is_alive():
-            raise VirtualBusError(f"the bus' physics does not come back, {LONGEST_STOP} s waited")
+            raise VirtualBusError(f"the physics of the bus did not return within {LONGEST_STOP} s")
         self._thread = None
         if self._error is not None:
             error, self._error = self._error, None
@@ -148,67 +149,67 @@ class VirtualBus:
 
     @property
     def running(self) -> bool:
-        """Tell whether the bus serves its port."""
+        """Whether the bus serves its port."""
         return self._thread is not None and self._thread.is_alive()
 
     @property
     def path(self) -> str:
-        """Return the path of the port; it stays the same when the port is replugged."""
+        """Return the path of the port, which survives replugging."""
         if self._wire is None:
             raise VirtualBusError("the virtual bus has no port yet: start it first")
         return self._wire.path
 
     @property
     def time(self) -> float:
-        """Return the bus time up to which devices and body went [s]."""
+        """Return the bus time that devices and physics have reached [s]."""
         return self._time.now
 
     @property
     def statistics(self) -> WireStatistics:
-        """Return what has passed over the wire so far."""
+        """Return a copy of the counters."""
         return self.call(lambda: replace(self._statistics))
 
     def call(self, action: Callable[[], T]) -> T:
-        """Do something between two instructions, and return what it returns.
+        """Run an action between two instructions; return its result.
 
-        While the bus runs, its own thread does it, so nothing else touches devices or body
-        meanwhile. Before and after, the caller does.
+        While the bus runs, its thread runs the action, so nothing else touches devices or
+        physics meanwhile. Before and after, the calling thread does.
         """
         return self._calls.call(action)
 
     def plug(self) -> None:
-        """Plug the port in again: a new one, under the old path."""
+        """Plug in a new port under the same path."""
         wire = self._running_wire()
         self.call(wire.plug)
 
     def unplug(self) -> None:
-        """Pull the port out from under its clients."""
+        """Unplug the port while clients may use it."""
         wire = self._running_wire()
         self.call(wire.unplug)
 
-    def _running_wire(self) -> Wire:
+    def _running_wire(self) -> PseudoTerminal:
         if self._wire is None or not self.running:
             raise VirtualBusError("the virtual bus has no port: it is not running")
         return self._wire
 
     # Its thread ----------------------------------------------------------------------------
 
-    def _run(self, wire: Wire, ready: threading.Event) -> None:
+    def _run(self, wire: PseudoTerminal, ready: threading.Event) -> None:
         try:
             self._calls.open()
-            served = self._make_pace(wire)
+            served = self._make_served(wire)
             ready.set()
             while not self._stopping.is_set():
                 served.serve()
-        except BaseException as error:  # stop() raises it
+        except BaseException as error:  # raised by stop()
             self._error = error
         finally:
             wire.close()
             self._calls.close()
             ready.set()
 
-    def _make_pace(self, wire: Wire) -> RealTime | LockStep:
+    def _make_served(self, wire: PseudoTerminal) -> RealTime | LockStep:
         wait, time, exchange = self._calls.wait, self._time, self._exchange
-        if self.pace is TimeMode.LOCK_STEP:
+        if self.time_mode is TimeMode.LOCK_STEP:
             return LockStep(wire, exchange, time, wait)
         return RealTime(wire, exchange, time, wait, adapter_latency=self._adapter_latency)

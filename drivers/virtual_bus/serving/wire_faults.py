@@ -1,4 +1,4 @@
-"""What can happen to bytes between a client and the devices."""
+"""Faults of the bytes between a client and the devices."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ LONGEST_NOISE = 8  # bytes
 
 
 class LineFault(Enum):
-    """One mishap of one answer, or of one request."""
+    """A fault of one reply or of one request."""
 
     LOSE_REQUEST = "lose_request"
-    """No device hears the instruction."""
+    """No device receives the instruction."""
     FLIP_REQUEST = "flip_request"
-    """The devices hear an instruction with a flipped bit; as a rate, in each byte."""
+    """The devices receive an instruction with a flipped bit; a rate applies per byte."""
     ECHO = "echo"
-    """The adapter hands the client its own instruction."""
+    """The adapter returns the client's own instruction."""
     LOSE = "lose"
-    """The answer is gone."""
+    """The reply is lost."""
     WRONG_ID = "wrong_id"
-    """The answer names another device."""
+    """The reply carries another device's id."""
     FLIP = "flip"
-    """The answer has a flipped bit; as a rate, in each byte."""
+    """The reply has a flipped bit; a rate applies per byte."""
     CUT = "cut"
-    """The answer's end is gone."""
+    """The end of the reply is missing."""
     NOISE = "noise"
-    """Random bytes come before the answer."""
+    """Random bytes precede the reply."""
     DUPLICATE = "duplicate"
-    """The answer comes twice."""
+    """The reply arrives twice."""
     SPLIT = "split"
-    """The answer comes in two parts, with a pause between them."""
+    """The reply arrives in two parts with a pause between them."""
     LATE = "late"
-    """The adapter keeps the answer back."""
+    """The adapter holds the reply back."""
 
 
-class Sending(NamedTuple):
+class Transmission(NamedTuple):
     """Bytes on their way to the client."""
 
     device: int
@@ -50,12 +50,12 @@ class Sending(NamedTuple):
     """Silence on the wire before the first byte [s]."""
     data: bytes
     hold: float = 0.0
-    """How long the adapter keeps them back [s]."""
+    """How long the adapter holds them back [s]."""
 
 
 @dataclass
 class _Order:
-    """Mishaps that were asked for one by one."""
+    """A counted order for one fault."""
 
     fault: LineFault
     device: int | None
@@ -63,48 +63,43 @@ class _Order:
 
 
 class LineFaults:
-    """Makes mishaps: by rates, and on order.
+    """Applies faults to bytes, at rates and on order.
 
-    With no rate set it draws no random number, so what is on order does not depend on how
-    much has passed before.
+    Without rates no random number is drawn, so the effect of an order does not depend on earlier
+    traffic.
     """
 
     late_by = 0.02
-    """How long a late answer is kept back [s]."""
+    """How long a late reply is held back [s]."""
     split_pause = 0.003
-    """How long the second part of a split answer is kept back [s]."""
+    """How long the second part of a split reply is held back [s]."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Make mishaps from a random source."""
+        """Start without faults; ``rng`` draws them."""
         self.counts: Counter[str] = Counter()
         self._rng = rng
         self._rates: dict[LineFault, float] = {}
         self._orders: list[_Order] = []
 
     def set_rate(self, fault: LineFault, rate: float) -> None:
-        """Set the share of answers, requests or bytes that a mishap takes, 0 to 1."""
+        """Set the share of replies, requests or bytes that a fault affects, 0 to 1."""
         if not 0.0 <= rate <= 1.0:
-            raise ValueError(f"rate of {fault.value}: {rate}, allowed 0 to 1")
+            raise ValueError(f"rate of {fault.value} is {rate}, expected 0 to 1")
         self._rates.pop(fault, None)
         if rate > 0.0:
             self._rates[fault] = rate
 
     def order(self, fault: LineFault, device: int | None = None, count: int = 1) -> None:
-        """Let a mishap take the next answers of a device, or of any; or the next requests."""
+        """Apply a fault to the next replies (of one device, or of any) or requests."""
         self._orders.append(_Order(fault, device, count))
-
-    def clear(self) -> None:
-        """Set all rates to 0 and cancel all orders."""
-        self._rates.clear()
-        self._orders.clear()
 
     @property
     def quiet(self) -> bool:
-        """Tell whether no mishap can happen now."""
+        """Whether there is neither a rate nor an order."""
         return not self._rates and not self._orders
 
     def disturb_request(self, item: Packet | Damaged) -> list[Packet | Damaged]:
-        """Return what the devices hear of an instruction."""
+        """Return what the devices receive of an instruction."""
         if self.quiet:
             return [item]
         if self._strikes(LineFault.LOSE_REQUEST):
@@ -113,19 +108,19 @@ class LineFaults:
         flipped = self._flip(LineFault.FLIP_REQUEST, frame)
         return [item] if flipped == frame else FrameParser().feed(flipped)
 
-    def echoes(self) -> bool:
-        """Tell whether the adapter hands this request back."""
+    def strikes_echo(self) -> bool:
+        """Return whether the adapter returns this request."""
         return not self.quiet and self._strikes(LineFault.ECHO)
 
-    def disturb_answer(self, answer: DeviceReply) -> list[Sending]:
-        """Return what the client gets of an answer."""
-        device = answer.device
-        sending = Sending(device, answer.delay, answer.data)
+    def disturb_reply(self, reply: DeviceReply) -> list[Transmission]:
+        """Return what the client receives of a reply."""
+        device = reply.device
+        transmission = Transmission(device, reply.delay, reply.data)
         if self.quiet:
-            return [sending]
+            return [transmission]
         if self._strikes(LineFault.LOSE, device):
             return []
-        data = sending.data
+        data = transmission.data
         if self._strikes(LineFault.WRONG_ID, device):
             data = _rename(data, device)
         data = self._flip(LineFault.FLIP, data, device)
@@ -135,11 +130,14 @@ class LineFaults:
             data = self._rng.bytes(int(self._rng.integers(1, LONGEST_NOISE + 1))) + data
         if self._strikes(LineFault.DUPLICATE, device):
             data += data
-        parts = [sending._replace(data=data)]
+        parts = [transmission._replace(data=data)]
         if self._strikes(LineFault.SPLIT, device) and len(data) > 1:
             at = int(self._rng.integers(1, len(data)))
             pause = self.split_pause
-            parts = [sending._replace(data=data[:at]), Sending(device, 0.0, data[at:], pause)]
+            parts = [
+                transmission._replace(data=data[:at]),
+                Transmission(device, 0.0, data[at:], pause),
+            ]
         if self._strikes(LineFault.LATE, device):
             parts = [part._replace(hold=part.hold + self.late_by) for part in parts]
         return parts
@@ -151,7 +149,7 @@ class LineFaults:
         return struck
 
     def _flip(self, fault: LineFault, data: bytes, device: int | None = None) -> bytes:
-        """Flip bits at the rate of each byte, or one on order."""
+        """Flip one bit of each byte at the rate, or one bit on order."""
         rate, size = self._rates.get(fault, 0.0), len(data)
         at = np.flatnonzero(self._rng.random(size) < rate) if rate > 0.0 else np.zeros(0, int)
         if self._take_order(fault, device):
@@ -174,7 +172,7 @@ class LineFaults:
 
 
 def _rename(data: bytes, device: int) -> bytes:
-    """Give a status another id, with the CRC that fits; a part of a fast one only the id."""
+    """Replace the id of a status and update its CRC; of a fast part, only the id."""
     other = (device + 1) % (MAX_ID + 1)
     items = FrameParser().feed(data)
     if len(items) == 1 and isinstance(items[0], Packet) and items[0].id == device:

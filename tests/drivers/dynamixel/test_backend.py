@@ -19,7 +19,7 @@ from drivers.dynamixel.port import PortError, SdkPort, SerialPort
 from drivers.dynamixel.protocol2 import HEADER, Instruction
 from drivers.errors import CommandError, NotConnectedError, SetupError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.devices.quirks import Gap, Quirks
+from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from robots.servo import RAD_PER_TICK
@@ -280,7 +280,7 @@ def test_a_cycle_of_twenty_servos_and_the_imu_is_small(op3_rig):
 
 
 @pytest.mark.parametrize("firmware", [46, 44])
-@pytest.mark.parametrize("gap", list(Gap))
+@pytest.mark.parametrize("gap", list(ReadGap))
 def test_a_silent_servo_costs_only_itself(op3, gap, firmware):
     with Rig(op3, firmware=firmware, quirks=Quirks(sync_gap=gap, fast_gap=gap)) as rig:
         rig.turn(cycles=3)
@@ -397,7 +397,7 @@ def test_a_servo_that_never_comes_back_from_its_reboot_is_named(rig, monkeypatch
 
 def test_a_tripped_watchdog_is_cleared_and_the_goal_begins_at_the_present(rig):
     rig.turn(cycles=3)
-    rig.virtual.body.advance(rig.virtual.body.time + 0.2)
+    rig.virtual.physics.advance(rig.virtual.physics.time + 0.2)
     assert rig.peek("bus_watchdog") == [-1, -1], "the test shows nothing"
     rig.turn(cycles=8)
     assert rig.peek("bus_watchdog") == [5, 5]
@@ -406,7 +406,7 @@ def test_a_tripped_watchdog_is_cleared_and_the_goal_begins_at_the_present(rig):
 
 def test_after_a_pause_longer_than_the_watchdog_goals_begin_anew_at_once(rig):
     rig.turn(cycles=3)
-    rig.virtual.body.advance(rig.virtual.body.time + 0.2)
+    rig.virtual.physics.advance(rig.virtual.physics.time + 0.2)
     rig.clock.pass_period(0.2)
     rig.turn()
     assert rig.peek("bus_watchdog") == [5, 5]
@@ -499,7 +499,7 @@ def test_no_wrong_value_is_believed_on_a_noisy_wire(op3, rate, firmware):
 
     with Rig(op3, firmware=firmware) as rig:
         rig.port.spoil = flip
-        rig.port.body = None
+        rig.port.physics = None
         truth = {0.0: rig.true_angles()}
         believed = 0
         rig.clock.pass_period(op3.control_period)
@@ -590,7 +590,7 @@ def test_an_imu_that_repeats_itself_while_joints_move_is_not_believed(op3_rig):
 def test_an_imu_at_rest_may_repeat_itself(rig):
     for servo in rig.virtual.servos:
         servo.poke("present_velocity", 0)
-    rig.port.body = None
+    rig.port.physics = None
     assert rig.turn(Command.limp(2), 100).imu_age == 0.0
 
 
@@ -721,7 +721,7 @@ def test_no_frame_holds_a_header_inside(op3_rig):
 def plugged(request, tiny):
     """Drive the tiny robot over a pseudo-terminal."""
     virtual = VirtualRobot(Simulation(tiny), powered=True)
-    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         backend = DynamixelBackend(
             tiny, ports.paths, clock=CycleClock(), answer_margin=0.1, make_port=request.param
         )

@@ -17,7 +17,7 @@ READING = (Instruction.PING, Instruction.READ)
 def rig(tiny):
     rig = Rig(tiny)
     rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
-    rig.virtual.body.advance(1.0)
+    rig.virtual.physics.advance(1.0)
     rig.port.open()
     return rig
 
@@ -85,7 +85,7 @@ def test_a_joint_that_stands_outside_its_range_is_told(rig):
 def test_an_old_firmware_is_refused(tiny):
     rig = Rig(tiny, firmware=37)
     rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
-    rig.virtual.body.advance(1.0)
+    rig.virtual.physics.advance(1.0)
     rig.port.open()
     told = look(rig)
     assert len(told.errors) == 2

@@ -10,14 +10,14 @@ import pytest
 import serial
 
 from drivers.dynamixel.port import PortError, PortLostError, SdkPort, SerialPort, explain_refusal
-from drivers.virtual_bus.serving.pseudo_terminal import Wire
+from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 PORTS = (SerialPort, SdkPort)
 
 
 @pytest.fixture
 def wire(tmp_path):
-    wire = Wire(tmp_path / "port")
+    wire = PseudoTerminal(tmp_path / "port")
     yield wire
     wire.close()
 
@@ -34,7 +34,7 @@ def soon(seconds: float = 2.0) -> float:
     return time.monotonic() + seconds
 
 
-def read_all(wire: Wire, count: int) -> bytes:
+def read_all(wire: PseudoTerminal, count: int) -> bytes:
     data = b""
     while len(data) < count:
         data += wire.read()

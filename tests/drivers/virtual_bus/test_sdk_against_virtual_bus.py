@@ -48,7 +48,7 @@ def chain():
 
 @pytest.fixture(params=TimeMode)
 def bus(chain: Chain, request: pytest.FixtureRequest):
-    with VirtualBus(chain, pace=request.param) as bus:
+    with VirtualBus(chain, time_mode=request.param) as bus:
         yield bus
 
 
@@ -174,7 +174,7 @@ def test_noise_and_echo_do_not_disturb_the_sdk(bus: VirtualBus, port, packets):
     for fault in (LineFault.NOISE, LineFault.ECHO):
         bus.faults.order(fault)
         assert packets.ping(port, 7) == (XM430, 0, 0)
-    assert bus.faults.counts.total == 2
+    assert bus.faults.counts.total() == 2
 
 
 def test_the_bus_sees_that_the_sdk_forgets_to_stuff(bus: VirtualBus, port, packets):

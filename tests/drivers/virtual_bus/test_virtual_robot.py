@@ -42,7 +42,7 @@ def test_twin_and_virtual_bus_give_one_and_the_same_path(op3: Robot):
     twin = Twin(op3)
     by_twin = thrash(twin, 150)
     virtual = VirtualRobot(Simulation(op3))
-    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(op3, ports.paths, clock=CycleClock(), answer_margin=0.2)
         with driver:
             pass  # the first connection waits for the servos' power, and that takes time
@@ -68,9 +68,9 @@ def test_a_robot_without_torque_lies_still(op3: Robot, side: list[float]):
             joint_pos=op3.standing.joint_pos,
         )
     )
-    virtual.body.advance(3.0)
+    virtual.physics.advance(3.0)
     settled = virtual.simulation.joint_pos.copy()
-    virtual.body.advance(8.0)
+    virtual.physics.advance(8.0)
     moved = np.abs(virtual.simulation.joint_pos - settled) / RAD_PER_TICK
     assert moved.max() < 1.0
 
@@ -80,7 +80,7 @@ def test_torque_may_go_in_the_middle_of_a_motion(op3: Robot):
     for on in (1, 0, 1, 0):
         for servo in virtual.servos:
             assert servo.write(64, bytes([on])) == 0
-        virtual.body.advance(virtual.body.time + 0.1)
+        virtual.physics.advance(virtual.physics.time + 0.1)
     assert np.isfinite(virtual.simulation.joint_vel).all()
 
 
@@ -101,7 +101,7 @@ def drive_in(
         item = servo.table[goal]
         assert servo.write(64, b"\x01") == 0
         assert servo.write(item.address, item.encode(value)) == 0
-    virtual.body.advance(virtual.body.time + time)
+    virtual.physics.advance(virtual.physics.time + time)
 
 
 def test_in_velocity_mode_a_servo_turns_at_its_goal(floating: VirtualRobot):
@@ -130,7 +130,7 @@ def test_in_current_based_position_mode_the_current_has_a_limit(floating: Virtua
         assert servo.write(102, (150).to_bytes(2, "little")) == 0
         assert servo.write(64, b"\x01") == 0
         assert servo.write(116, (2900).to_bytes(4, "little")) == 0
-    floating.body.advance(floating.body.time + 0.3)
+    floating.physics.advance(floating.physics.time + 0.3)
     assert abs(floating.servos[0].peek("present_current")) <= 162
 
 
@@ -139,10 +139,10 @@ def test_a_profile_leads_a_servo_slowly_to_its_goal(floating: VirtualRobot):
     servo.write(64, b"\x01")
     servo.write(112, (20).to_bytes(4, "little"))  # 20 counts are 0.48 rad/s
     servo.write(116, (2048 + 400).to_bytes(4, "little"))
-    floating.body.advance(floating.body.time + 0.4)
+    floating.physics.advance(floating.physics.time + 0.4)
     assert floating.simulation.joint_pos[0] == pytest.approx(0.4 * 0.48, abs=0.04)
     assert servo.peek("moving") == 1
-    floating.body.advance(floating.body.time + 1.5)
+    floating.physics.advance(floating.physics.time + 1.5)
     assert floating.simulation.joint_pos[0] == pytest.approx(400 * RAD_PER_TICK, abs=0.02)
 
 
@@ -153,7 +153,7 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     board = replace(tiny.bus.board, port=ports[0].name)
     robot = replace(tiny, bus=replace(tiny.bus, ports=ports, board=board))
     virtual = VirtualRobot(Simulation(robot))
-    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as served:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as served:
         assert sorted(served.paths) == ["l_hip", "r_hip"]
         driver = DynamixelBackend(robot, served.paths, clock=CycleClock(), answer_margin=0.2)
         with SafetyGuard(driver) as guard:

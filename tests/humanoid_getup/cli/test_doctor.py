@@ -128,7 +128,7 @@ def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, cap
 
 
 def test_real_time_is_measured_too(capsys):
-    with serving(TINY, pace=TimeMode.REAL_TIME) as served:
+    with serving(TINY, time_mode=TimeMode.REAL_TIME) as served:
         served.place()
         code, told = examine(served, capsys)
     assert code == 0

@@ -12,7 +12,7 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import HardwareError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.fault_injector import Faults
+from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.evaluation.judge import GroundTruthJudge
@@ -31,14 +31,17 @@ STRIKE = 60  # cycles of the first run, half a second
 
 
 def rise_and_break(
-    op3: Robot, world: World, strike: Callable[[Faults, SafetyGuard], object], attempts: int = 2
+    op3: Robot,
+    world: World,
+    strike: Callable[[FaultInjector, SafetyGuard], object],
+    attempts: int = 2,
 ) -> tuple[Rise, list[PhaseChange], VirtualRobot]:
     """Get an OP3 up on the virtual bus; something breaks half a second into the first run."""
     virtual = VirtualRobot(Simulation(op3, world.model), powered=True)
     rng = np.random.default_rng(0)
     virtual.place(sample_falls(world, {"supine": 1}, rng)[0].posture)
     phases: list[PhaseChange] = []
-    with VirtualPorts(virtual, pace=TimeMode.LOCK_STEP) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(op3, ports.paths, clock=CycleClock(), answer_margin=0.2)
         guard = SafetyGuard(driver)
         cycles = iter(range(10**6))

@@ -1,7 +1,7 @@
 """Several devices on one wire: the bytes they answer, in which order, and when."""
 
 import pytest
-from wire_talk import feel, read, read_answers, request, talk
+from wire_talk import read, read_answers, request, sense, talk
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import (
@@ -18,7 +18,7 @@ from drivers.dynamixel.protocol2 import (
     decode_fast_status,
 )
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks
+from drivers.virtual_bus.devices.quirks import BadCrc, Quirks, ReadGap, WatchdogFeed
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 POSITION = Span(132, 4)
@@ -40,7 +40,7 @@ def servo(chain: Chain, servo_id: int) -> VirtualServo:
 
 def place(chain: Chain, **ticks: float) -> None:
     for name, position in ticks.items():
-        feel(servo(chain, int(name[1:])), ticks=position)
+        sense(servo(chain, int(name[1:])), ticks=position)
 
 
 # The manual's examples, byte for byte -------------------------------------------------------
@@ -107,8 +107,8 @@ def test_sync_read_and_write_as_in_the_manual():
 
 def test_bulk_read_and_write_as_in_the_manual():
     chain = servos(1, 2)
-    feel(servo(chain, 1), voltage=11.9)
-    feel(servo(chain, 2), temperature=36.0)
+    sense(servo(chain, 1), voltage=11.9)
+    sense(servo(chain, 2), temperature=36.0)
     back = talk(chain, bytes.fromhex("FFFFFD00 FE 0D00 92 0190000200 0292000100 1A05"))
     assert back == Status(1, 0, b"\x77\0").encode() + Status(2, 0, b"\x24").encode()
     frame = "FFFFFD00 FE 1000 93 0120000200 A000 021F000100 50 B768"
@@ -129,8 +129,8 @@ def test_fast_sync_read_as_in_the_manual():
 def test_fast_bulk_read_as_in_the_manual():
     chain = servos(3, 4, 7)
     place(chain, _3=166)
-    feel(servo(chain, 7), pwm_share=421 / 885)
-    feel(servo(chain, 4), temperature=31.0)
+    sense(servo(chain, 7), pwm_share=421 / 885)
+    sense(servo(chain, 4), temperature=31.0)
     frame = "FFFFFD00 FE 1200 9A 0384000400 077C000200 0492000100 DA2D"
     assert talk(chain, bytes.fromhex(frame)) == bytes.fromhex(
         "FFFFFD00 FE 1400 55 00 03 A6000000 67A4 00 07 A501 2474 00 04 1F D9C1"
@@ -308,7 +308,7 @@ def test_a_failed_part_of_a_fast_read_keeps_the_frame_whole():
 
 def test_fast_reads_are_never_stuffed():
     chain = servos(1)
-    feel(servo(chain, 1), current=-2.69e-3, velocity=-3 * 0.0239808)  # counts -1 and -3
+    sense(servo(chain, 1), current=-2.69e-3, velocity=-3 * 0.0239808)  # counts -1 and -3
     span = Span(126, 10)
     frame = talk(chain, protocol2.sync_read([1], span, fast=True))
     assert b"\xff\xff\xfd\xff" in frame[8:]
@@ -348,7 +348,7 @@ def test_a_silent_member_costs_a_sync_read_its_slot_or_all_that_follows(die):
         one, three = chain.handle(request(frame))
         assert (one.device, three.device) == (1, 3)
         assert three.delay == pytest.approx(15 * 10e-6)  # the 15 bytes that did not come
-        chain.quirks = Quirks(sync_gap=Gap.CHAIN_BREAKS)
+        chain.quirks = Quirks(sync_gap=ReadGap.CHAIN_BREAKS)
         assert [answer.device for answer in chain.handle(request(frame))] == [1]
 
 
@@ -359,7 +359,7 @@ def test_a_silent_member_breaks_a_fast_frame(die):
     whole = talk(chain, frame)
     die(chain)
     assert talk(chain, frame) == whole[:16]
-    chain.quirks = Quirks(fast_gap=Gap.SLOT_STAYS_EMPTY)
+    chain.quirks = Quirks(fast_gap=ReadGap.SLOT_STAYS_EMPTY)
     cut = talk(chain, frame)
     assert len(cut) == len(whole) - 8
     # Its length does not hold, but each piece tells whose it is.
@@ -371,7 +371,7 @@ def test_without_its_first_member_a_fast_frame_has_no_header():
     servo(chain, 1).alive = False
     frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True)
     assert talk(chain, frame) == b""
-    chain.quirks = Quirks(fast_gap=Gap.SLOT_STAYS_EMPTY)
+    chain.quirks = Quirks(fast_gap=ReadGap.SLOT_STAYS_EMPTY)
     assert FrameParser().feed(talk(chain, frame)) == []
 
 
@@ -426,8 +426,11 @@ def test_servos_at_another_speed_do_not_hear():
 
 
 def test_what_feeds_a_watchdog_is_a_quirk():
-    for feeding, trips in ((Feeding.ANY_INSTRUCTION, False), (Feeding.OWN_INSTRUCTION, True)):
-        chain = servos(1, 2, quirks=Quirks(feeding=feeding))
+    for watchdog_feed, trips in (
+        (WatchdogFeed.ANY_INSTRUCTION, False),
+        (WatchdogFeed.OWN_INSTRUCTION, True),
+    ):
+        chain = servos(1, 2, quirks=Quirks(watchdog_feed=watchdog_feed))
         for device in chain.devices:
             device.poke("torque_enable", 1)
             device.poke("bus_watchdog", 5)

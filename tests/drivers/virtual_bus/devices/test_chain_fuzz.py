@@ -2,14 +2,20 @@
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from wire_talk import feel
+from wire_talk import sense
 
 from drivers.dynamixel.control_table import HardwareError
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, FrameParser, Instruction, Packet
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.chain import Answer, Chain
+from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.quirks import BadCrc, Feeding, Gap, Quirks, Undefined
+from drivers.virtual_bus.devices.quirks import (
+    BadCrc,
+    Quirks,
+    ReadGap,
+    UndefinedRegisters,
+    WatchdogFeed,
+)
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 IDS = (1, 2, 3, 3, 200)
@@ -17,11 +23,11 @@ TRIPPED = -1
 
 quirks = st.builds(
     Quirks,
-    sync_gap=st.sampled_from(Gap),
-    fast_gap=st.sampled_from(Gap),
+    sync_gap=st.sampled_from(ReadGap),
+    fast_gap=st.sampled_from(ReadGap),
     bad_crc=st.sampled_from(BadCrc),
-    feeding=st.sampled_from(Feeding),
-    undefined=st.sampled_from(Undefined),
+    watchdog_feed=st.sampled_from(WatchdogFeed),
+    undefined=st.sampled_from(UndefinedRegisters),
     fast_pieces_wait=st.booleans(),
     torque_on_seeds_goal=st.booleans(),
     voltage_error_clears=st.booleans(),
@@ -102,13 +108,13 @@ def check_servo(servo: VirtualServo) -> None:
     for quantity in ("pwm", "current", "velocity"):
         if f"goal_{quantity}" in servo.table:
             assert abs(servo.peek(f"goal_{quantity}")) <= servo.peek(f"{quantity}_limit")
-    drive = servo.drive()
+    drive = servo.motor_command()
     assert drive.torque_on == bool(servo.peek("torque_enable"))
     assert drive.mode == servo.peek("operating_mode")
     assert 0.0 <= drive.pwm_limit <= 1.0 and -1.0 <= drive.goal_pwm <= 1.0
 
 
-def check_answers(answers: list[Answer]) -> None:
+def check_answers(answers: list[Reply]) -> None:
     for answer in answers:
         assert answer.data and answer.delay >= 0.0
 
@@ -146,7 +152,7 @@ def test_nor_does_it_with_any_physics_or_fault_behind_it(choice, happenings, phy
         ticks, velocity, voltage, temperature = physics[i % len(physics)]
         for device in chain.devices:
             if isinstance(device, VirtualServo):
-                feel(
+                sense(
                     device,
                     ticks=ticks,
                     velocity=velocity,

@@ -7,8 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.virtual_bus.devices.profile import (
+    ProfileShape,
     ProfileTrajectory,
-    Shape,
     approach,
     plan_by_time,
     plan_by_velocity,
@@ -64,11 +64,11 @@ def test_the_ramp_lasts_64_ms_times_velocity_over_acceleration(goal: float, top:
     """The e-manual's t1 = 64 V / A [ms], V and A in counts of 0.229 rpm and 214.577 rev/min²."""
     v, acceleration = top * 0.229 * 4096 / 60, a * 214.577 * 4096 / 3600
     path = plan_by_velocity(0.0, 0.0, 0.0, goal, v, acceleration)
-    if path.shape is Shape.TRAPEZOID:
+    if path.shape is ProfileShape.TRAPEZOID:
         assert path.speed_up == pytest.approx(0.064 * top / a, rel=1e-3)
         assert path.end == pytest.approx(goal / v + path.speed_up)  # a trapezoid's area
     else:
-        assert path.shape is Shape.TRIANGLE
+        assert path.shape is ProfileShape.TRIANGLE
         assert path.end == pytest.approx(2.0 * (goal / acceleration) ** 0.5)
 
 
@@ -79,19 +79,19 @@ def test_a_trajectory_by_time_arrives_on_time(position, goal, total, share):
     assert path.at(path.end - 1e-9)[0] == pytest.approx(goal, abs=0.01)
     middle = path.at(START + 0.5 * total)[0]
     assert middle == pytest.approx(0.5 * (position + goal), abs=0.01)  # symmetric from rest
-    expected = Shape.RECTANGLE if share == 0 else None
+    expected = ProfileShape.RECTANGLE if share == 0 else None
     assert expected is None or path.shape is expected
 
 
 def test_a_ramp_of_more_than_half_the_time_counts_as_half():
     path = plan_by_time(0.0, 0.0, 0.0, 1000.0, 2.0, 5.0)
     assert (path.speed_up, path.hold, path.slow_down) == (1.0, 0.0, 1.0)
-    assert path.shape is Shape.TRIANGLE
+    assert path.shape is ProfileShape.TRIANGLE
 
 
 def test_without_acceleration_the_profile_is_a_rectangle():
     path = plan_by_velocity(0.0, 100.0, 0.0, -100.0, 50.0, 0.0)
-    assert (path.shape, path.end) == (Shape.RECTANGLE, 4.0)
+    assert (path.shape, path.end) == (ProfileShape.RECTANGLE, 4.0)
     assert path.at(1.0) == (50.0, -50.0)
 
 
@@ -101,7 +101,7 @@ def test_without_velocity_there_is_no_profile():
         plan_by_time(1.0, 0.0, 0.0, 9.0, 0.0, 5.0),
         plan_step(1.0, 9.0),
     ):
-        assert path.shape is Shape.STEP
+        assert path.shape is ProfileShape.STEP
         assert path.at(1.0) == (9.0, 0.0)
 
 

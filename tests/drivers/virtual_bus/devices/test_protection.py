@@ -1,11 +1,11 @@
 """A virtual servo's protection: hardware errors, shutdown, bus watchdog."""
 
 import pytest
-from wire_talk import feel, read, write
+from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
-from drivers.virtual_bus.devices.protection import STALL_CURRENTS, Overload
+from drivers.virtual_bus.devices.protection import STALL_CURRENTS, OverloadModel
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 
@@ -32,14 +32,14 @@ def test_an_error_alerts_and_shuts_down_only_by_its_shutdown_bit(error: Hardware
     assert read(servo, "hardware_error_status") == error
     status = servo.handle(Instruction.PING)
     assert status is not None and status.error == ALERT
-    assert servo.drive().torque_on == (not error & DEFAULT_SHUTDOWN)
+    assert servo.motor_command().torque_on == (not error & DEFAULT_SHUTDOWN)
     assert read(servo, "torque_enable") == int(not error & DEFAULT_SHUTDOWN)
 
 
 @pytest.mark.parametrize("error", ALL_ERRORS)
 def test_after_a_shutdown_only_a_reboot_brings_torque_back(error: HardwareError):
     servo = powered(shutdown=int(error))
-    feel(servo, ticks=1500.0)
+    sense(servo, ticks=1500.0)
     servo.trip(error)
     assert write(servo, "torque_enable", 1) == ALERT
     assert read(servo, "torque_enable") == 0 and not servo.torque_on
@@ -51,7 +51,7 @@ def test_after_a_shutdown_only_a_reboot_brings_torque_back(error: HardwareError)
     servo.advance(1.0)
     assert read(servo, "hardware_error_status") == 0
     assert write(servo, "torque_enable", 1) == 0
-    assert servo.drive().torque_on and servo.drive().target_ticks == 1500.0
+    assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 1500.0
 
 
 def test_the_answer_to_a_refused_torque_on_is_a_quirk():
@@ -71,53 +71,53 @@ def test_errors_add_up_and_an_alert_comes_beside_an_error_number():
 
 def test_heat_trips_above_the_limit_and_again_after_a_reboot_while_hot():
     servo = powered()
-    feel(servo, temperature=80.0)
+    sense(servo, temperature=80.0)
     assert servo.torque_on
-    feel(servo, temperature=80.6)
+    sense(servo, temperature=80.6)
     assert not servo.torque_on
     assert read(servo, "hardware_error_status") == HardwareError.OVERHEATING
-    feel(servo, temperature=30.0)
+    sense(servo, temperature=30.0)
     assert read(servo, "hardware_error_status") == HardwareError.OVERHEATING
     servo.reboot()
     servo.advance(1.0)
-    feel(servo, temperature=90.0)
+    sense(servo, temperature=90.0)
     assert read(servo, "hardware_error_status") == HardwareError.OVERHEATING
 
 
 @pytest.mark.parametrize("voltage", [9.4, 16.1])
 def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
     servo = powered()
-    feel(servo, voltage=voltage)
+    sense(servo, voltage=voltage)
     assert read(servo, "hardware_error_status") == HardwareError.VOLTAGE
     assert servo.torque_on  # voltage is not in the default shutdown mask
-    feel(servo, voltage=12.0)
+    sense(servo, voltage=12.0)
     assert read(servo, "hardware_error_status") == 0
 
 
 def test_a_voltage_error_stays_by_quirk():
     servo = VirtualServo(1, quirks=Quirks(voltage_error_clears=False))
-    feel(servo, voltage=9.0)
-    feel(servo, voltage=12.0)
+    sense(servo, voltage=9.0)
+    sense(servo, voltage=12.0)
     assert read(servo, "hardware_error_status") == HardwareError.VOLTAGE
 
 
 def test_a_shutdown_by_voltage_stays_shut_when_the_bit_goes():
     servo = powered(shutdown=1)
-    feel(servo, voltage=9.0)
-    feel(servo, voltage=12.0)
+    sense(servo, voltage=9.0)
+    sense(servo, voltage=12.0)
     assert read(servo, "hardware_error_status") == 0
     assert write(servo, "torque_enable", 1) == 0
     assert not servo.torque_on
 
 
-# Overload -----------------------------------------------------------------------------------
+# OverloadModel -----------------------------------------------------------------------------------
 
 
 def time_to_trip(current: float, quirks: Quirks | None = None, longest: float = 60.0) -> float:
     """Seconds of a steady current until overload, ``inf`` for never."""
     servo = VirtualServo(1, quirks=quirks)
     write(servo, "torque_enable", 1)
-    feel(servo, current=current)
+    sense(servo, current=current)
     step = 0.01
     for i in range(1, round(longest / step)):
         servo.advance(i * step)
@@ -145,7 +145,7 @@ def test_the_overload_curve_is_a_quirk():
 
 
 def test_overload_does_not_depend_on_how_time_is_cut():
-    coarse, fine = Overload(2.0, Quirks()), Overload(2.0, Quirks())
+    coarse, fine = OverloadModel(2.0, Quirks()), OverloadModel(2.0, Quirks())
     coarse.advance(1.0, 1.0)
     for _ in range(1000):
         fine.advance(1.0, 0.001)
@@ -154,7 +154,7 @@ def test_overload_does_not_depend_on_how_time_is_cut():
 
 def test_a_reboot_forgets_the_load_so_far():
     servo = powered()
-    feel(servo, current=STALL)
+    sense(servo, current=STALL)
     for i in range(400):
         servo.advance(0.01 * i)
     assert servo.peek("hardware_error_status") == HardwareError.OVERLOAD
@@ -172,12 +172,12 @@ def test_silence_trips_the_watchdog_and_motion_stops_where_it_is():
     write(servo, "bus_watchdog", 5)  # 100 ms
     write(servo, "goal_position", 3500)
     servo.advance(0.1)
-    feel(servo, ticks=2100.0, velocity=0.5)
+    sense(servo, ticks=2100.0, velocity=0.5)
     assert servo.peek("bus_watchdog") == 5 and servo.has_profile
     servo.advance(0.101)
     assert read(servo, "bus_watchdog") == -1
     assert not servo.has_profile and servo.torque_on
-    assert servo.drive().target_ticks == read(servo, "goal_position") == 2100
+    assert servo.motor_command().target_ticks == read(servo, "goal_position") == 2100
     assert read(servo, "profile_velocity") == read(servo, "profile_acceleration") == 0
 
 
@@ -195,10 +195,10 @@ def test_goals_are_refused_until_the_watchdog_is_cleared():
     for name in ("goal_pwm", "goal_current", "goal_velocity", "goal_position"):
         assert write(servo, name, 0) == ErrorNumber.DATA_RANGE
     assert write(servo, "bus_watchdog", 5) == ErrorNumber.DATA_RANGE
-    assert servo.drive().target_ticks == 2048.0
+    assert servo.motor_command().target_ticks == 2048.0
     assert write(servo, "bus_watchdog", 0) == 0
     assert write(servo, "goal_position", 2100) == 0
-    assert servo.drive().target_ticks == 2100.0
+    assert servo.motor_command().target_ticks == 2100.0
 
 
 def test_the_watchdog_counts_only_under_torque():
@@ -226,7 +226,7 @@ def test_in_the_other_modes_the_watchdog_stops_the_motor(mode: int, goal: str, v
     write(servo, goal, value)
     write(servo, "bus_watchdog", 1)
     servo.advance(1.0)
-    drive = servo.drive()
+    drive = servo.motor_command()
     asked = {
         "goal_current": drive.goal_current,
         "goal_velocity": drive.goal_velocity,

@@ -3,14 +3,14 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from wire_talk import feel, read, write
+from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset
-from drivers.virtual_bus.devices.device import Call
+from drivers.virtual_bus.devices.device import Addressing
 from drivers.virtual_bus.devices.maintenance import CLEAR_TURNS, RESTORE_BACKUP, STORE_BACKUP
 from drivers.virtual_bus.devices.protection import STALL_CURRENTS
-from drivers.virtual_bus.devices.quirks import Quirks, Undefined
+from drivers.virtual_bus.devices.quirks import Quirks, UndefinedRegisters
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 MODELS = [name for name in known_models() if table_named(name).modes]
@@ -104,7 +104,7 @@ def test_every_item_has_its_access_and_its_range(model: str):
 
 def test_result_fail_when_turns_are_cleared_in_motion():
     servo = VirtualServo(1)
-    feel(servo, velocity=1.0)
+    sense(servo, velocity=1.0)
     status = servo.handle(Instruction.CLEAR, CLEAR_TURNS)
     assert status is not None and status.number == ErrorNumber.RESULT_FAIL
 
@@ -160,7 +160,7 @@ def test_access_error_outside_the_table():
 
 def test_a_gap_inside_a_span_is_a_quirk():
     span = (65, 4)  # led, two undefined bytes, status return level
-    lenient, strict = (VirtualServo(1, quirks=Quirks(undefined=u)) for u in Undefined)
+    lenient, strict = (VirtualServo(1, quirks=Quirks(undefined=u)) for u in UndefinedRegisters)
     assert raw_read(lenient, *span) == (0, b"\0\0\0\2")
     assert raw_read(strict, *span) == (ErrorNumber.ACCESS, b"")
     assert raw_write(lenient, 65, b"\1\7\7\2") == 0
@@ -262,7 +262,7 @@ def test_a_reboot_forgets_a_registered_write():
 
 def test_indirect_data_is_the_register_that_its_address_names():
     servo = VirtualServo(1)
-    feel(servo, ticks=1234.0)
+    sense(servo, ticks=1234.0)
     for i in range(4):
         assert write(servo, f"indirect_address_{i + 1}", 132 + i) == 0
         assert write(servo, f"indirect_address_{i + 5}", 116 + i) == 0
@@ -386,9 +386,9 @@ def test_startup_configuration_switches_torque_on_and_restores_ram():
     write(servo, "position_p_gain", 123)
     servo.handle(Instruction.BACKUP, STORE_BACKUP)
     servo.handle(Instruction.REBOOT)
-    assert not servo.drive().torque_on
+    assert not servo.motor_command().torque_on
     wake(servo)
-    assert servo.drive().torque_on and servo.drive().p_gain == 123
+    assert servo.motor_command().torque_on and servo.motor_command().p_gain == 123
     assert read(servo, "torque_enable") == 1
 
 
@@ -397,7 +397,7 @@ def test_power_returns_a_servo_as_a_reboot_does():
     write(servo, "torque_enable", 1)
     write(servo, "led", 1)
     servo.powered = False
-    assert not servo.listens and not servo.drive().torque_on
+    assert not servo.listens and not servo.motor_command().torque_on
     servo.advance(5.0)
     servo.powered = True
     assert not servo.listens
@@ -411,7 +411,7 @@ def test_a_servo_behind_a_broken_cable_goes_on_with_what_it_does():
     write(servo, "torque_enable", 1)
     servo.alive = False
     servo.advance(3.0)
-    assert not servo.listens and servo.drive().torque_on
+    assert not servo.listens and servo.motor_command().torque_on
 
 
 # By secondary id and by broadcast -----------------------------------------------------------
@@ -421,10 +421,10 @@ def test_by_its_secondary_id_a_servo_obeys_silently_and_leaves_eeprom_alone():
     servo = VirtualServo(1)
     write(servo, "secondary_id", 5)
     assert servo.secondary_id == 5
-    assert servo.handle(Instruction.WRITE, b"\x41\0\1", call=Call.SECONDARY) is None
-    assert servo.handle(Instruction.WRITE, b"\x09\0\0", call=Call.SECONDARY) is None
-    assert servo.handle(Instruction.FACTORY_RESET, b"\x01", call=Call.SECONDARY) is None
-    assert servo.handle(Instruction.PING, call=Call.SECONDARY) is None
+    assert servo.handle(Instruction.WRITE, b"\x41\0\1", addressing=Addressing.SECONDARY) is None
+    assert servo.handle(Instruction.WRITE, b"\x09\0\0", addressing=Addressing.SECONDARY) is None
+    assert servo.handle(Instruction.FACTORY_RESET, b"\x01", addressing=Addressing.SECONDARY) is None
+    assert servo.handle(Instruction.PING, addressing=Addressing.SECONDARY) is None
     assert (servo.peek("led"), servo.peek("return_delay_time")) == (1, 250)
     write(servo, "secondary_id", 253)
     assert servo.secondary_id is None

@@ -5,7 +5,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from wire_talk import feel, read, write
+from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
@@ -35,7 +35,7 @@ def powered(mode: int = OperatingMode.POSITION, **registers: int) -> VirtualServ
 def test_power_up_shows_the_position_inside_one_turn(raw: int, mode: int):
     servo = VirtualServo(1)
     write(servo, "operating_mode", mode)
-    feel(servo, ticks=raw)
+    sense(servo, ticks=raw)
     assert read(servo, "present_position") == raw  # turns are counted without torque too
     servo.reboot()
     servo.advance(1.0)
@@ -54,9 +54,9 @@ def test_the_motor_is_sent_to_where_the_register_says(raw, homing, reverse, mode
     write(servo, "operating_mode", mode)
     write(servo, "homing_offset", homing)
     write(servo, "drive_mode", reverse)
-    feel(servo, ticks=raw)
+    sense(servo, ticks=raw)
     write(servo, "torque_enable", 1)
-    assert servo.drive().target_ticks == raw
+    assert servo.motor_command().target_ticks == raw
     counted = 0 if mode == 3 and abs(homing) > 1024 else homing
     sign = -1 if reverse else 1
     shown = read(servo, "present_position")
@@ -65,14 +65,14 @@ def test_the_motor_is_sent_to_where_the_register_says(raw, homing, reverse, mode
     else:  # turns are counted from where the drive mode was set
         assert (shown - sign * raw - counted) % TURN == 0
     if mode != 3 and write(servo, "goal_position", shown + 100) == 0:
-        assert servo.drive().target_ticks == raw + sign * 100
+        assert servo.motor_command().target_ticks == raw + sign * 100
 
 
 def test_reversed_registers_show_everything_of_the_horn_with_the_other_sign():
     there, back = VirtualServo(1), VirtualServo(2)
     write(back, "drive_mode", 1)
     for servo in (there, back):
-        feel(servo, ticks=1000.0, velocity=1.0, current=0.5, pwm_share=0.2)
+        sense(servo, ticks=1000.0, velocity=1.0, current=0.5, pwm_share=0.2)
     for name in ("present_pwm", "present_current", "present_velocity"):
         assert read(there, name) == -read(back, name) != 0
     assert read(there, "present_position") == 1000
@@ -81,7 +81,7 @@ def test_reversed_registers_show_everything_of_the_horn_with_the_other_sign():
 
 def test_sensors_show_si_values_in_counts_of_their_model():
     servo = VirtualServo(1)
-    feel(
+    sense(
         servo,
         ticks=99.6,
         velocity=1.0,
@@ -100,7 +100,7 @@ def test_sensors_show_si_values_in_counts_of_their_model():
     }
     assert {name: read(servo, name) for name in shown} == shown
     xl430 = VirtualServo(1, "XL430-W250")
-    feel(xl430, pwm_share=0.25)
+    sense(xl430, pwm_share=0.25)
     assert read(xl430, "present_load") == 250  # 0.1 %
 
 
@@ -108,21 +108,21 @@ def test_torque_on_in_position_mode_drops_turns_and_in_extended_mode_keeps_them(
     for mode, shown in ((3, 100), (4, 2 * TURN + 100), (5, 2 * TURN + 100)):
         servo = VirtualServo(1)
         write(servo, "operating_mode", mode)
-        feel(servo, ticks=2 * TURN + 100)
+        sense(servo, ticks=2 * TURN + 100)
         write(servo, "torque_enable", 1)
         assert read(servo, "present_position") == read(servo, "goal_position") == shown
-        assert servo.drive().target_ticks == 2 * TURN + 100
+        assert servo.motor_command().target_ticks == 2 * TURN + 100
 
 
 def test_clear_drops_turns_at_standstill_and_nothing_moves():
     servo = powered(OperatingMode.EXTENDED_POSITION)
     write(servo, "goal_position", 3 * TURN + 5)
-    feel(servo, ticks=3 * TURN + 5)
-    before = servo.drive().target_ticks
+    sense(servo, ticks=3 * TURN + 5)
+    before = servo.motor_command().target_ticks
     status = servo.handle(Instruction.CLEAR, CLEAR_TURNS)
     assert status is not None and status.error == 0
     assert read(servo, "present_position") == read(servo, "goal_position") == 5
-    assert servo.drive().target_ticks == before
+    assert servo.motor_command().target_ticks == before
     status = servo.handle(Instruction.CLEAR, CLEAR_TURNS[:-1])
     assert status is not None and status.number == ErrorNumber.DATA_RANGE
     old = VirtualServo(1, firmware=41)
@@ -136,78 +136,78 @@ def test_clear_drops_turns_at_standstill_and_nothing_moves():
 def test_torque_on_holds_the_present_position_whatever_the_old_goal():
     servo = VirtualServo(1)
     write(servo, "goal_position", 4000)
-    feel(servo, ticks=1000.0)
-    assert not servo.drive().torque_on
+    sense(servo, ticks=1000.0)
+    assert not servo.motor_command().torque_on
     write(servo, "torque_enable", 1)
-    assert servo.drive().torque_on and servo.drive().target_ticks == 1000.0
+    assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 1000.0
     assert read(servo, "goal_position") == 1000
 
 
 def test_without_that_quirk_an_old_goal_makes_the_servo_jump():
     servo = VirtualServo(1, quirks=Quirks(torque_on_seeds_goal=False))
     write(servo, "goal_position", 4000)
-    feel(servo, ticks=1000.0)
+    sense(servo, ticks=1000.0)
     write(servo, "torque_enable", 1)
-    assert servo.drive().target_ticks == 4000.0
+    assert servo.motor_command().target_ticks == 4000.0
 
 
 def test_torque_on_again_changes_nothing():
     servo = powered()
     write(servo, "goal_position", 3000)
     write(servo, "torque_enable", 1)
-    assert servo.drive().target_ticks == 3000.0
+    assert servo.motor_command().target_ticks == 3000.0
 
 
 def test_torque_on_beyond_the_limits_holds_there():
     servo = VirtualServo(1)
     write(servo, "max_position_limit", 2000)
-    feel(servo, ticks=2500.0)
+    sense(servo, ticks=2500.0)
     write(servo, "torque_enable", 1)
-    assert servo.drive().target_ticks == 2500.0
+    assert servo.motor_command().target_ticks == 2500.0
     assert write(servo, "goal_position", 2500) == ErrorNumber.DATA_LIMIT
 
 
 def test_a_goal_by_action_or_indirect_data_moves_the_motor_too():
     servo = powered()
     servo.handle(Instruction.REG_WRITE, b"\x74\0\x10\x0a\0\0")
-    assert servo.drive().target_ticks == 2048.0
+    assert servo.motor_command().target_ticks == 2048.0
     servo.handle(Instruction.ACTION)
-    assert servo.drive().target_ticks == 0x0A10
+    assert servo.motor_command().target_ticks == 0x0A10
     for i in range(4):
         write(servo, f"indirect_address_{i + 1}", 116 + i)
     servo.handle(Instruction.WRITE, b"\xe0\0\x00\x09\0\0")
-    assert servo.drive().target_ticks == 0x0900
+    assert servo.motor_command().target_ticks == 0x0900
 
 
 def test_torque_by_goal_update_switches_torque_on_and_goes():
     servo = VirtualServo(1)
     write(servo, "drive_mode", 8)
-    assert not servo.drive().torque_on
+    assert not servo.motor_command().torque_on
     write(servo, "goal_position", 2100)
-    assert servo.drive().torque_on and servo.drive().target_ticks == 2100.0
+    assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 2100.0
     assert read(servo, "torque_enable") == 1
 
 
 def test_gains_and_goal_pwm_reach_the_motor_under_torque():
     servo = powered()
-    drive = servo.drive()
+    drive = servo.motor_command()
     assert (drive.p_gain, drive.i_gain, drive.d_gain, drive.pwm_limit) == (800, 0, 0, 1.0)
     gains = {"position_p_gain": 200, "position_i_gain": 3, "position_d_gain": 4}
     for name, value in gains.items():
         write(servo, name, value)
     write(servo, "goal_pwm", 177)
-    drive = servo.drive()
+    drive = servo.motor_command()
     assert (drive.p_gain, drive.i_gain, drive.d_gain) == (200, 3, 4)
     assert drive.pwm_limit == 177 / 885
 
 
 def test_current_limits():
     servo = powered()
-    assert servo.drive().current_limit == pytest.approx(1193 * 2.69e-3)
-    assert VirtualServo(1, "XL430-W250").drive().current_limit == math.inf
+    assert servo.motor_command().current_limit == pytest.approx(1193 * 2.69e-3)
+    assert VirtualServo(1, "XL430-W250").motor_command().current_limit == math.inf
     servo = powered(OperatingMode.CURRENT_BASED_POSITION)
     write(servo, "goal_current", -100)
-    assert servo.drive().current_limit == pytest.approx(0.269)
+    assert servo.motor_command().current_limit == pytest.approx(0.269)
 
 
 @pytest.mark.parametrize("reverse", [0, 1])
@@ -215,27 +215,27 @@ def test_the_other_modes_hand_their_goals_to_the_motor(reverse: int):
     sign = -1.0 if reverse else 1.0
     servo = powered(OperatingMode.CURRENT, drive_mode=reverse)
     write(servo, "goal_current", 100)
-    assert servo.drive().mode is OperatingMode.CURRENT
-    assert servo.drive().goal_current == pytest.approx(sign * 0.269)
+    assert servo.motor_command().mode is OperatingMode.CURRENT
+    assert servo.motor_command().goal_current == pytest.approx(sign * 0.269)
     servo = powered(OperatingMode.PWM, drive_mode=reverse)
     write(servo, "goal_pwm", -885)
-    assert servo.drive().goal_pwm == -sign
+    assert servo.motor_command().goal_pwm == -sign
     servo = powered(OperatingMode.VELOCITY, drive_mode=reverse)
     write(servo, "goal_velocity", 200)
-    assert servo.drive().goal_velocity == pytest.approx(sign * 200 * SPEED)
+    assert servo.motor_command().goal_velocity == pytest.approx(sign * 200 * SPEED)
 
 
 def test_velocity_mode_ramps_with_the_profile_acceleration():
     servo = powered(OperatingMode.VELOCITY, profile_acceleration=10)
     write(servo, "goal_velocity", 200)
-    assert servo.has_profile and servo.drive().goal_velocity == 0.0
+    assert servo.has_profile and servo.motor_command().goal_velocity == 0.0
     servo.advance(0.5)
     # 10 counts of 214.577 rev/min² are 3.745 rad/s².
-    assert servo.drive().goal_velocity == pytest.approx(1.8725, abs=1e-3)
+    assert servo.motor_command().goal_velocity == pytest.approx(1.8725, abs=1e-3)
     assert read(servo, "velocity_trajectory") == round(1.8725 / SPEED)
     assert read(servo, "moving") == 1
     servo.advance(2.0)
-    assert servo.drive().goal_velocity == pytest.approx(200 * SPEED)
+    assert servo.motor_command().goal_velocity == pytest.approx(200 * SPEED)
     assert not servo.has_profile
 
 
@@ -243,9 +243,9 @@ def test_velocity_mode_by_time_takes_the_profile_acceleration_as_its_duration():
     servo = powered(OperatingMode.VELOCITY, drive_mode=4, profile_acceleration=1000)
     write(servo, "goal_velocity", 100)
     servo.advance(0.5)
-    assert servo.drive().goal_velocity == pytest.approx(50 * SPEED)
+    assert servo.motor_command().goal_velocity == pytest.approx(50 * SPEED)
     servo.advance(1.0)
-    assert servo.drive().goal_velocity == pytest.approx(100 * SPEED)
+    assert servo.motor_command().goal_velocity == pytest.approx(100 * SPEED)
 
 
 def test_narrower_limits_pull_goals_in():
@@ -268,19 +268,19 @@ def test_a_profile_takes_the_target_along_and_the_flags_tell():
     assert read(servo, "moving") == 1
     assert read(servo, "moving_status") & 0x3F == 3 << 4 | RUNNING
     servo.advance(0.32)
-    assert servo.drive().target_ticks == pytest.approx(2048 + 250.1, abs=0.5)
+    assert servo.motor_command().target_ticks == pytest.approx(2048 + 250.1, abs=0.5)
     assert read(servo, "position_trajectory") == 2298
     assert read(servo, "velocity_trajectory") == 100
-    feel(servo, ticks=2150.0, velocity=1.0)
+    sense(servo, ticks=2150.0, velocity=1.0)
     assert read(servo, "moving_status") & ASTRAY
-    feel(servo, ticks=2250.0, velocity=1.0)
+    sense(servo, ticks=2250.0, velocity=1.0)
     assert not read(servo, "moving_status") & ASTRAY
     servo.advance(0.95)
     assert read(servo, "moving_status") & RUNNING
     servo.advance(0.97)
     assert not read(servo, "moving_status") & RUNNING
-    assert servo.drive().target_ticks == 3048.0
-    feel(servo, ticks=3045.0)
+    assert servo.motor_command().target_ticks == 3048.0
+    sense(servo, ticks=3045.0)
     assert read(servo, "moving") == 0
     assert read(servo, "moving_status") & 0xF == IN_POSITION
 
@@ -289,24 +289,24 @@ def test_a_new_goal_in_motion_goes_on_from_the_trajectory():
     servo = powered(profile_velocity=100, profile_acceleration=20)
     write(servo, "goal_position", 3048)
     servo.advance(0.3)
-    before = servo.drive().target_ticks
+    before = servo.motor_command().target_ticks
     write(servo, "goal_position", 1000)
-    assert servo.drive().target_ticks == pytest.approx(before)
+    assert servo.motor_command().target_ticks == pytest.approx(before)
     servo.advance(0.301)
-    assert 0.0 < servo.drive().target_ticks - before < 2.0  # still braking, 1.5 ticks a ms
+    assert 0.0 < servo.motor_command().target_ticks - before < 2.0  # still braking, 1.5 ticks a ms
     servo.advance(20.0)
-    assert servo.drive().target_ticks == 1000.0
+    assert servo.motor_command().target_ticks == 1000.0
 
 
 def test_a_time_based_profile_arrives_on_time():
     servo = powered(drive_mode=4, profile_velocity=2000, profile_acceleration=500)
     write(servo, "goal_position", 2248)
     servo.advance(1.0)
-    assert servo.drive().target_ticks == pytest.approx(2148.0)
+    assert servo.motor_command().target_ticks == pytest.approx(2148.0)
     servo.advance(1.999)
     assert servo.has_profile
     servo.advance(2.0)
-    assert servo.drive().target_ticks == 2248.0 and not servo.has_profile
+    assert servo.motor_command().target_ticks == 2248.0 and not servo.has_profile
 
 
 def test_a_time_based_profile_has_a_shorter_range():
@@ -320,10 +320,10 @@ def test_a_time_based_profile_has_a_shorter_range():
 def test_moving_compares_the_speed_with_its_threshold():
     servo = VirtualServo(1)
     for counts, moving in ((10, 0), (11, 1), (-11, 1), (-10, 0)):
-        feel(servo, velocity=counts * SPEED)
+        sense(servo, velocity=counts * SPEED)
         assert read(servo, "moving") == moving
     write(servo, "moving_threshold", 50)
-    feel(servo, velocity=50 * SPEED)
+    sense(servo, velocity=50 * SPEED)
     assert read(servo, "moving") == 0
 
 
@@ -332,9 +332,9 @@ def test_torque_off_ends_a_profile():
     write(servo, "goal_position", 3000)
     servo.advance(0.1)
     write(servo, "torque_enable", 0)
-    assert not servo.has_profile and not servo.drive().torque_on
+    assert not servo.has_profile and not servo.motor_command().torque_on
     write(servo, "torque_enable", 1)
-    assert servo.drive().target_ticks == 2048.0
+    assert servo.motor_command().target_ticks == 2048.0
 
 
 @given(
@@ -351,4 +351,4 @@ def test_no_profile_is_too_wild_for_the_registers(goals, drive_mode):
         write(servo, "profile_acceleration", acceleration)
         assert write(servo, "goal_position", goal) == 0
         servo.advance(0.37 * (i + 1))
-        assert math.isfinite(servo.drive().target_ticks)
+        assert math.isfinite(servo.motor_command().target_ticks)

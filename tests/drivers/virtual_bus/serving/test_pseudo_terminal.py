@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Instruction, Packet, Span
-from drivers.virtual_bus.serving.instruction_reader import LONGEST_GAP, Listener
+from drivers.virtual_bus.serving.instruction_reader import LONGEST_GAP, InstructionReader
 from drivers.virtual_bus.serving.interfaces import WireStatistics
-from drivers.virtual_bus.serving.pseudo_terminal import Wire, WireError
+from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError, PseudoTerminal
 
 BYTE = 1e-5  # s on the wire at 1 Mbps
 TIOCGEXCL = 0x80045440
@@ -34,12 +34,12 @@ time.sleep(60)
 
 @pytest.fixture
 def wire():
-    wire = Wire()
+    wire = PseudoTerminal()
     yield wire
     wire.close()
 
 
-def open_port(wire: Wire) -> int:
+def open_port(wire: PseudoTerminal) -> int:
     return os.open(wire.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
 
 
@@ -50,7 +50,7 @@ def read_all(end: int, count: int) -> bytes:
     return data
 
 
-def test_every_byte_passes_unchanged_both_ways(wire: Wire):
+def test_every_byte_passes_unchanged_both_ways(wire: PseudoTerminal):
     everything = bytes(range(256)) * 4
     client = open_port(wire)
     os.write(client, everything)
@@ -62,12 +62,12 @@ def test_every_byte_passes_unchanged_both_ways(wire: Wire):
 
 
 @pytest.mark.parametrize("baud", [57600, 1_000_000, 4_500_000, 1_234_567])
-def test_the_wire_knows_the_rate_that_its_client_set(wire: Wire, baud: int):
+def test_the_wire_knows_the_rate_that_its_client_set(wire: PseudoTerminal, baud: int):
     with serial.Serial(wire.path, baud):
         assert wire.baud == baud
 
 
-def test_a_client_that_never_reads_loses_bytes_and_blocks_nobody(wire: Wire):
+def test_a_client_that_never_reads_loses_bytes_and_blocks_nobody(wire: PseudoTerminal):
     client = open_port(wire)
     taken = [wire.write(bytes(1000)) for _ in range(1000)]
     assert taken[0] == 1000
@@ -75,7 +75,7 @@ def test_a_client_that_never_reads_loses_bytes_and_blocks_nobody(wire: Wire):
     os.close(client)
 
 
-def test_a_flush_by_the_client_discards_answers(wire: Wire):
+def test_a_flush_by_the_client_discards_answers(wire: PseudoTerminal):
     with serial.Serial(wire.path, 1_000_000, timeout=0.0) as client:
         wire.write(b"old")
         select.select([client], [], [], 5.0)
@@ -84,7 +84,7 @@ def test_a_flush_by_the_client_discards_answers(wire: Wire):
         assert read_all(client.fileno(), 3) == b"new"
 
 
-def test_an_unplugged_port_is_an_error_to_its_client_and_no_path_any_more(wire: Wire):
+def test_an_unplugged_port_is_an_error_to_its_client_and_no_path_any_more(wire: PseudoTerminal):
     client = open_port(wire)
     wire.unplug()
     with pytest.raises(OSError):
@@ -94,7 +94,7 @@ def test_an_unplugged_port_is_an_error_to_its_client_and_no_path_any_more(wire: 
     os.close(client)
 
 
-def test_a_replugged_port_has_the_old_path_and_a_new_line(wire: Wire):
+def test_a_replugged_port_has_the_old_path_and_a_new_line(wire: PseudoTerminal):
     path, old = wire.path, open_port(wire)
     wire.unplug()
     wire.plug()
@@ -108,7 +108,7 @@ def test_a_replugged_port_has_the_old_path_and_a_new_line(wire: Wire):
         os.close(end)
 
 
-def test_a_killed_client_leaves_no_lock_and_no_answers_behind(wire: Wire):
+def test_a_killed_client_leaves_no_lock_and_no_answers_behind(wire: PseudoTerminal):
     command = [sys.executable, "-c", HOLD_PORT, wire.path]
     client = subprocess.Popen(command, stdout=subprocess.PIPE)
     assert client.stdout is not None
@@ -129,7 +129,7 @@ def test_a_killed_client_leaves_no_lock_and_no_answers_behind(wire: Wire):
     client.stdout.close()
 
 
-def test_a_port_left_in_another_mode_is_raw_again_for_the_next_client(wire: Wire):
+def test_a_port_left_in_another_mode_is_raw_again_for_the_next_client(wire: PseudoTerminal):
     client = open_port(wire)
     mode = termios.tcgetattr(client)
     mode[3] |= termios.ECHO | termios.ICANON
@@ -144,7 +144,7 @@ def test_a_port_left_in_another_mode_is_raw_again_for_the_next_client(wire: Wire
 def test_a_link_replaces_one_that_a_killed_bus_left_behind(tmp_path):
     link = tmp_path / "port"
     link.symlink_to("/dev/pts/no-such")
-    wire = Wire(link)
+    wire = PseudoTerminal(link)
     assert wire.path == str(link)
     assert link.is_char_device()
     wire.close()
@@ -155,16 +155,16 @@ def test_a_link_replaces_one_that_a_killed_bus_left_behind(tmp_path):
 def test_a_link_that_the_bus_did_not_make_is_refused_and_stays(tmp_path, target: str):
     link = tmp_path / "robot"
     link.symlink_to(target)
-    with pytest.raises(WireError, match=f"a link to {target} is there, name another path"):
-        Wire(link)
+    with pytest.raises(PortLinkError, match=f"a link to {target} is there, name another path"):
+        PseudoTerminal(link)
     assert link.readlink() == Path(target)
 
 
 def test_the_link_of_a_running_bus_is_refused_to_another(tmp_path):
     link = tmp_path / "port"
-    wire = Wire(link)
-    with pytest.raises(WireError, match=r"a link to /dev/pts/\d+ is there"):
-        Wire(link)
+    wire = PseudoTerminal(link)
+    with pytest.raises(PortLinkError, match=r"a link to /dev/pts/\d+ is there"):
+        PseudoTerminal(link)
     assert link.is_char_device()
     wire.close()
 
@@ -172,16 +172,16 @@ def test_the_link_of_a_running_bus_is_refused_to_another(tmp_path):
 def test_a_file_or_a_missing_folder_is_refused(tmp_path):
     file = tmp_path / "notes"
     file.write_text("mine")
-    with pytest.raises(WireError, match="a file is there, name another path"):
-        Wire(file)
+    with pytest.raises(PortLinkError, match="a file is there, name another path"):
+        PseudoTerminal(file)
     assert file.read_text() == "mine"
-    with pytest.raises(WireError, match="no folder"):
-        Wire(tmp_path / "missing" / "port")
+    with pytest.raises(PortLinkError, match="no folder"):
+        PseudoTerminal(tmp_path / "missing" / "port")
 
 
 def test_closing_leaves_a_link_that_points_elsewhere_by_now(tmp_path):
     link = tmp_path / "port"
-    wire = Wire(link)
+    wire = PseudoTerminal(link)
     link.unlink()
     link.symlink_to("/dev/null")
     wire.close()
@@ -189,7 +189,7 @@ def test_closing_leaves_a_link_that_points_elsewhere_by_now(tmp_path):
 
 
 def test_closing_removes_the_folder_and_may_be_repeated():
-    wire = Wire()
+    wire = PseudoTerminal()
     folder = wire.link.parent
     wire.close()
     wire.close()
@@ -213,10 +213,10 @@ FRAMES = st.lists(
 def test_each_instruction_is_as_long_as_its_frame_however_bytes_arrive(packets, cuts):
     stream = b"".join(packet.encode() for packet in packets)
     statistics = WireStatistics()
-    listener = Listener(statistics, timed=True)
+    reader = InstructionReader(statistics, timed=True)
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     pieces = [stream[a:b] for a, b in pairwise(edges)]
-    heard = [r for piece in pieces for r in listener.hear(piece, 0.0, 1_000_000, BYTE)]
+    heard = [r for piece in pieces for r in reader.hear(piece, 0.0, 1_000_000, BYTE)]
     assert [request.item for request in heard] == packets
     assert [request.size for request in heard] == [len(p.encode()) for p in packets]
     assert (statistics.unstuffed, statistics.noise) == (0, 0)
@@ -224,17 +224,17 @@ def test_each_instruction_is_as_long_as_its_frame_however_bytes_arrive(packets, 
 
 
 def test_noise_before_an_instruction_takes_its_time_on_the_wire():
-    listener = Listener(WireStatistics(), timed=True)
-    (request,) = listener.hear(b"\x00" * 5 + protocol2.ping(1), 0.0, 1_000_000, BYTE)
+    reader = InstructionReader(WireStatistics(), timed=True)
+    (request,) = reader.hear(b"\x00" * 5 + protocol2.ping(1), 0.0, 1_000_000, BYTE)
     assert request.size == 15
 
 
 def test_an_unstuffed_instruction_is_heard_and_noted():
     statistics = WireStatistics()
-    listener = Listener(statistics, timed=True)
+    reader = InstructionReader(statistics, timed=True)
     # As dynamixel-sdk 4.1.0 sends it: the CRC matches the raw bytes, nothing is stuffed.
     raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
-    (request,) = listener.hear(raw, 0.0, 1_000_000, BYTE)
+    (request,) = reader.hear(raw, 0.0, 1_000_000, BYTE)
     assert request.item == Packet(1, Instruction.WRITE, b"\x74\x00\xff\xff\xfd")
     assert request.unstuffed
     assert statistics.unstuffed == 1
@@ -244,18 +244,18 @@ def test_a_gap_inside_an_instruction_breaks_it_off():
     frame = protocol2.read(1, Span(132, 4))
     for gap, heard in ((LONGEST_GAP * 0.9, 1), (LONGEST_GAP * 1.1, 0)):
         statistics = WireStatistics()
-        listener = Listener(statistics, timed=True)
-        listener.hear(frame[:5], 0.0, 1_000_000, BYTE)
-        found = listener.hear(frame[5:], 5 * BYTE + gap, 1_000_000, BYTE)
+        reader = InstructionReader(statistics, timed=True)
+        reader.hear(frame[:5], 0.0, 1_000_000, BYTE)
+        found = reader.hear(frame[5:], 5 * BYTE + gap, 1_000_000, BYTE)
         assert len(found) == heard
         assert statistics.broken_off == 1 - heard
 
 
 def test_without_time_an_instruction_ends_where_the_next_begins():
     statistics = WireStatistics()
-    listener = Listener(statistics, timed=False)
-    listener.hear(protocol2.read(1, Span(132, 4))[:5], 0.0, 1_000_000, 0.0)
-    (request,) = listener.hear(protocol2.ping(2), 0.0, 1_000_000, 0.0)
+    reader = InstructionReader(statistics, timed=False)
+    reader.hear(protocol2.read(1, Span(132, 4))[:5], 0.0, 1_000_000, 0.0)
+    (request,) = reader.hear(protocol2.ping(2), 0.0, 1_000_000, 0.0)
     assert request.item == Packet(2, Instruction.PING)
     assert statistics.broken_off == 1
 
@@ -264,6 +264,6 @@ def test_a_damaged_instruction_is_counted():
     statistics = WireStatistics()
     frame = bytearray(protocol2.ping(1))
     frame[-1] ^= 1
-    found = Listener(statistics, timed=True).hear(bytes(frame), 0.0, 1_000_000, BYTE)
+    found = InstructionReader(statistics, timed=True).hear(bytes(frame), 0.0, 1_000_000, BYTE)
     assert len(found) == statistics.damaged == 1
     assert statistics.packets == 0

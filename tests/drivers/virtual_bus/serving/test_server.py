@@ -35,7 +35,7 @@ def devices():
 
 @pytest.fixture
 def bus(devices: FakeDevices):
-    with VirtualBus(devices, pace=TimeMode.LOCK_STEP) as bus:
+    with VirtualBus(devices, time_mode=TimeMode.LOCK_STEP) as bus:
         yield bus
 
 
@@ -109,7 +109,10 @@ def test_a_client_that_waits_in_vain_lets_time_pass(bus: VirtualBus):
 
 def test_the_same_requests_give_the_same_bytes_and_time():
     def play() -> tuple[bytes, float]:
-        with VirtualBus(FakeDevices(IDS), pace=TimeMode.LOCK_STEP) as bus, connect(bus) as port:
+        with (
+            VirtualBus(FakeDevices(IDS), time_mode=TimeMode.LOCK_STEP) as bus,
+            connect(bus) as port,
+        ):
             read = protocol2.sync_read(IDS, Span(126, 10), fast=True)
             answers = [ask(port, GOALS + read, 50) for _ in range(20)]
             return b"".join(answers), bus.time
@@ -162,9 +165,9 @@ def test_bus_time_passes_without_a_client(devices: FakeDevices):
 
 
 def test_bus_time_goes_on_from_where_the_body_is(devices: FakeDevices):
-    body = StillPhysics(devices)
-    body.advance(1000.0)
-    with VirtualBus(devices, body) as bus:
+    physics = StillPhysics(devices)
+    physics.advance(1000.0)
+    with VirtualBus(devices, physics) as bus:
         wait_until(lambda: 1000.0 < bus.time < 1000.0 + 60.0)
 
 
@@ -234,9 +237,9 @@ def test_an_instruction_sent_with_a_broadcast_ping_replaces_it():
 # Both --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, pace: TimeMode):
-    with VirtualBus(devices, pace=pace) as bus:
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, time_mode: TimeMode):
+    with VirtualBus(devices, time_mode=time_mode) as bus:
         with connect(bus, 57600, timeout=0.05) as port:
             assert ask(port, protocol2.ping(1), 14) == b""
         with connect(bus) as port:
@@ -245,10 +248,10 @@ def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, pace: Tim
     assert devices.heard == [Packet(1, Instruction.PING)]
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_the_books_balance(devices: FakeDevices, pace: TimeMode):
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_the_books_balance(devices: FakeDevices, time_mode: TimeMode):
     read = protocol2.sync_read(IDS, Span(126, 10))
-    with VirtualBus(devices, pace=pace) as bus, connect(bus) as port:
+    with VirtualBus(devices, time_mode=time_mode) as bus, connect(bus) as port:
         for _ in range(10):
             assert len(ask(port, GOALS + read, 63)) == 63
         told = bus.statistics
@@ -258,10 +261,12 @@ def test_the_books_balance(devices: FakeDevices, pace: TimeMode):
     assert (told.noise, told.damaged, told.overflow, told.unanswered) == (0, 0, 0, 0)
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_a_client_that_never_reads_does_not_hold_the_bus_up(devices: FakeDevices, pace: TimeMode):
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_a_client_that_never_reads_does_not_hold_the_bus_up(
+    devices: FakeDevices, time_mode: TimeMode
+):
     read = protocol2.read(1, Span(0, 250))
-    with VirtualBus(devices, pace=pace) as bus, connect(bus) as port:
+    with VirtualBus(devices, time_mode=time_mode) as bus, connect(bus) as port:
         for _ in range(400):
             port.write(read)
         wait_until(lambda: bus.statistics.answers == 400)
@@ -272,16 +277,16 @@ def test_a_client_that_never_reads_does_not_hold_the_bus_up(devices: FakeDevices
 
 def test_devices_refuse_unstuffed_instructions_where_they_are_strict(devices: FakeDevices):
     raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
-    strict = VirtualBus(devices, pace=TimeMode.LOCK_STEP, strict_stuffing=True)
+    strict = VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, strict_stuffing=True)
     with strict as bus, connect(bus) as port:
         assert ask(port, raw + protocol2.ping(2), 14)[4] == 2
         assert bus.statistics.unstuffed == 1
     assert devices.heard == [Packet(2, Instruction.PING)]
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_unplug_and_replug(devices: FakeDevices, pace: TimeMode):
-    with VirtualBus(devices, pace=pace) as bus:
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_unplug_and_replug(devices: FakeDevices, time_mode: TimeMode):
+    with VirtualBus(devices, time_mode=time_mode) as bus:
         path, before = bus.path, connect(bus)
         bus.unplug()
         with pytest.raises((OSError, serial.SerialException)):
@@ -297,15 +302,15 @@ def test_unplug_and_replug(devices: FakeDevices, pace: TimeMode):
             assert ask(port, protocol2.ping(1), 14)[:4] == PING_HEAD
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_a_killed_client_does_not_stop_the_bus(devices: FakeDevices, pace: TimeMode):
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_a_killed_client_does_not_stop_the_bus(devices: FakeDevices, time_mode: TimeMode):
     script = (
         "import serial, sys, time\n"
         "port = serial.Serial(sys.argv[1], 1_000_000, timeout=5)\n"
         "port.write(bytes.fromhex(sys.argv[2])); port.read(1)\n"
         "print('heard', flush=True); time.sleep(60)\n"
     )
-    with VirtualBus(devices, pace=pace) as bus:
+    with VirtualBus(devices, time_mode=time_mode) as bus:
         command = [sys.executable, "-c", script, bus.path, protocol2.ping(1).hex()]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as client:
             assert client.stdout is not None
@@ -323,9 +328,9 @@ class BrokenDevices(FakeDevices):
         raise RuntimeError("a servo melted")
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(pace: TimeMode):
-    bus = VirtualBus(BrokenDevices(IDS), pace=pace).start()
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(time_mode: TimeMode):
+    bus = VirtualBus(BrokenDevices(IDS), time_mode=time_mode).start()
     path = bus.path
     with connect(bus) as port:
         port.write(protocol2.ping(1))
@@ -336,10 +341,12 @@ def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(pace: Tim
     bus.stop()
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_stop_takes_port_and_thread_away_and_may_be_repeated(devices: FakeDevices, pace: TimeMode):
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_stop_takes_port_and_thread_away_and_may_be_repeated(
+    devices: FakeDevices, time_mode: TimeMode
+):
     threads, ends = threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))
-    bus = VirtualBus(devices, pace=pace)
+    bus = VirtualBus(devices, time_mode=time_mode)
     bus.stop()  # not even started
     bus.start()
     path = bus.path
@@ -352,9 +359,11 @@ def test_stop_takes_port_and_thread_away_and_may_be_repeated(devices: FakeDevice
         bus.start()
 
 
-@pytest.mark.parametrize("pace", TimeMode)
-def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(devices, pace: TimeMode):
-    with VirtualBus(devices, pace=pace) as bus:
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(
+    devices, time_mode: TimeMode
+):
+    with VirtualBus(devices, time_mode=time_mode) as bus:
         assert bus.call(lambda: threading.current_thread().name) == "virtual bus"
         assert bus.call(lambda: bus.call(lambda: 7)) == 7  # also from within
         with pytest.raises(ZeroDivisionError):

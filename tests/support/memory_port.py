@@ -11,21 +11,21 @@ from drivers.dynamixel.port import PortError, PortLostError
 from drivers.dynamixel.protocol2 import FrameParser, Packet
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.serving.interfaces import Physics
-from drivers.virtual_bus.serving.lock_step import QUIET, asks_for_answer, ends_cycle
+from drivers.virtual_bus.serving.lock_step import QUIET, ends_cycle, expects_reply
 
 
 class MemoryPort:
     """Answers at once; ``spoil`` may change what comes back, and ``unplugged`` ends all."""
 
-    def __init__(self, chain: Chain, baud: int, body: Physics | None = None) -> None:
+    def __init__(self, chain: Chain, baud: int, physics: Physics | None = None) -> None:
         """Plug a port into a chain.
 
         Args:
             chain: Who answers.
             baud: Speed [bit/s].
-            body: Physics behind it, moved on by a period with each sync write of goals.
+            physics: Physics behind it, moved on by a period with each sync write of goals.
         """
-        self.chain, self.baud, self.body = chain, baud, body
+        self.chain, self.baud, self.physics = chain, baud, physics
         self.path = "memory"
         self.is_open = False
         self.unplugged = False
@@ -64,9 +64,9 @@ class MemoryPort:
             answers = self.spoil(packet, answers)
             self._came += b"".join([*self.late, *answers])
             self.late = []
-            if self.body is not None and ends_cycle(packet):
-                self.body.pass_period()
-            elif asks_for_answer(packet) and not answers:
+            if self.physics is not None and ends_cycle(packet):
+                self.physics.pass_period()
+            elif expects_reply(packet) and not answers:
                 self._pass(QUIET)
 
     def read(self, deadline: float) -> bytes:
@@ -87,8 +87,8 @@ class MemoryPort:
         return [packet for packet in self.sent if packet.instruction == instruction]
 
     def _pass(self, duration: float) -> None:
-        if self.body is not None:
-            self.body.advance(self.body.time + duration)
+        if self.physics is not None:
+            self.physics.advance(self.physics.time + duration)
         else:
             self._time += duration
             self.chain.advance(self._time)

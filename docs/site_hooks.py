@@ -48,7 +48,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, **_: Files) -> str:
     """Insert the options of commands; show links into the repository as paths."""
 
     def show_path(link: re.Match[str]) -> str:
@@ -73,4 +73,4 @@ def read_options(command: str) -> str:
     with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
         parse([*command.split(), "--help"])
     lines = [re.sub(r"[╭╮╰╯│─]", "", line).rstrip() for line in text.getvalue().splitlines()]
-    return "\n".join(line.removeprefix(" ") for line in lines if line.strip())
+    return "\n".join(line.removeprefix(" ") for line in lines if line.strip(" -"))

@@ -1,4 +1,4 @@
-"""Puts a policy through every trial of docs/benchmarks.md, and prints the tables.
+"""Puts a policy through every trial of docs/reference/benchmarks, and prints the tables.
 
     python benchmarks/policy_tables.py robust --falls falls.npz --n 1000 --json tables.json
 

@@ -1,7 +1,7 @@
 """A fallen OP3 gets up over a serial port: the real driver, and servos that speak Protocol 2.0.
 
 Give the path of a robot's port and the same lines move the robot: read
-docs/first_connection.md first.
+docs/tutorial/first_connection.md first.
 """
 
 import sys

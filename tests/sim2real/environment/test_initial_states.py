@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+pytest.importorskip("gymnasium")
+
 from humanoid_getup.simulation.falls import FallError
 from robots import load_robot, quaternion
 from robots.kinematics import lowest_point, place

@@ -1,0 +1,26 @@
+"""Pre-commit and `make check` check the same; the targets of `make help` exist."""
+
+import re
+import subprocess
+
+from paths import REPOSITORY
+
+MAKEFILE = (REPOSITORY / "Makefile").read_text("utf-8")
+
+
+def test_pre_commit_runs_what_make_check_runs():
+    recipe = re.search(r"^check:.*\n((?:\t.+\n)+)", MAKEFILE, re.MULTILINE)
+    assert recipe
+    commands = [line.strip().replace("$(BIN)", ".venv/bin") for line in recipe[1].splitlines()]
+    hooks = (REPOSITORY / ".pre-commit-config.yaml").read_text("utf-8")
+    assert len(commands) == 4
+    assert re.findall(r"entry: (.+)", hooks) == commands
+
+
+def test_make_help_has_a_line_for_every_target():
+    text = subprocess.run(
+        ["make", "--no-print-directory", "help"], cwd=REPOSITORY, capture_output=True, text=True
+    ).stdout
+    phony = re.search(r"^\.PHONY: (.+)$", MAKEFILE, re.MULTILINE)
+    assert phony
+    assert sorted(line.split()[0] for line in text.splitlines()) == sorted(phony[1].split())

@@ -1,0 +1,56 @@
+"""README and documentation: links lead somewhere, lines are short, pages can be found."""
+
+import re
+from pathlib import Path
+
+import pytest
+from document_pages import PAGES, list_anchors, list_links, name_of
+from paths import REPOSITORY
+
+WIDTH = 100
+UNBROKEN = re.compile(r"\||!\[|\S+$|pip install |python ")
+"""Tables, pictures, long words and commands, which stay on one line."""
+DOCS = REPOSITORY / "docs"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page: Path):
+    for link in list_links(page):
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), link
+        if anchor and not name_of(target).endswith("command_line.md"):
+            assert anchor in list_anchors(target), link
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_prose_is_wrapped(page: Path):
+    lines = page.read_text("utf-8").splitlines()
+    assert [line for line in lines if len(line) > WIDTH and not UNBROKEN.match(line)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_code_is_not_broken_across_lines(page: Path):
+    text = re.sub(r"^ *```.*?^ *```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    assert [line for line in text.splitlines() if line.count("`") % 2] == []
+
+
+def test_every_page_is_in_the_navigation():
+    navigation = (REPOSITORY / "mkdocs.yml").read_text("utf-8")
+    pages = [page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md")]
+    assert len(pages) > 20
+    assert [page for page in pages if f"- {page}\n" not in navigation] == []
+
+
+def test_every_picture_is_shown():
+    shown = {(page.parent / link).resolve() for page in PAGES for link in list_links(page)}
+    assert [p.name for p in (DOCS / "pictures").iterdir() if p.resolve() not in shown] == []
+
+
+def test_the_architecture_names_every_folder():
+    page = (DOCS / "explanation" / "architecture.md").read_text("utf-8")
+    assert len(page.splitlines()) < 150
+    for package in ("humanoid_getup", "drivers"):
+        folders = [p.name for p in (REPOSITORY / package).iterdir() if (p / "__init__.py").exists()]
+        assert len(folders) >= 5
+        assert [folder for folder in folders if f"`{folder}/`" not in page] == []

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
+
+from msgspec import Meta
 
 from robots.files import write_atomically
-from robots.schema import Fields
-from robots.validation import shown
+from robots.servo import MAX_TICKS
+from robots.validation import Sign, load_toml, name_unknown_joints, read_table, shown, whole
 
 if TYPE_CHECKING:
     from robots.robot import Robot
 
 CALIBRATION_FILE = "calibration.toml"
-MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)
 
 
 class CalibrationError(ValueError):
@@ -24,23 +24,25 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True)
 class JointCalibration:
-    """What was found of one joint."""
+    """What was measured of one joint."""
 
-    zero_ticks: int
+    zero_ticks: Annotated[int, whole(-MAX_TICKS, MAX_TICKS)]
     """Ticks at joint angle 0."""
-    sign: int
+    sign: Sign
     """+1 when more ticks turn the joint in its positive direction, else -1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What was found of a robot's joints; it replaces what the description says of them."""
+    """What was measured of a robot's joints; it replaces what the description says of them."""
 
     robot: str
-    joints: dict[str, JointCalibration]
+    joints: Annotated[dict[str, JointCalibration], Meta(description="a table of joint names")] = (
+        field(default_factory=dict)
+    )
 
     def apply(self, robot: Robot) -> Robot:
-        """Return the robot with its servos as they were found."""
+        """Return the robot with its servos as they were measured."""
         joints = tuple(
             replace(
                 joint,
@@ -57,8 +59,8 @@ class Calibration:
         return replace(robot, joints=joints)
 
     def save(self, path: Path) -> None:
-        """Write the file; a reader never sees half of it."""
-        lines = ["# Servos as found by `getup calibrate`.", f'robot = "{self.robot}"', ""]
+        """Write the file."""
+        lines = ["# Servos as measured by `getup calibrate`.", f'robot = "{self.robot}"', ""]
         for name, found in self.joints.items():
             lines += [f"[joints.{name}]", f"zero_ticks = {found.zero_ticks}"]
             lines += [f"sign = {found.sign}", ""]
@@ -69,41 +71,21 @@ class Calibration:
         """Load a robot's calibration.
 
         Raises:
-            CalibrationError: naming all that is wrong, another robot's file above all.
+            CalibrationError: naming all that is wrong, such as another robot's file.
         """
+        problems: list[str] = []
         try:
-            table = tomllib.loads(path.read_text("utf-8"))
-        except OSError as error:
-            raise CalibrationError(f"calibration file {path}: {error.strerror}") from error
+            calibration = read_table(cls, load_toml(path), "", problems)
         except ValueError as error:
-            told = " ".join(str(error).split())
-            raise CalibrationError(f"calibration file {path}: not TOML ({told})") from error
-        faults: list[str] = []
-        name = Fields(table, "", faults).text("robot")
-        if name and name != robot.name:
-            faults.append(f"it is of robot {shown(name)}, allowed {shown(robot.name)}")
-        joints = _read_joints(table.get("joints", {}), robot.joint_names, faults)
-        if faults:
-            raise CalibrationError(
-                f"calibration file {path}: {'; '.join(faults)} (make it anew: getup calibrate)"
+            raise CalibrationError(f"calibration file {path}: {error}") from error
+        if calibration.robot and calibration.robot != robot.name:
+            problems.append(
+                f"it is of robot {shown(calibration.robot)}, expected {shown(robot.name)}"
             )
-        return cls(robot=name, joints=joints)
-
-
-def _read_joints(
-    tables: Any, names: tuple[str, ...], faults: list[str]
-) -> dict[str, JointCalibration]:
-    if not isinstance(tables, dict):
-        faults.append(f"joints is {shown(tables)}, allowed a table of joint names")
-        return {}
-    joints = {}
-    for name, table in tables.items():
-        if name not in names:
-            faults.append(f"unknown joint {shown(name)}")
-        elif not isinstance(table, dict):
-            faults.append(f"joint {shown(name)} is {shown(table)}, allowed a table")
-        else:
-            fields = Fields(table, f"joint {shown(name)}: ", faults)
-            zero = fields.integer("zero_ticks", -MAX_TICKS, MAX_TICKS)
-            joints[name] = JointCalibration(zero, fields.sign("sign"))
-    return joints
+        unknown = [name for name in calibration.joints if name not in robot.joint_names]
+        problems += name_unknown_joints(unknown, robot.joint_names)
+        if problems:
+            raise CalibrationError(
+                f"calibration file {path}: {'; '.join(problems)} (make a new one: getup calibrate)"
+            )
+        return calibration

@@ -34,22 +34,22 @@ def lowest_point(model: mujoco.MjModel, qpos: Array) -> float:
 
 
 def torso_orientation(robot: Robot, model: mujoco.MjModel, orientation: Array) -> Array:
-    """Compute the torso's orientation from the IMU's (..., 4), by how it sits in the torso."""
+    """Compute the torso's orientation (..., 4) from that of the IMU mounted on it."""
     imu_in_torso = model.site(robot.imu_site).quat
     return quaternion.multiply(orientation, quaternion.inverse(imu_in_torso))
 
 
 class GravitySense:
-    """The direction of gravity in the torso, cycle by cycle: `torso_orientation` in haste."""
+    """The direction of gravity in the torso: a fast `torso_orientation` for every cycle."""
 
     def __init__(self, imu_in_torso: Array) -> None:
-        """Prepare for an IMU that sits in the torso as a quaternion says, (4,)."""
+        """Prepare for an IMU with this orientation in the torso, (4,)."""
         matrix = np.zeros(9)
         mujoco.mju_quat2Mat(matrix, imu_in_torso)
         self.torso_from_imu = matrix.reshape(3, 3)
 
     def __call__(self, orientation: Array) -> Array:
-        """Turn the IMU's orientation (4,) into a unit vector in the torso, (3,)."""
+        """Convert the IMU's orientation (4,) to a unit vector in the torso's frame, (3,)."""
         w, x, y, z = orientation.tolist()
         length = w * w + x * x + y * y + z * z
         # The last row of the rotation matrix is the world's z axis in the IMU's frame.
@@ -60,7 +60,7 @@ class GravitySense:
 
 
 class NeckHeight:
-    """How high the neck is over the feet, by forward kinematics."""
+    """The height of the neck over the feet, by forward kinematics."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
         self._model, self._data = model, mujoco.MjData(model)
@@ -75,8 +75,7 @@ class NeckHeight:
             orientation: Torso to world, (4,).
             joint_pos: Joint angles [rad], (n,).
         """
-        root = self._layout.root_qpos
-        self._data.qpos[root + 3 : root + 7] = orientation
+        self._data.qpos[self._layout.root_orientation] = orientation
         self._data.qpos[self._layout.qpos] = joint_pos
         mujoco.mj_kinematics(self._model, self._data)
         height = self._data.site_xpos[:, 2]
@@ -84,39 +83,60 @@ class NeckHeight:
 
 
 def place(robot: Robot, model: mujoco.MjModel, posture: Posture) -> Array:
-    """Lay a posture out as MuJoCo positions, shape (nq,)."""
+    """Convert a posture to MuJoCo positions, shape (nq,)."""
+    return place_postures(robot, model, posture.position, posture.orientation, posture.joint_pos)
+
+
+def place_postures(
+    robot: Robot, model: mujoco.MjModel, position: Array, orientation: Array, joint_pos: Array
+) -> Array:
+    """Convert postures to MuJoCo positions, (..., nq).
+
+    Args:
+        robot: Robot.
+        model: Its compiled world, whose other bodies are placed as in ``qpos0``.
+        position: Root positions in the world [m], (..., 3).
+        orientation: Root orientations in the world, (..., 4).
+        joint_pos: Joint angles [rad], (..., n).
+    """
     layout = robot.layout(model)
-    qpos = np.array(model.qpos0)
-    root = layout.root_qpos
-    qpos[root : root + 3] = posture.position
-    qpos[root + 3 : root + 7] = posture.orientation
-    qpos[layout.qpos] = posture.joint_pos
+    qpos = np.empty((*joint_pos.shape[:-1], model.nq))
+    qpos[...] = model.qpos0
+    qpos[..., layout.root_position] = position
+    qpos[..., layout.root_orientation] = orientation
+    qpos[..., layout.qpos] = joint_pos
     return qpos
 
 
 def read_posture(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Posture:
-    """Read a posture out of MuJoCo positions (nq,)."""
+    """Convert MuJoCo positions (nq,) to a posture, its joints within their limits."""
     layout = robot.layout(model)
-    root = layout.root_qpos
     return Posture(
-        position=qpos[root : root + 3].copy(),
-        orientation=quaternion.normalize(qpos[root + 3 : root + 7]),
+        position=qpos[layout.root_position].copy(),
+        orientation=quaternion.normalize(qpos[layout.root_orientation]),
         joint_pos=np.clip(qpos[layout.qpos], robot.lower, robot.upper),
     )
+
+
+def mirror_positions(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
+    """Exchange left and right in MuJoCo positions, (..., nq)."""
+    layout = robot.layout(model)
+    mirrored = qpos.copy()
+    mirrored[..., layout.root_qpos + 1] *= -1.0
+    mirrored[..., layout.root_orientation] = quaternion.mirror(qpos[..., layout.root_orientation])
+    mirrored[..., layout.qpos] = robot.mirror_joints(qpos[..., layout.qpos])
+    return mirrored
 
 
 def center_of_mass(
     robot: Robot, model: mujoco.MjModel, position: Array, orientation: Array, joint_pos: Array
 ) -> Array:
     """Compute the center of mass of postures (T, ...) in the world [m], (T, 3)."""
-    data = mujoco.MjData(model)
-    layout = robot.layout(model)
-    root, out = layout.root_qpos, np.zeros((len(joint_pos), 3))
-    for k in range(len(joint_pos)):
-        data.qpos[root : root + 3] = position[k]
-        data.qpos[root + 3 : root + 7] = orientation[k]
-        data.qpos[layout.qpos] = joint_pos[k]
+    data, torso = mujoco.MjData(model), model.body(robot.torso).id
+    out = np.zeros((len(joint_pos), 3))
+    for k, qpos in enumerate(place_postures(robot, model, position, orientation, joint_pos)):
+        data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        out[k] = data.subtree_com[layout.torso]
+        out[k] = data.subtree_com[torso]
     return out

@@ -1,18 +1,17 @@
-"""Loading a robot from its folder: its robot.toml, its model, and the stance worked out."""
+"""Loading a robot from its folder: its robot.toml, its model, and its computed stance."""
 
-import tomllib
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
-from robots.model_checks import find_model_faults
+from robots.model_checks import find_model_problems
 from robots.posture import Posture
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
-from robots.schema import Description, JointRow, read_description
+from robots.schema import Description, JointRow, RobotTable, read_description
 from robots.servo import Servo, servo_models
-from robots.validation import shown
+from robots.validation import load_toml, shown
 
 
 def load_robot(name_or_folder: str | Path) -> Robot:
@@ -25,16 +24,19 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     """
     folder = _find_folder(name_or_folder)
     file = folder / "robot.toml"
-    description, faults = _read_file(file)
+    try:
+        description, problems = read_description(load_toml(file))
+    except ValueError as error:
+        raise RobotError(f"{file}: {error}") from error
     model = None
-    if description.model:
+    if description.table.model:
         try:
-            model = _load_model(folder / description.model)
-            faults += find_model_faults(description, model)
+            model = _load_model(folder / description.table.model)
+            problems += find_model_problems(description.table, model)
         except RobotError as error:
-            faults.append(f"model {error}")
-    if faults or model is None:
-        raise RobotError(f"{file}: {'; '.join(faults)}")
+            problems.append(f"model {error}")
+    if problems or model is None:
+        raise RobotError(f"{file}: {'; '.join(problems)}")
     try:
         robot = _build_robot(folder, description, model)
         robot.spec().compile()
@@ -54,28 +56,14 @@ def _find_folder(name_or_folder: str | Path) -> Path:
         except OSError as error:  # a name too long, or a folder that may not be read
             raise RobotError(f"robot folder {shown(str(folder))}: {error.strerror}") from error
     raise RobotError(
-        f"unknown robot {shown(str(name_or_folder))}: allowed {', '.join(list_robots())}, "
+        f"unknown robot {shown(str(name_or_folder))}: expected {', '.join(list_robots())}, "
         "or a folder that holds a robot.toml"
     )
 
 
-def _read_file(file: Path) -> tuple[Description, list[str]]:
-    try:
-        table = tomllib.loads(file.read_text("utf-8"))
-    except OSError as error:
-        raise RobotError(f"{file}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise RobotError(f"{file}: not UTF-8 text (byte {error.start})") from error
-    except RecursionError as error:
-        raise RobotError(f"{file}: not TOML (nested too deep)") from error
-    except ValueError as error:
-        raise RobotError(f"{file}: not TOML ({_in_one_line(error)})") from error
-    return read_description(table)
-
-
 def _load_model(file: Path) -> mujoco.MjModel:
     if not file.is_file():
-        raise RobotError(f"{file}: no such file, allowed an MJCF file in the robot's folder")
+        raise RobotError(f"{file}: no such file, expected an MJCF file in the robot's folder")
     try:
         return mujoco.MjModel.from_xml_path(str(file))
     except (ValueError, mujoco.FatalError) as error:
@@ -87,24 +75,24 @@ def _in_one_line(error: Exception) -> str:
 
 
 def _build_robot(folder: Path, description: Description, model: mujoco.MjModel) -> Robot:
-    rows = description.joints
+    table, rows = description.table, description.table.joints
     names = [row.name for row in rows]
-    standing, neck_height = _stand(description, model)
+    standing, neck_height = _stand(table, model)
     return Robot(
-        name=description.name,
+        name=table.name,
         folder=folder,
         joints=tuple(_build_joint(row, model) for row in rows),
-        torso=description.torso,
-        neck_site=description.neck_site,
-        imu_site=description.imu_site,
-        sole_sites=description.sole_sites,
-        control_period=description.control_period,
-        supply_voltage=description.supply_voltage,
+        torso=table.torso,
+        neck_site=table.neck_site,
+        imu_site=table.imu_site,
+        sole_sites=table.sole_sites,
+        control_period=table.control_period,
+        supply_voltage=table.supply_voltage,
         standing=standing,
         standing_neck_height=neck_height,
         mirror_index=np.array([names.index(row.mirror) for row in rows]),
         mirror_sign=np.array([float(row.mirror_sign) for row in rows]),
-        model_file=folder / description.model,
+        model_file=folder / table.model,
         bus=description.bus,
         rising_joints=description.rising_joints,
         spreading_joints=description.spreading_joints,
@@ -125,30 +113,30 @@ def _build_joint(row: JointRow, model: mujoco.MjModel) -> Joint:
     )
 
 
-def _stand(description: Description, model: mujoco.MjModel) -> tuple[Posture, float]:
-    """Put the soles of the standing posture flat on the ground; return it and the neck height."""
-    data, soles = mujoco.MjData(model), description.sole_sites
-    for name, angle in description.standing.items():
+def _stand(table: RobotTable, model: mujoco.MjModel) -> tuple[Posture, float]:
+    """Place the soles of the standing posture flat on the ground; return it and the neck height."""
+    data, soles = mujoco.MjData(model), table.sole_sites
+    for name, angle in table.standing.items():
         data.joint(name).qpos[0] = angle
     mujoco.mj_kinematics(model, data)
     torso_from_sole = np.mean([data.site(sole).xmat.reshape(3, 3) for sole in soles], axis=0)
     u, _, v = np.linalg.svd(torso_from_sole)
     orientation = np.zeros(4)
     mujoco.mju_mat2Quat(orientation, (u @ v).T.ravel())
-    torso = model.body(description.torso)
+    torso = model.body(table.torso)
     root = int(model.jnt_qposadr[torso.jntadr[0]])
     data.qpos[root + 3 : root + 7] = orientation
     mujoco.mj_kinematics(model, data)
     sole_height = min(data.site(sole).xpos[2] for sole in soles)
-    neck_height = float(data.site(description.neck_site).xpos[2] - sole_height)
+    neck_height = float(data.site(table.neck_site).xpos[2] - sole_height)
     if neck_height <= 0.0:
         raise RobotError(
-            f"standing: neck_site {shown(description.neck_site)} is {neck_height:+.3f} m over "
-            "the soles, allowed above 0 m"
+            f"standing: neck_site {shown(table.neck_site)} is {neck_height:+.3f} m over "
+            "the soles, expected above 0 m"
         )
     posture = Posture(
         position=np.array([0.0, 0.0, -sole_height]),
         orientation=orientation,
-        joint_pos=np.array([description.standing.get(row.name, 0.0) for row in description.joints]),
+        joint_pos=np.array([table.standing.get(row.name, 0.0) for row in table.joints]),
     )
     return posture, neck_height

@@ -3,118 +3,118 @@
 import mujoco
 import numpy as np
 
-from robots.schema import Description
+from robots.schema import RobotTable
 from robots.validation import outside, shown
 
 FREE, HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
-def find_model_faults(description: Description, model: mujoco.MjModel) -> list[str]:
+def find_model_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     """Find where a description and its compiled model do not fit together."""
     return [
-        *_torso_faults(description, model),
-        *_site_faults(description, model),
-        *_joint_faults(description, model),
-        *_undescribed_faults(description, model),
-        *_standing_faults(description, model),
-        *_actuator_faults(description, model),
+        *_torso_problems(table, model),
+        *_site_problems(table, model),
+        *_joint_problems(table, model),
+        *_undescribed_problems(table, model),
+        *_standing_problems(table, model),
+        *_actuator_problems(table, model),
     ]
 
 
-def _torso_faults(description: Description, model: mujoco.MjModel) -> list[str]:
-    if not description.torso:
+def _torso_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+    if not table.torso:
         return []
-    torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, description.torso)
+    torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, table.torso)
     if torso < 0:
         is_free = np.isin(np.arange(model.nbody), model.jnt_bodyid[model.jnt_type == FREE])
         bodies = _names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody, is_free)
-        return [f"torso: unknown body {shown(description.torso)}, allowed {bodies}"]
+        return [f"torso: unknown body {shown(table.torso)}, expected {bodies}"]
     joint = model.body_jntadr[torso]
     if joint < 0 or model.jnt_type[joint] != FREE:
         return [
-            f"torso: body {shown(description.torso)} has no free joint in {description.model}, "
-            "allowed a body with <freejoint/>"
+            f"torso: body {shown(table.torso)} has no free joint in {table.model}, "
+            "expected a body with <freejoint/>"
         ]
     return []
 
 
-def _site_faults(description: Description, model: mujoco.MjModel) -> list[str]:
-    wanted = [("neck_site", description.neck_site), ("imu_site", description.imu_site)]
-    wanted += [("sole_sites", site) for site in description.sole_sites]
+def _site_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+    wanted = [("neck_site", table.neck_site), ("imu_site", table.imu_site)]
+    wanted += [("sole_sites", site) for site in table.sole_sites]
     sites = _names(model, mujoco.mjtObj.mjOBJ_SITE, model.nsite)
     return [
-        f"{key}: unknown site {shown(site)}, allowed {sites}"
+        f"{key}: unknown site {shown(site)}, expected {sites}"
         for key, site in wanted
         if site and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, site) < 0
     ]
 
 
-def _joint_faults(description: Description, model: mujoco.MjModel) -> list[str]:
-    faults = []
-    for name in dict.fromkeys(row.name for row in description.joints if row.name):
+def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+    problems = []
+    for name in dict.fromkeys(row.name for row in table.joints if row.name):
         joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
         if joint < 0:
             hinges = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt, model.jnt_type == HINGE)
-            faults.append(f"joint {shown(name)} is not in {description.model}, allowed {hinges}")
+            problems.append(f"joint {shown(name)} is not in {table.model}, expected {hinges}")
         elif model.jnt_type[joint] != HINGE:
             kind = KINDS[int(model.jnt_type[joint])]
-            faults.append(f"joint {shown(name)} is a {kind} joint, allowed a hinge")
+            problems.append(f"joint {shown(name)} is a {kind} joint, expected a hinge")
         elif not model.jnt_limited[joint]:
-            faults.append(
-                f"joint {shown(name)} has no range in {description.model}, "
-                "allowed a range from a lower to an upper angle"
+            problems.append(
+                f"joint {shown(name)} has no range in {table.model}, "
+                "expected a range from a lower to an upper angle"
             )
-    return faults
+    return problems
 
 
-def _undescribed_faults(description: Description, model: mujoco.MjModel) -> list[str]:
+def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     """Find joints that would move without a servo; only the torso's free joint may."""
-    described = {row.name for row in description.joints}
-    torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, description.torso)
-    faults = []
+    described = {row.name for row in table.joints}
+    torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, table.torso)
+    problems = []
     for joint in range(model.njnt):
         view, body = model.joint(joint), model.body(model.jnt_bodyid[joint])
         if view.name in described:
             continue
         if model.jnt_type[joint] != FREE:
-            faults.append(
+            problems.append(
                 f"{KINDS[int(model.jnt_type[joint])]} joint {shown(view.name)} of body "
-                f"{shown(body.name)} in {description.model} has no row in joints, allowed one each"
+                f"{shown(body.name)} in {table.model} has no row in joints, expected one each"
             )
         elif torso >= 0 and body.id != torso:
-            faults.append(
-                f"body {shown(body.name)} in {description.model} has a free joint, "
-                f"allowed only for the torso {shown(description.torso)}"
+            problems.append(
+                f"body {shown(body.name)} in {table.model} has a free joint, "
+                f"expected only for the torso {shown(table.torso)}"
             )
-    return faults
+    return problems
 
 
-def _standing_faults(description: Description, model: mujoco.MjModel) -> list[str]:
-    names = list(dict.fromkeys(row.name for row in description.joints if row.name))
-    faults = [
-        f"standing: unknown joint {shown(name)}, allowed {', '.join(map(shown, names))}"
-        for name in description.standing
+def _standing_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+    names = list(dict.fromkeys(row.name for row in table.joints if row.name))
+    problems = [
+        f"standing: unknown joint {shown(name)}, expected {', '.join(map(shown, names))}"
+        for name in table.standing
         if name not in names
     ]
     for name in names:
         joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
         if joint < 0 or model.jnt_type[joint] != HINGE or not model.jnt_limited[joint]:
             continue
-        angle, (lower, upper) = description.standing.get(name, 0.0), model.jnt_range[joint]
+        angle, (lower, upper) = table.standing.get(name, 0.0), model.jnt_range[joint]
         if not lower <= angle <= upper:
-            why = "" if name in description.standing else " (not named, so 0)"
+            why = "" if name in table.standing else " (not named, so 0)"
             told = outside(angle, lower, upper, "rad")
-            faults.append(f"standing: joint {shown(name)}{why} is {told}")
-    return faults
+            problems.append(f"standing: joint {shown(name)}{why} is {told}")
+    return problems
 
 
-def _actuator_faults(description: Description, model: mujoco.MjModel) -> list[str]:
+def _actuator_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     if not model.nu:
         return []
     names = _names(model, mujoco.mjtObj.mjOBJ_ACTUATOR, model.nu)
     return [
-        f"{description.model} has actuators ({names}), allowed none: "
+        f"{table.model} has actuators ({names}), expected none: "
         "the servos come from the rows of joints"
     ]
 

@@ -1,4 +1,4 @@
-"""The posture of a robot: where its root is, how it is turned, how it is bent."""
+"""The posture of a robot: position and orientation of its root, and its joint angles."""
 
 from __future__ import annotations
 
@@ -7,13 +7,21 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from robots import quaternion
 from robots.quaternion import Array
-from robots.validation import is_number, outside, shown
+from robots.validation import (
+    Angle,
+    name_missing_joints,
+    name_unknown_joints,
+    outside,
+    read_table,
+    shown,
+)
 
 if TYPE_CHECKING:
     from robots.robot import Robot
@@ -49,7 +57,7 @@ class Posture:
         return quaternion.gravity_in_body(self.orientation)
 
     def mirrored(self, robot: Robot) -> Posture:
-        """Reflect left and right."""
+        """Exchange left and right."""
         return Posture(
             position=self.position * np.array([1.0, -1.0, 1.0]),
             orientation=quaternion.mirror(self.orientation),
@@ -68,39 +76,30 @@ class Posture:
         )
 
 
+Meters = Annotated[float, Meta(description="a finite number (m)")]
+Component = Annotated[float, Meta(description="a finite number (w x y z)")]
+
+
+@dataclass(frozen=True)
+class _PostureFile:
+    """A posture file as it is written."""
+
+    position: Annotated[tuple[Meters, Meters, Meters], Meta(description="a list of 3 numbers (m)")]
+    orientation: Annotated[
+        tuple[Component, Component, Component, Component],
+        Meta(description="a list of 4 numbers (w x y z)"),
+    ]
+    joint_pos: Annotated[dict[str, Angle], Meta(description="an object {joint name: rad}")]
+
+
 def load_posture(path: Path, robot: Robot) -> Posture:
     """Load a posture file: {"position", "orientation", "joint_pos": {name: rad}}.
 
     Raises:
         ValueError: naming everything in the file that is wrong.
     """
-    record, faults = _read_record(path)
-    faults += _find_faults(record, robot)
-    if faults:
-        raise ValueError(f"posture file {path}: " + "; ".join(faults))
-    return Posture(
-        position=np.array(record["position"], dtype=float),
-        orientation=quaternion.normalize(np.array(record["orientation"], dtype=float)),
-        joint_pos=np.array([record["joint_pos"][name] for name in robot.joint_names], dtype=float),
-    )
-
-
-def _read_record(path: Path) -> tuple[Any, list[str]]:
-    """Read a JSON file; return its content, and the keys that it names twice as faults."""
-    faults: list[str] = []
-
-    def keep(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        counts = Counter(key for key, _ in pairs)
-        faults.extend(
-            f"{shown(key)} is named {count} times, allowed once"
-            for key, count in counts.items()
-            if count > 1
-        )
-        return dict(pairs)
-
     try:
-        # An integer is read as the float it becomes: one of 400 digits is inf.
-        record = json.loads(path.read_text("utf-8"), object_pairs_hook=keep, parse_int=float)
+        record, problems = _read_json(path)
     except OSError as error:
         raise ValueError(f"posture file {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -109,49 +108,50 @@ def _read_record(path: Path) -> tuple[Any, list[str]]:
         raise ValueError(f"posture file {path}: not a posture (nested too deep)") from error
     except ValueError as error:
         raise ValueError(f"posture file {path}: not JSON ({error})") from error
-    return record, faults
-
-
-def _find_faults(record: Any, robot: Robot) -> list[str]:
     if not isinstance(record, dict):
-        return ["not a JSON object"]
-    faults = _vector_faults(record, "position", 3, "m")
-    quaternion_faults = _vector_faults(record, "orientation", 4, "w x y z")
-    faults += quaternion_faults
-    if not quaternion_faults:
-        norm = math.hypot(*record["orientation"])
-        if abs(norm - 1.0) > UNIT_TOLERANCE:
-            length = f"{norm:.4f}" if norm < 1e3 else f"{norm:.3e}"
-            faults.append(f"orientation has length {length}, expected 1 (a unit quaternion)")
-    return faults + _joint_faults(record.get("joint_pos"), robot)
+        raise ValueError(f"posture file {path}: not a JSON object")
+    read = read_table(_PostureFile, record, "", problems)
+    norm = math.hypot(*read.orientation)
+    if read.orientation and not abs(norm - 1.0) <= UNIT_TOLERANCE and math.isfinite(norm):
+        length = f"{norm:.4f}" if norm < 1e3 else f"{norm:.3e}"
+        problems.append(f"orientation has length {length}, expected 1 (a unit quaternion)")
+    if isinstance(record.get("joint_pos"), dict):
+        problems += _check_joints(read.joint_pos, robot)
+    if problems:
+        raise ValueError(f"posture file {path}: " + "; ".join(problems))
+    return Posture(
+        position=np.array(read.position),
+        orientation=quaternion.normalize(np.array(read.orientation)),
+        joint_pos=np.array([read.joint_pos[name] for name in robot.joint_names]),
+    )
 
 
-def _vector_faults(record: dict[str, Any], key: str, size: int, unit: str) -> list[str]:
-    value = record.get(key)
-    if not isinstance(value, list) or len(value) != size:
-        told = f"is {shown(value)}" if key in record else "is missing"
-        return [f"{key} {told}, allowed a list of {size} numbers ({unit})"]
-    return [
-        f"{key}[{i}] is {shown(x)}, allowed a finite number ({unit})"
-        for i, x in enumerate(value)
-        if not is_number(x)
+def _read_json(path: Path) -> tuple[Any, list[str]]:
+    """Read a JSON file; return its content, and problems for keys that it holds twice."""
+    problems: list[str] = []
+
+    def keep(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        counts = Counter(key for key, _ in pairs)
+        problems.extend(
+            f"{shown(key)} is named {count} times, expected once"
+            for key, count in counts.items()
+            if count > 1
+        )
+        return dict(pairs)
+
+    # An integer is read as the float it becomes: one of 400 digits is inf.
+    text = path.read_text("utf-8")
+    return json.loads(text, object_pairs_hook=keep, parse_int=float), problems
+
+
+def _check_joints(angles: dict[str, float], robot: Robot) -> list[str]:
+    names = robot.joint_names
+    problems = name_missing_joints([name for name in names if name not in angles], robot.n)
+    problems += name_unknown_joints([name for name in angles if name not in names], names)
+    problems += [
+        f"joint '{joint.name}' is {outside(angle, joint.lower, joint.upper, 'rad')}"
+        for joint in robot.joints
+        for angle in [angles.get(joint.name, math.nan)]
+        if angle < joint.lower or angle > joint.upper
     ]
-
-
-def _joint_faults(angles: Any, robot: Robot) -> list[str]:
-    if not isinstance(angles, dict):
-        return [f"joint_pos is {shown(angles)}, allowed an object {{joint name: rad}}"]
-    names = ", ".join(robot.joint_names)
-    faults = [f"joint '{name}' is missing" for name in robot.joint_names if name not in angles]
-    unknown = [name for name in angles if name not in robot.joint_names]
-    faults += [f"unknown joint {shown(name)}, allowed {names}" for name in unknown]
-    for joint in robot.joints:
-        if joint.name not in angles:
-            continue
-        angle = angles[joint.name]
-        if not is_number(angle):
-            faults.append(f"joint '{joint.name}' is {shown(angle)}, allowed a finite angle in rad")
-        elif not joint.lower <= angle <= joint.upper:
-            told = outside(angle, joint.lower, joint.upper, "rad")
-            faults.append(f"joint '{joint.name}' is {told}")
-    return faults
+    return problems

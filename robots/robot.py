@@ -5,15 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated, Literal
 
 import mujoco
 import numpy as np
+from msgspec import Meta
 
 from robots.posture import Posture
 from robots.quaternion import Array
 from robots.servo import Servo, round_pwm
+from robots.validation import Sign, whole
 
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
+
+
+BaudRate = Literal[9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000]
+"""What X-series servos can be set to [bit/s] (e-manual, Baud Rate)."""
+MAX_WATCHDOG = 2.54  # s, 127 steps of 20 ms (e-manual, Bus Watchdog)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,13 +30,13 @@ class BoardSettings:
 
     model: str
     """Name of its control table."""
-    id: int
-    imu_axes: tuple[int, int, int]
+    id: Annotated[int, whole(0, 252)]
+    imu_axes: Annotated[tuple[Sign, Sign, Sign], Meta(description="three signs, -1 or 1")]
     """Sign that takes each raw axis of the IMU to the robot's IMU site."""
-    powers_servos: bool
+    powers_servos: bool = False
     """True when servos have no power until the board switches it on."""
-    port: str
-    """Name of the port it answers on."""
+    port: str = ""
+    """Name of the port on which it replies; in a robot.toml the first if left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +89,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a compiled model keeps the robot's root and joints."""
+    """Addresses of the robot's root and joints in a compiled model."""
 
     qpos: np.ndarray
     """Addresses of the joint angles in ``qpos``, shape (n,), canonical order."""
@@ -93,6 +101,16 @@ class Layout:
     """Address of the root's velocity (6 numbers)."""
     torso: int
     """Body id of the torso."""
+
+    @property
+    def root_position(self) -> slice:
+        """Return where ``qpos`` holds the root's position."""
+        return slice(self.root_qpos, self.root_qpos + 3)
+
+    @property
+    def root_orientation(self) -> slice:
+        """Return where ``qpos`` holds the root's orientation, w x y z."""
+        return slice(self.root_qpos + 3, self.root_qpos + 7)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +138,7 @@ class Robot:
     """Sign of its angle there, (n,)."""
     model_file: Path
     bus: BusSettings | None = None
-    """How its servos are reached; None when nobody said."""
+    """How its servos are reached; None if not described."""
     rising_joints: tuple[str, ...] = ()
     """One joint of each mirrored pair that a learned rise moves."""
     spreading_joints: tuple[str, ...] = ()
@@ -167,7 +185,7 @@ class Robot:
         return np.array([joint.servo.model.torque_speed_slope for joint in self.joints])
 
     def mirror_joints(self, joint_pos: Array) -> Array:
-        """Exchange left and right in joint angles (..., n)."""
+        """Exchange left and right in joint angles, (..., n)."""
         return joint_pos[..., self.mirror_index] * self.mirror_sign
 
     def spec(self) -> mujoco.MjSpec:
@@ -179,7 +197,7 @@ class Robot:
         return spec
 
     def layout(self, model: mujoco.MjModel) -> Layout:
-        """Find where ``model`` keeps this robot's root and joints."""
+        """Find the addresses of this robot's root and joints in a compiled model."""
         ids = [model.joint(name).id for name in self.joint_names]
         root = model.body(self.torso).jntadr[0]
         return Layout(
@@ -194,7 +212,7 @@ class Robot:
         """Compute the share of the supply that limits torques, in whole counts, (..., n).
 
         Position mode limits the motor's voltage, not its torque: at standstill the servo then
-        has the torque asked for, rounded down, and less the faster it turns.
+        has the requested torque, rounded down, and less the faster it turns.
 
         Args:
             torque_limit: Largest torque [N·m], shape (..., n) or a number.

@@ -11,6 +11,7 @@ import numpy as np
 from robots.quaternion import Array
 
 TICKS_PER_TURN = 4096
+MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)
 RAD_PER_TICK = 2.0 * math.pi / TICKS_PER_TURN
 
 PWM_FULL_SCALE = 885  # counts at 100 % of the supply (e-manual, PWM limit)
@@ -79,9 +80,9 @@ class Servo:
 
     def __post_init__(self) -> None:
         if self.sign not in (-1, 1):
-            raise ValueError(f"servo {self.id}: sign is {self.sign}, allowed -1 or 1")
+            raise ValueError(f"servo {self.id}: sign is {self.sign}, expected -1 or 1")
         if not 0 <= self.id <= 252:
-            raise ValueError(f"servo id is {self.id}, allowed 0 to 252")
+            raise ValueError(f"servo id is {self.id}, expected 0 to 252")
 
     def to_rad(self, ticks: int) -> float:
         """Convert encoder ticks to the joint angle [rad]."""

@@ -1,8 +1,247 @@
-"""How the values of a user's file are checked, and told in one clear line."""
+"""Values of a user's file: read by the types of a dataclass, and all problems reported at once.
 
+A dataclass states what a table holds: types, `Literal` choices and `Annotated` limits. msgspec
+converts each value; a value that is missing or wrong adds one problem, with its place and what is
+expected, and reads as a blank, so that one pass finds all problems. What was read is used only
+if there is no problem.
+"""
+
+from __future__ import annotations
+
+import math
 import reprlib
 import sys
-from typing import Any, TypeGuard
+import tomllib
+import types
+from collections.abc import Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeGuard,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+MANY = 3  # names that one message still lists
+
+T = TypeVar("T")
+Sign = Literal[-1, 1]
+Names = Annotated[tuple[str, ...], Meta(min_length=1)]
+Angle = Annotated[float, Meta(description="a finite angle in rad")]
+
+
+def whole(lower: int, upper: int) -> Meta:
+    """Limit an integer to [lower, upper]."""
+    return Meta(ge=lower, le=upper)
+
+
+def positive(upper: float, unit: str = "") -> Meta:
+    """Limit a number to above 0, at most ``upper``."""
+    return Meta(gt=0.0, le=upper, extra={"unit": unit})
+
+
+def on_axes(count: int) -> Meta:
+    """Make an array have so many axes."""
+    return Meta(description=f"finite numbers on {count} axes", extra={"axes": count})
+
+
+def read_table(kind: type[T], table: dict[str, Any], place: str, problems: list[str]) -> T:
+    """Read a table into a dataclass.
+
+    Args:
+        kind: Dataclass whose fields are the table's keys; unknown keys are ignored.
+        table: What TOML or JSON holds.
+        place: What the messages begin with: "" or, for example, "joint 'l_knee': ".
+        problems: Where problems are added.
+    """
+    values = {}
+    for field in fields(kind):  # type: ignore[arg-type]
+        hint, name = _hints(kind)[field.name], f"{place}{field.name}"
+        if field.name in table:
+            values[field.name] = _read(hint, table[field.name], name, problems)
+        elif field.default is MISSING and field.default_factory is MISSING:
+            problems.append(f"{name} is missing, expected {_describe(hint)}")
+            values[field.name] = _blank(hint)
+    return kind(**values)
+
+
+def load_toml(file: Path) -> dict[str, Any]:
+    """Load a TOML file.
+
+    Raises:
+        ValueError: if it cannot be read or is not TOML; the message is the reason, in one line.
+    """
+    try:
+        return tomllib.loads(file.read_text("utf-8"))
+    except OSError as error:
+        raise ValueError(error.strerror) from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"not UTF-8 text (byte {error.start})") from error
+    except RecursionError as error:
+        raise ValueError("not TOML (nested too deep)") from error
+    except ValueError as error:
+        raise ValueError(f"not TOML ({' '.join(str(error).split())})") from error
+
+
+def name_missing_joints(missing: Sequence[str], count: int) -> list[str]:
+    """Report joints of a robot with ``count`` joints that a file lacks: by name if few."""
+    if len(missing) > MANY:
+        return [f"{len(missing)} of {count} joints are missing"]
+    return [f"joint {shown(name)} is missing" for name in missing]
+
+
+def name_unknown_joints(unknown: Sequence[str], expected: Sequence[str]) -> list[str]:
+    """Report joints in a file that the robot lacks."""
+    if not unknown:
+        return []
+    first = ", ".join(map(shown, unknown[:MANY])) + (", ..." if len(unknown) > MANY else "")
+    what = "unknown joint" if len(unknown) == 1 else f"{len(unknown)} unknown joints:"
+    return [f"{what} {first}, expected {', '.join(expected)}"]
+
+
+def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
+    base, _ = _split(hint)
+    item = _item_type(base)
+    if is_dataclass(base) and isinstance(value, dict):
+        return read_table(base, value, f"{place}.", problems)  # type: ignore[arg-type]
+    if get_origin(base) is dict and isinstance(value, dict):
+        return {
+            key: _read(item, content, f"{place}.{_as_key(key)}", problems)
+            for key, content in value.items()
+        }
+    if _is_vector(base) and isinstance(value, list) and len(value) == len(get_args(base)):
+        elements = zip(get_args(base), value, strict=True)
+        return tuple(
+            _read(element, x, f"{place}[{i}]", problems) for i, (element, x) in enumerate(elements)
+        )
+    if is_dataclass(item):
+        if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+            return tuple(
+                read_table(item, row, _row_place(place, row, i), problems)  # type: ignore[arg-type]
+                for i, row in enumerate(value, start=1)
+            )
+    else:
+        try:
+            return _convert(hint, value)
+        except _DuplicateError:
+            problems.append(f"{place} is {shown(value)}, expected each name once")
+            return _blank(hint)
+        except (ValueError, TypeError, OverflowError):  # msgspec's errors among them
+            pass
+    problems.append(f"{place} is {_show_with_unit(hint, value)}, expected {_describe(hint)}")
+    return _blank(hint)
+
+
+class _DuplicateError(ValueError):
+    """A list holds a name twice."""
+
+
+def _convert(hint: Any, value: Any) -> Any:
+    base, meta = _split(hint)
+    if get_origin(base) is np.ndarray:
+        array = np.array(value, dtype=float)
+        if array.ndim != (meta.extra or {}).get("axes") or not np.isfinite(array).all():
+            raise ValueError("not finite numbers on the expected axes")
+        return array
+    converted = msgspec.convert(value, hint, strict=True)
+    parts = converted if isinstance(converted, tuple) else (converted,)
+    if any(isinstance(part, float) and not math.isfinite(part) for part in parts):
+        raise ValueError("not a finite number")
+    if get_origin(base) is not Union and not isinstance(base, types.UnionType):
+        texts = [part for part in parts if isinstance(part, str)]
+        if not all(text.strip() and text.isprintable() for text in texts):
+            raise ValueError("an empty or unprintable text")
+        if get_origin(base) is tuple and len(set(texts)) < len(texts):
+            raise _DuplicateError
+    return converted
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
+
+
+def _split(hint: Any) -> tuple[Any, Meta]:
+    """Split a type into itself, without None for optional values, and its limits."""
+    meta = Meta()
+    if get_origin(hint) is Annotated:
+        hint, meta = get_args(hint)[:2]
+    if isinstance(hint, types.UnionType) or get_origin(hint) is Union:
+        rest = [option for option in get_args(hint) if option is not type(None)]
+        if len(rest) == 1:
+            return _split(rest[0])
+    return hint, meta
+
+
+def _item_type(base: Any) -> Any:
+    """Return the type of a dictionary's values or of a list's rows, else None."""
+    arguments = get_args(base)
+    if get_origin(base) is dict:
+        return arguments[1]
+    return arguments[0] if get_origin(base) is tuple and arguments[1:] == (...,) else None
+
+
+def _is_vector(base: Any) -> bool:
+    return get_origin(base) is tuple and get_args(base)[-1] is not ...
+
+
+def _row_place(place: str, row: dict[str, Any], number: int) -> str:
+    owner, name = place.removesuffix("s"), row.get("name")
+    return f"{owner} {shown(name)}: " if isinstance(name, str) else f"{owner} number {number}: "
+
+
+def _as_key(key: str) -> str:
+    return key if key.replace("-", "_").isidentifier() else shown(key)
+
+
+def _show_with_unit(hint: Any, value: Any) -> str:
+    unit = (_split(hint)[1].extra or {}).get("unit", "")
+    return f"{shown(value)} {unit if is_number(value) else ''}".rstrip()
+
+
+def _describe(hint: Any) -> str:
+    """Describe what is expected of a value."""
+    base, meta = _split(hint)
+    if meta.description:
+        return meta.description
+    if get_origin(base) is Literal:
+        choices = get_args(base)
+        return (" or " if isinstance(choices[0], int) and len(choices) == 2 else ", ").join(
+            map(str, choices)
+        )
+    if base is int:
+        return f"an integer from {meta.ge} to {meta.le}"
+    if base is float:
+        unit = (meta.extra or {}).get("unit", "")
+        return f"above 0 {unit}".rstrip() + f", at most {meta.le:g} {unit}".rstrip()
+    if get_origin(base) is tuple:
+        what = "tables" if is_dataclass(_item_type(base)) else "texts"
+        return f"a list of {what}, at least one"
+    return {str: "a text", bool: "true or false"}.get(base, "a table")
+
+
+def _blank(hint: Any) -> Any:
+    """Return what stands for a value that is missing or wrong."""
+    base, meta = _split(hint)
+    if is_dataclass(base):
+        return read_table(base, {}, "", [])  # type: ignore[arg-type]
+    if get_origin(base) is Literal:
+        return type(get_args(base)[0])()
+    if get_origin(base) is np.ndarray:
+        return np.zeros((0,) * (meta.extra or {})["axes"])
+    blanks = {int: -1, float: math.nan, str: "", bool: False, dict: {}, tuple: ()}
+    return blanks.get(get_origin(base) or base)
 
 
 class _Shown(reprlib.Repr):
@@ -23,17 +262,17 @@ def shown(value: Any) -> str:
 
 
 def is_number(value: Any) -> TypeGuard[float]:
-    """Tell whether a value is a finite number, of a size that a float can hold."""
+    """Check for a finite number, of a size that a float can hold."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= sys.float_info.max
 
 
 def outside(value: float, lower: float, upper: float, unit: str) -> str:
-    """Tell a value outside its range, in as many decimals as it takes to see that."""
+    """Describe a value outside its range, in as many decimals as it takes to see that."""
     is_close = min(abs(value - lower), abs(value - upper)) < 1e-3
     decimals = 9 if is_close else 3
-    # Beyond a thousand the decimals say nothing, and a float may have 308 digits.
+    # Beyond a thousand decimals are noise, and a float may have 308 digits.
     number = f"{value:+.{decimals}f}" if abs(value) < 1e3 else f"{value:+.3e}"
-    allowed = f"[{lower:+.{decimals}f}, {upper:+.{decimals}f}]"
-    return f"{number} {unit}, allowed {allowed} {unit}"
+    expected = f"[{lower:+.{decimals}f}, {upper:+.{decimals}f}]"
+    return f"{number} {unit}, expected {expected} {unit}"

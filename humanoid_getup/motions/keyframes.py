@@ -1,18 +1,20 @@
-"""Choreographies: rising motions as authored key postures, before any physics."""
+"""Keyframes: rising motions as authored key postures, before any physics."""
 
 from __future__ import annotations
 
 import math
-import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from scipy.interpolate import PchipInterpolator
 
+from humanoid_getup.motions.motion import StartClass
 from robots import Robot
 from robots.quaternion import Array
+from robots.validation import load_toml, name_unknown_joints, positive, read_table
 
 SPEED_SHARE = 0.9  # of the servos' no-load speed, the most a target may move
 
@@ -81,6 +83,45 @@ class Keyframes:
         return replace(self, duration=duration, keys=np.clip(keys, robot.lower, robot.upper))
 
 
+class KeyframesError(ValueError):
+    """A file does not hold keyframes for the robot; the message names all that is wrong."""
+
+
+Degrees = dict[str, Annotated[float, Meta(description="a finite angle in degrees")]]
+SIDES = {"both": "l_", "left": "l_", "right": "r_", "middle": ""}
+"""Prefixes of the joint names that a key gives per side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Key:
+    """One key posture of a file."""
+
+    after: Annotated[float, Meta(ge=0.0, description="0 s or more")] = 0.0
+    both: Degrees = field(default_factory=dict)
+    left: Degrees = field(default_factory=dict)
+    right: Degrees = field(default_factory=dict)
+    middle: Degrees = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """One table [[motions]] of a file."""
+
+    name: str
+    start: StartClass
+    strategy: str
+    stand_after: Annotated[float, positive(60.0, "s")]
+    torque_limit: Annotated[float, positive(1000.0, "N·m")]
+    keys: tuple[_Key, ...]
+    time: Annotated[float, Meta(ge=0.0, description="0 or more")] = 0.5
+    torque: Annotated[float, Meta(ge=0.0, description="0 or more")] = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _File:
+    motions: tuple[_Row, ...]
+
+
 def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     """Load authored key postures from a TOML file.
 
@@ -88,21 +129,38 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     before) and the angles [deg] that change there, under ``both`` (left joints,
     mirrored to the right), ``left`` or ``right`` (in the left joint's sense) by joint name
     without its side, or ``middle`` by full name. The standing posture follows as last key.
+
+    Raises:
+        KeyframesError: naming all that is wrong with the file.
     """
-    table = tomllib.loads(path.read_text("utf-8"))
-    return [_read_motion(row, robot) for row in table["motions"]]
+    problems: list[str] = []
+    try:
+        file = read_table(_File, load_toml(path), "", problems)
+    except ValueError as error:
+        raise KeyframesError(f"{path}: {error}") from error
+    names = [
+        prefix + name
+        for row in file.motions
+        for key in row.keys
+        for side, prefix in SIDES.items()
+        for name in getattr(key, side)
+    ]
+    unknown = [name for name in dict.fromkeys(names) if name not in robot.joint_names]
+    problems += name_unknown_joints(unknown, robot.joint_names)
+    if problems:
+        raise KeyframesError(f"{path}: {'; '.join(problems)}")
+    return [_build_keyframes(row, robot) for row in file.motions]
 
 
-def _read_motion(row: dict[str, Any], robot: Robot) -> Keyframes:
+def _build_keyframes(row: _Row, robot: Robot) -> Keyframes:
     names = robot.joint_names
-    posture, keys, after = np.zeros(robot.n), [], []
+    posture, keys = np.zeros(robot.n), []
     one_sided: set[int] = set()
     used: set[int] = set()
-    for key in row["keys"]:
+    for key in row.keys:
         posture = posture.copy()
-        for side in ("both", "left", "right", "middle"):
-            for joint, degrees in key.get(side, {}).items():
-                prefix = {"both": "l_", "left": "l_", "right": "r_", "middle": ""}[side]
+        for side, prefix in SIDES.items():
+            for joint, degrees in getattr(key, side).items():
                 index = names.index(prefix + joint)
                 sense = robot.mirror_sign[index] if side == "right" else 1.0
                 posture[index] = sense * math.radians(degrees)
@@ -113,20 +171,19 @@ def _read_motion(row: dict[str, Any], robot: Robot) -> Keyframes:
                 else:
                     one_sided.add(index)
         keys.append(posture)
-        after.append(float(key.get("after", 0.0)))
     keys.append(robot.standing.joint_pos)
     asymmetric = any(names[i][:2] in ("l_", "r_") for i in one_sided)
     free = sorted(used | {int(robot.mirror_index[i]) for i in used} if asymmetric else used)
     paired = [not asymmetric and int(robot.mirror_index[i]) != i for i in free]
     return Keyframes(
-        name=row["name"],
-        start_class=row["start"],
-        strategy=row["strategy"],
-        duration=np.array([*after[1:], float(row["stand_after"])]),
+        name=row.name,
+        start_class=row.start,
+        strategy=row.strategy,
+        duration=np.array([*(key.after for key in row.keys[1:]), row.stand_after]),
         keys=np.array(keys),
         free=np.array(free),
         mirrored=np.array(paired),
-        torque_limit=float(row["torque_limit"]),
-        time_cost=float(row.get("time", 0.5)),
-        torque_cost=float(row.get("torque", 1.0)),
+        torque_limit=row.torque_limit,
+        time_cost=row.time,
+        torque_cost=row.torque,
     )

@@ -8,12 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots import Robot
 from robots.quaternion import Array
+from robots.validation import Names, on_axes, positive, whole
 
 CYCLES = 6  # control cycles a policy step: 48 ms, about 20 Hz, at the OP3's 8 ms
 SPEED_SHARE = 0.95  # of the servo's no-load speed, so that whole ticks stay within the guard's
@@ -45,11 +47,11 @@ class StanceScaling:
     speed; upright, with its joints near home, a small share of it.
     """
 
-    tilt: float
+    tilt: Annotated[float, positive(10.0, "rad")]
     """Of the torso from upright, at and above which rates count in full [rad]."""
-    away: float
+    away: Annotated[float, positive(10.0, "rad")]
     """Of a joint from home, at and above which its rate counts in full [rad]."""
-    least: float
+    least: Annotated[float, positive(1.0)]
     """Share that is always left."""
 
     def share(self, gravity: Array, offset: Array) -> Array:
@@ -64,35 +66,46 @@ class StanceScaling:
         return _clip(far, self.least, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ActionSpec:
-    """How numbers from -1 to 1 become joint targets, once a policy step."""
+Vector = Annotated[Array, on_axes(1)]
+Matrix = Annotated[Array, on_axes(2)]
 
-    mode: ActionMode
-    names: tuple[str, ...]
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ActionTerms:
+    """What numbers from -1 to 1 mean, once a policy step: the part that a policy's file states."""
+
+    mode: str
+    """An `ActionMode`."""
+    names: Names
     """What each number moves."""
-    directions: Array
+    directions: Matrix
     """How each number moves the joints, as a share of ``scale``, shape (k, n)."""
-    scale: Array
+    scale: Vector
     """What a share of one adds to an angle [rad], shape (n,)."""
-    reach: Array
+    reach: Vector
     """Furthest that a target moves in a policy step [rad], shape (n,)."""
-    lead: float
+    lead: Annotated[float, positive(10.0, "rad")]
     """Furthest that a target is from the measured angle [rad]; it bounds torque and wind-up."""
-    pwm_limit: float
+    pwm_limit: Annotated[float, positive(1.0)]
     """Largest share of the supply that the motors get: it bounds torque, the more the faster."""
-    home: Array
-    """How the joints stand [rad], shape (n,)."""
-    homing: Array
-    """What a joint comes home by itself in a policy step [rad], shape (n,)."""
+    home: Vector
+    """Standing joint angles [rad], shape (n,); observations count joint angles from here."""
+    homing: Vector
+    """What a joint moves home by itself in a policy step [rad], shape (n,)."""
     calm: StanceScaling
-    """How rates slow down as the robot comes to stand; other modes know no such thing."""
+    """How rates slow down as the robot comes to stand; used in mode RATE only."""
+    cycles: Annotated[int, whole(1, 1000)] = CYCLES
+    """Control cycles in a policy step."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ActionSpec(ActionTerms):
+    """How numbers from -1 to 1 become joint targets on a robot, once a policy step."""
+
     lower: Array
-    """[rad], shape (n,)"""
+    """Lower joint limits [rad], shape (n,)."""
     upper: Array
-    """[rad], shape (n,)"""
-    cycles: int = CYCLES
-    """Control cycles a policy step."""
+    """Upper joint limits [rad], shape (n,)."""
 
     @property
     def size(self) -> int:
@@ -200,14 +213,14 @@ def next_target(
         action: Numbers from -1 to 1; beyond, they are cut. (..., k)
     """
     share = _clip(_clip(action, -1.0, 1.0) @ spec.directions, -1.0, 1.0)
-    if spec.mode is ActionMode.RATE:
+    if spec.mode == ActionMode.RATE:
         share = share * spec.calm.share(gravity, measured - spec.home)
     towards_home = target + _clip(spec.home - target, -spec.homing, spec.homing)
     origin = {
         ActionMode.ABSOLUTE: spec.home,
         ActionMode.OFFSET: measured,
         ActionMode.RATE: towards_home,
-    }[spec.mode]
+    }[ActionMode(spec.mode)]
     wanted = np.where(spec.moved, origin + share * spec.scale, towards_home)
     wanted = _clip(wanted, measured - spec.lead, measured + spec.lead)
     wanted = _clip(wanted, spec.lower, spec.upper)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from humanoid_getup.policy.action import ActionSpec
 from robots import Robot
 from robots.quaternion import Array
+from robots.validation import whole
 
 Floats = NDArray[np.float32]
 """What networks are fed with."""
@@ -45,18 +47,23 @@ class Term:
     """A named part of the observation."""
 
     name: str
-    size: int
+    size: Annotated[int, whole(1, 10_000)]
 
 
 def list_terms(robot: Robot, action: ActionSpec) -> tuple[Term, ...]:
     """List the parts of the observation, in their order."""
+    return list_terms_for(robot, action.size)
+
+
+def list_terms_for(robot: Robot, action_size: int) -> tuple[Term, ...]:
+    """List the parts of the observation for actions of so many numbers."""
     return (
         Term("gravity", 3),
         Term("gyro", 3),
         Term("joint_pos", robot.n),
         Term("joint_vel", robot.n),
         Term("target_error", robot.n),
-        Term("last_action", action.size),
+        Term("last_action", action_size),
         Term("torque_share", 1),
     )
 

@@ -44,7 +44,7 @@ class OnnxNetwork:
             reason = " ".join(str(error).split())
             raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
         faults = [
-            f"{len(values)} {name}, allowed 1"
+            f"{len(values)} {name}, expected 1"
             for name, values in (
                 ("inputs", self._session.get_inputs()),
                 ("outputs", self._session.get_outputs()),
@@ -63,10 +63,10 @@ class OnnxNetwork:
             ("output", self._output, action_size),
         ):
             if value.type != "tensor(float)":
-                faults.append(f"network {name}: {value.type}, allowed tensor(float)")
+                faults.append(f"network {name}: {value.type}, expected tensor(float)")
             shape = value.shape
             if len(shape) != 2 or (isinstance(shape[0], int) and shape[0] != 1) or shape[1] != size:
-                faults.append(f"network {name}: shape {shape}, allowed (N, {size})")
+                faults.append(f"network {name}: shape {shape}, expected (N, {size})")
         return faults
 
     def __call__(self, observations: NDArray[np.float32]) -> Array:
@@ -117,7 +117,7 @@ class OnnxPolicy:
         self._sense_gravity = GravitySense(
             robot.spec().compile().site(robot.imu_site).quat  # how the IMU sits in the torso
         )
-        self._step_time = contract.control_period * contract.cycles
+        self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
         self._start_at(robot.standing.joint_pos)
 
@@ -149,7 +149,7 @@ class OnnxPolicy:
         except (NetworkError, ContractError) as error:
             raise PolicyError(file, [str(error)]) from error
         faults = contract.find_mismatches(robot, period)
-        faults += network.find_faults(contract.observation_size, len(contract.names))
+        faults += network.find_faults(contract.observation_size, len(contract.action.names))
         if faults:
             raise PolicyError(file, faults)
         # A weight that is no number spoils the answer to any question.
@@ -211,7 +211,7 @@ class OnnxPolicy:
         action = self.act(self.observe(sensed)[None])[0]
         self._target = self._following
         if not np.isfinite(action).all():
-            names = self.contract.names
+            names = self.action.names
             bad = ", ".join(names[i] for i in np.flatnonzero(~np.isfinite(action)))
             self.fault = f"the network answers with what is no number: {bad}"
             return

@@ -1,1 +1,1 @@
-"""What a person looks at afterwards: reports, film strips, plots, replays."""
+"""Results of a run for people: reports, film strips, plots, replays."""

@@ -1,4 +1,4 @@
-"""Film strips: a motion as a few pictures, in the order of time."""
+"""Film strips: a motion as a few pictures in order of time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from robots import Robot, quaternion
@@ -22,7 +21,7 @@ INCH, GAP = 1.5, 0.02  # width of one picture in the strip, and of the line betw
 FIELD_OF_VIEW = 26.0  # deg, vertical; a narrow one keeps the proportions
 VIEW_HEIGHT = 1.75  # height of the picture over the robot's standing neck height
 VIEW_FROM = 125.0  # deg to the left of the final heading, where the camera looks to
-AFTERMATH = 0.3  # s after the stand begins that are worth a picture
+AFTERMATH = 0.3  # s after the stand begins that are shown
 
 TRUNK, LEFT, RIGHT = (0.93, 0.92, 0.90), (0.95, 0.61, 0.25), (0.25, 0.48, 0.70)
 SHADOW_REACH = 5.0  # m; where the shadow map ends, the ground is speckled
@@ -30,7 +29,7 @@ SOLE_SHADE = 0.72  # soles are darker than their limbs
 
 
 class NoRendererError(RuntimeError):
-    """No GL is there to render with."""
+    """There is no OpenGL to render with."""
 
 
 def pick_frames(count: int, frames: int = FRAMES) -> NDArray[np.intp]:
@@ -47,18 +46,18 @@ def render_frames(
         robot: Robot to look at.
         model: Scene with the robot.
         qpos: MuJoCo positions, (K, nq).
-        azimuth: Where the camera looks to [deg]; ``None`` for obliquely from the front of
-            where the robot faces in the end.
+        azimuth: Azimuth of the camera's view [deg]; ``None`` for a view obliquely from the
+            front of the robot's final heading.
 
     Raises:
-        NoRendererError: if no GL can be opened.
+        NoRendererError: if OpenGL cannot be opened.
     """
     width, height = FRAME_SIZE
     model = _paint(robot, model)
     data, layout = mujoco.MjData(model), robot.layout(model)
     seen = np.flatnonzero(_is_robots(robot, model))
     camera = _Camera(robot, azimuth)
-    camera.face(qpos[-1, layout.root_qpos + 3 : layout.root_qpos + 7])
+    camera.face(qpos[-1, layout.root_orientation])
     with _open(model, height, width) as renderer:
         pictures = []
         for state in qpos:
@@ -73,6 +72,8 @@ def render_frames(
 
 def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str = "") -> None:
     """Save pictures (K, height, width, 3) taken at ``times`` [s] as PNG, row by row."""
+    from matplotlib.figure import Figure  # slow to import
+
     columns = min(COLUMNS, len(pictures))
     rows = -(-len(pictures) // columns)
     head = 0.34 if title else 0.0
@@ -93,7 +94,7 @@ def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str
 
 
 class _Camera:
-    """Looks at a robot so that it fills the picture, lying or standing."""
+    """Frames a robot so that it fills the picture, lying or standing."""
 
     def __init__(self, robot: Robot, azimuth: float | None) -> None:
         self._camera = mujoco.MjvCamera()
@@ -103,13 +104,13 @@ class _Camera:
         self._camera.elevation = -24.0
 
     def face(self, orientation: Array) -> None:
-        """Look at a robot from its front left, unless told an azimuth."""
+        """View a robot from its front left, unless an azimuth is given."""
         ahead = quaternion.rotate(orientation, np.array([1.0, 0.0, 0.0]))
         heading = float(np.degrees(np.arctan2(ahead[1], ahead[0])))
         self._camera.azimuth = heading - VIEW_FROM if self._azimuth is None else self._azimuth
 
     def at(self, points: Array) -> mujoco.MjvCamera:
-        """Look at the middle of what points (N, 3) span."""
+        """View the middle of the box around points (N, 3)."""
         self._camera.lookat[:] = 0.5 * (points.min(axis=0) + points.max(axis=0))
         return self._camera
 
@@ -117,16 +118,16 @@ class _Camera:
 def _open(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
     try:
         return mujoco.Renderer(model, height=height, width=width)
-    except Exception as error:  # GL back ends raise whatever they like
-        told = " ".join(str(error).split())
+    except Exception as error:  # GL back ends raise errors of any type
+        reason = " ".join(str(error).split())
         wish = os.environ.get("MUJOCO_GL", "")
-        if isinstance(error, AttributeError):  # MuJoCo was told to do without
-            told = "it is switched off"
-        raise NoRendererError(f"no GL to render with (MUJOCO_GL={wish}): {told}") from error
+        if isinstance(error, AttributeError):  # MUJOCO_GL disables rendering
+            reason = "it is switched off"
+        raise NoRendererError(f"no GL to render with (MUJOCO_GL={wish}): {reason}") from error
 
 
 def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
-    """Tell trunk, left and right limbs apart by color, in a copy of the model."""
+    """Color trunk, left and right limbs differently, in a copy of the model."""
     model = copy.copy(model)
     model.vis.global_.fovy = FIELD_OF_VIEW
     model.vis.map.shadowclip = SHADOW_REACH / model.stat.extent
@@ -148,6 +149,6 @@ def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _is_robots(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Tell which geoms are the robot's, (ngeom,)."""
+    """Find which geoms belong to the robot, (ngeom,)."""
     root = model.body_rootid[robot.layout(model).torso]
     return np.asarray(model.body_rootid[model.geom_bodyid] == root)

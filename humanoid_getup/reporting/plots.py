@@ -1,12 +1,11 @@
-"""Plots: what a rise asked of the servos."""
+"""Plots of a rise, of a flight log, and of a replay."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
@@ -16,6 +15,10 @@ from robots import Robot
 from robots.files import atomic_path
 from robots.quaternion import Array
 
+if TYPE_CHECKING:  # matplotlib is slow to import
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 NAMED = 6  # joints that get a color and a name
 STANDING_SHOWN = 1.5  # s of the stand that are drawn
 
@@ -23,17 +26,19 @@ STANDING_SHOWN = 1.5  # s of the stand that are drawn
 def save_torque(
     robot: Robot, outcome: RunOutcome, torque_limit: float | None, path: Path, *, title: str = ""
 ) -> None:
-    """Plot the size of every servo's torque against its limit over time, as PNG.
+    """Plot the magnitude of every servo's torque against its limit over time, as PNG.
 
     The joints that came nearest to their limits are named, the others gray.
 
     Args:
         robot: Robot that moved.
         outcome: What happened.
-        torque_limit: Cap on every servo [N·m].
+        torque_limit: Torque limit of every servo [N·m]; None for their own.
         path: File to write.
         title: Of the plot.
     """
+    from matplotlib.figure import Figure
+
     torque = np.abs(outcome.torque)  # (T, n)
     limit = robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
     time = np.arange(1, len(torque) + 1) * robot.control_period
@@ -80,9 +85,9 @@ MILLISECONDS = 1e3
 
 
 def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:
-    """Plot a flight over time, as PNG: targets, angles, load, heat, ages and timing.
+    """Plot a flight log over time, as PNG: targets, angles, load, heat, ages and timing.
 
-    Of the joints, those that went furthest from their targets are named.
+    The joints with the largest tracking errors are named.
 
     Args:
         record: Flight with at least one cycle.
@@ -108,7 +113,7 @@ def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:
 
 
 def save_difference(report: ReplayReport, path: Path, *, title: str = "") -> None:
-    """Plot how far a replay went another way, as PNG.
+    """Plot how far a replay differs from its log, as PNG.
 
     Args:
         report: Replay with at least one cycle.
@@ -131,6 +136,8 @@ def save_difference(report: ReplayReport, path: Path, *, title: str = "") -> Non
 
 
 def _stack_panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(8.0, PANEL * count + 0.4), layout="constrained")
     axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
     axes[0].set_title(title, fontsize=10)
@@ -184,13 +191,15 @@ def _plot_timing(axis: Axes, record: FlightRecord, time: Array) -> None:
 
 
 def _mark_events(axis: Axes, record: FlightRecord, *, named: bool) -> None:
-    told = axis.get_xaxis_transform()
+    data_and_axis = axis.get_xaxis_transform()
     for event in record.events:
         color = "tab:red" if event.kind in ALARMING else "tab:purple"
         time = event.time - record.time[0]
         axis.axvline(time, color=color, linestyle=":", linewidth=0.9)
         if named and len(record.events) <= MANY:
-            text = axis.text(time, 0.98, f" {event.kind}", transform=told, va="top", clip_on=True)
+            text = axis.text(
+                time, 0.98, f" {event.kind}", transform=data_and_axis, va="top", clip_on=True
+            )
             text.set(color=color, fontsize=7)
 
 

@@ -1,4 +1,4 @@
-"""The replay: what a flight log sent, sent to a twin, and how far the twin goes another way."""
+"""Replays: the commands of a flight log sent to a twin, and where the twin diverges."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from drivers.twin.servo_model import VOLTAGE_STEP
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 
-THRESHOLD = 0.05  # rad, 3 degrees: more than encoders, gear play and one late cycle make
-LONGEST_GAP = 5.0  # s without a cycle that the twin can bridge; nobody knows what was sent
+THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
+LONGEST_GAP = 5.0  # s without a cycle that the twin bridges by holding the last command
 
 
 @dataclass(frozen=True, kw_only=True)
 class Divergence:
-    """Where a replay left its log."""
+    """Where a replay diverged from its log."""
 
     time: float
     """Since the first cycle [s]."""
     joint: str | None
-    """None where the torso leant another way."""
+    """None for the tilt of the torso."""
     difference: float
     """Measured minus replayed angle, or angle between the verticals [rad]."""
 
@@ -36,7 +36,7 @@ class Divergence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReplayReport:
-    """How a flight and its replay differ; what was not measured does not count."""
+    """Differences of a flight log and its replay; what was not measured does not count."""
 
     robot: str
     joint_names: tuple[str, ...]
@@ -51,7 +51,7 @@ class ReplayReport:
 
     @property
     def rms(self) -> Array:
-        """Return each joint's root of the mean squared difference [rad], shape (n,)."""
+        """Return each joint's root mean square difference [rad], shape (n,)."""
         return _rms(self.difference)
 
     @property
@@ -66,7 +66,7 @@ class ReplayReport:
 
     @property
     def is_exact(self) -> bool:
-        """Tell whether the replay reproduced every angle and the tilt to the last bit."""
+        """Return whether the replay reproduced every angle and the tilt to the last bit."""
         return not np.any(self.difference) and not np.any(self.tilt_difference)
 
     @property
@@ -112,20 +112,20 @@ class ReplayReport:
 def replay(
     record: FlightRecord, twin: Twin, start: Posture, *, threshold: float = THRESHOLD
 ) -> ReplayReport:
-    """Send a twin what a log says was sent, and compare what both measured.
+    """Send the commands of a log to a twin, and compare both measurements.
 
-    A twin is deterministic: a log that was recorded on a like twin, from its first cycle
+    A twin is deterministic: a log that was recorded on an equal twin, from its first cycle
     at rest in ``start``, is reproduced to the last bit. Where a log lacks cycles, the twin
-    goes on with the last command.
+    continues with the last command.
 
     Args:
         record: What was measured and sent.
         twin: A fresh twin of the robot, in its scene, with its supply.
-        start: Where the robot is at the first cycle, at rest.
+        start: Posture of the robot at the first cycle, at rest.
         threshold: Difference of a joint or of the tilt that counts as divergence [rad].
 
     Raises:
-        ValueError: if the log is another robot's, or holds nothing that can be replayed.
+        ValueError: if the log is of another robot, or holds nothing that can be replayed.
     """
     record.check_robot(twin.robot)
     periods = _count_periods(record, twin.period)
@@ -150,9 +150,9 @@ def replay(
 
 
 def choose_supply(record: FlightRecord, robot: Robot) -> float:
-    """Return the voltage at which to replay a flight [V]: what was measured at its start.
+    """Return the voltage at which to replay a log [V]: the one measured at its start.
 
-    A measurement that may as well be the robot's nominal voltage counts as that.
+    Within the resolution of the measurement, the robot's nominal voltage is used.
     """
     voltage = record.state["voltage"] if record.cycles else np.zeros(0)
     measured = voltage[voltage > 0.0]  # not NaN either
@@ -163,23 +163,23 @@ def choose_supply(record: FlightRecord, robot: Robot) -> float:
 
 def _count_periods(record: FlightRecord, period: float) -> np.ndarray:
     """Count for how many control periods each command was held."""
-    told = f"flight log {record.path}"
+    owner = f"flight log {record.path}"
     if not record.cycles:
-        raise ValueError(f"{told}: it holds no cycle, so there is nothing to replay")
+        raise ValueError(f"{owner}: it holds no cycle, so there is nothing to replay")
     gap = np.diff(record.time)
     if not np.isfinite(gap).all() or np.any(gap < 0.0) or np.any(gap > LONGEST_GAP):
         cycle = int(np.argmax(~(np.isfinite(gap) & (gap >= 0.0) & (gap <= LONGEST_GAP))))
         raise ValueError(
-            f"{told}: {gap[cycle]:.3f} s pass after cycle {cycle}, "
-            f"allowed 0 to {LONGEST_GAP:g} s for a replay"
+            f"{owner}: {gap[cycle]:.3f} s pass after cycle {cycle}, "
+            f"expected 0 to {LONGEST_GAP:g} s for a replay"
         )
     return np.append(np.maximum(np.rint(gap / period), 1), 1).astype(int)
 
 
 def _angle_between_verticals(p: Array, q: Array) -> Array:
-    """Measure how far orientations (T, 4) disagree about where down is [rad]; yaw is free.
+    """Compute the angle between the verticals of two orientations (T, 4) [rad], free of yaw.
 
-    The angle is the same in the frame of the IMU and of the torso in which it sits.
+    It is the same in the frame of the IMU and of the torso on which it is mounted.
     """
     a, b = quaternion.gravity_in_body(p), quaternion.gravity_in_body(q)
     across = np.linalg.norm(np.cross(a, b), axis=-1)
@@ -187,6 +187,6 @@ def _angle_between_verticals(p: Array, q: Array) -> Array:
 
 
 def _rms(values: Array) -> Array:
-    """Compute the root of the mean square of each column, of what is a number."""
+    """Compute the root mean square of each column, without its NaN."""
     count = np.maximum(np.isfinite(values).sum(axis=0), 1)
     return np.sqrt(np.nansum(values**2, axis=0) / count)

@@ -1,4 +1,4 @@
-"""The report of a rise: report.json, and what a person reads."""
+"""The report of a rise: report.json, and a summary for people."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ KEYS = (
     "period_s",
     "overruns",
 )
-"""Keys that every report has, None where the run did not get that far."""
+"""Keys of every report, None where the run did not reach them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunContext:
-    """What a rise was asked to do, and with what."""
+    """What a rise was run with."""
 
     robot: str
     period: float
@@ -48,7 +48,7 @@ class RunContext:
     scene: str
     backend: str
     torque_limit: float | None
-    """Cap on every servo [N·m]."""
+    """Torque limit of every servo [N·m]."""
     extra: dict[str, Any] = field(default_factory=dict)
     """Further keys of the report."""
 
@@ -70,7 +70,7 @@ def make_report(rise: Rise, asked: RunContext) -> dict[str, Any]:
 
 
 def print_summary(report: dict[str, Any], files: list[str], console: Console) -> None:
-    """Tell a person in a few lines how a rise went."""
+    """Print the result of a rise in a few lines."""
     console.print(f"[bold {'green' if report['stood'] else 'red'}]{_headline(report)}")
     table = Table.grid(padding=(0, 2))
     for label, text in (

@@ -21,18 +21,18 @@ caps are alike: at all that the servos have::
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Annotated, Literal
+
+from msgspec import Meta
 
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.simulation.falls import CLASSES
 from robots import Robot, TorqueLimit
-from robots.schema import Fields
 from robots.torque_limit import LimitedBy
-from robots.validation import shown
+from robots.validation import load_toml, positive, read_table, whole
 
 PLAN, POLICY = "plan", "policy"
 RECORDS = Path("policies", "records.toml")
@@ -41,7 +41,7 @@ MOST_TORQUE, MOST_RISES = 1000.0, 10**9
 
 
 class RecordsError(ValueError):
-    """A file holds no records; the message tells all that is wrong with it."""
+    """A file does not hold records; the message names all that is wrong with it."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Way:
 class Count:
     """How many of some rises ended in a held stand."""
 
-    stood: int
-    n: int
+    stood: Annotated[int, whole(0, MOST_RISES)]
+    n: Annotated[int, whole(1, MOST_RISES)]
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class TrackRecord:
     records: tuple[Record, ...] = ()
 
     def knows(self, way: Way) -> bool:
-        """Tell whether a way was measured at all."""
+        """Return whether a way was measured at all."""
         return any(record.way == way for record in self.records)
 
     def promise(self, way: Way, start_class: str, torque_limit: TorqueLimit) -> float:
@@ -107,45 +107,57 @@ class TrackRecord:
         return wilson_interval(count.stood, count.n)[0]
 
 
+ClassCount = Annotated[Count, Meta(description="{ stood = ..., n = ... }")] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """One table [[record]] of the file."""
+
+    method: Literal["plan", "policy"]
+    torque_limit: Annotated[float, positive(MOST_TORQUE, "N·m")]
+    policy: str = ""
+    cap: LimitedBy | None = None
+    supine: ClassCount = None
+    prone: ClassCount = None
+    left: ClassCount = None
+    right: ClassCount = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _File:
+    record: tuple[_Row, ...] = ()
+
+
 def load_records(robot: Robot) -> TrackRecord:
     """Load a robot's records; a robot without them has none.
 
     Raises:
-        RecordsError: telling all that is wrong with the file.
+        RecordsError: naming all that is wrong with the file.
     """
     file = robot.folder / RECORDS
     if not file.exists():
         return TrackRecord()
-    faults: list[str] = []
+    problems: list[str] = []
     try:
-        tables = tomllib.loads(file.read_text("utf-8")).get("record", [])
+        table = read_table(_File, load_toml(file), "", problems)
     except ValueError as error:
         raise RecordsError(f"{file}: {error}") from error
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise RecordsError(f"{file}: record is {shown(tables)}, allowed tables [[record]]")
-    records = [_read(table, f"record {i}: ", faults) for i, table in enumerate(tables, start=1)]
-    if faults:
-        raise RecordsError(f"{file}: {'; '.join(faults)}")
+    records = [_build_record(row, i, problems) for i, row in enumerate(table.record, start=1)]
+    if problems:
+        raise RecordsError(f"{file}: {'; '.join(problems)}")
     return TrackRecord(tuple(records))
 
 
-def _read(table: dict[str, Any], owner: str, faults: list[str]) -> Record:
-    fields = Fields(table, owner, faults)
-    method = fields.choice("method", (PLAN, POLICY))
-    way = Way(method, fields.text("policy") if method == POLICY else "")
-    torque_limit = fields.number("torque_limit", MOST_TORQUE, "N·m")
-    counts = {}
-    for name in CLASSES:
-        if name in table:
-            counts[name] = _count(table[name], f"{owner}{name}", faults)
-    limited_by = fields.choice("cap", get_args(LimitedBy)) if "cap" in table else None
-    return Record(way, torque_limit, counts, cast("LimitedBy | None", limited_by))
-
-
-def _count(value: Any, owner: str, faults: list[str]) -> Count:
-    if not isinstance(value, dict):
-        faults.append(f"{owner} is {shown(value)}, allowed {{ stood = ..., n = ... }}")
-        return Count(0, 0)
-    fields = Fields(value, f"{owner}.", faults)
-    n = fields.integer("n", 1, MOST_RISES)
-    return Count(fields.integer("stood", 0, max(n, 0)), n)
+def _build_record(row: _Row, number: int, problems: list[str]) -> Record:
+    if row.method == POLICY and not row.policy:
+        problems.append(f"record number {number}: policy is missing, expected a text")
+    counts = {name: getattr(row, name) for name in CLASSES if getattr(row, name) is not None}
+    problems += [
+        f"record number {number}: {name}.stood is {count.stood}, expected an integer from 0 to "
+        f"{count.n}"
+        for name, count in counts.items()
+        if count.stood > count.n > 0
+    ]
+    way = Way(row.method, row.policy if row.method == POLICY else "")
+    return Record(way, row.torque_limit, counts, row.cap)

@@ -14,9 +14,9 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.policy.action import CYCLES
 from humanoid_getup.simulation.falls import FallError, sample_drop
-from robots import Robot, quaternion
+from robots import Robot
 from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
-from robots.kinematics import place
+from robots.kinematics import mirror_positions, place
 from robots.quaternion import Array
 from sim2real.environment.conditions import Conditions
 from sim2real.environment.vectorized_simulation import Herd
@@ -137,13 +137,7 @@ def drop_falls(herd: Herd, count: int, rng: np.random.Generator) -> Array:
 
 def mirror_starts(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
     """Exchange left and right in MuJoCo positions (P, nq)."""
-    layout = robot.layout(model)
-    root = layout.root_qpos
-    mirrored = qpos.copy()
-    mirrored[:, root + 1] *= -1.0
-    mirrored[:, root + 3 : root + 7] = quaternion.mirror(qpos[:, root + 3 : root + 7])
-    mirrored[:, layout.qpos] = robot.mirror_joints(qpos[:, layout.qpos])
-    return mirrored
+    return mirror_positions(robot, model, qpos)
 
 
 def sample_stands(

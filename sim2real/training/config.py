@@ -1,4 +1,4 @@
-"""Recipes: how the policies that come with a robot are trained."""
+"""Recipes: hyperparameters of the policies that come with a robot, and their file."""
 
 from __future__ import annotations
 
@@ -36,29 +36,29 @@ class Recipe:
     desired_kl: float = 0.015
     """The step size shrinks above twice this divergence, and grows below half of it."""
     entropy: float = 0.002
-    """A fifth of rsl-rl's own: the least deviation keeps a policy exploring."""
+    """A fifth of rsl-rl's default: the smallest deviation keeps a policy exploring."""
     first_std: float = 1.0
     most_std: float = 1.5
-    """Most that an action is tried beside what the policy would do, of numbers from -1 to 1.
+    """Largest standard deviation of exploration, for actions from -1 to 1.
 
-    Above 0.4 noise alone asks for full speed, this way and that; below, what is learned in an
-    update shrinks with it, since its divergence is held.
+    Above 0.4 noise alone commands full speed back and forth; below, what is learned in an
+    update shrinks with it, since its divergence is held constant.
     """
     physics_step: float = 0.006
-    """[s]; a coarse one makes a training of nights one of minutes."""
+    """[s]; a coarse one shortens training from nights to minutes."""
     lift: float = 0.8
-    """Largest share of its weight that a robot hangs by at first.
+    """Assistive force at the beginning, as the largest share of the robot's weight.
 
-    Who hangs by most of it finds standing by chance, which a training from nothing needs;
-    for one that begins with a policy that rises, 0.3 bridges the change of conditions.
+    A robot of which most is carried finds standing by chance, which a training from scratch
+    needs; for one that begins with a policy that rises, 0.3 bridges the change of conditions.
     """
 
     def choose_actions(self, robot: Robot) -> ActionSpec:
-        """Choose what the policy moves, and what it asks of the servos."""
+        """Build the action space of the policy, and its limit on the servos."""
         return choose_actions(robot, self.wide, self.pwm_limit)
 
 
-# Who goes on from a policy that rises keeps what it can, and explores less.
+# A training that continues from a policy that rises keeps its skill and explores less.
 ONWARD = Recipe(
     rewards="robust",
     randomization="all",
@@ -73,7 +73,7 @@ RECIPES = {
     "quick": Recipe(rewards="quick", randomization="torque", wide=False, iterations=500),
     "robust": ONWARD,
     # A servo that may use 0.55 of its supply has 2.25 N·m left of the XM430's 4.1 at
-    # standstill, and turns at 0.55 of its speed: what is slow lands softly.
+    # standstill, and turns at 0.55 of its speed: slow motions land softly.
     "gentle": replace(
         ONWARD, rewards="gentle", randomization="mild", iterations=400, pwm_limit=0.55
     ),
@@ -81,18 +81,18 @@ RECIPES = {
 
 RECIPE = "recipe.json"
 """Name of the file in a training's folder."""
-FREE = ("recipe.iterations",)  # how long, not what: a training may go on for longer
+FREE = ("recipe.iterations",)  # may change: a finished training can be continued
 
 
 class OtherTrainingError(ValueError):
-    """A folder holds another training than the one asked for."""
+    """A folder holds another training than the requested one."""
 
 
 def settle_recipe(file: Path, asked: dict[str, Any]) -> None:
-    """Write down what is trained; where it is written already, see that it is the same.
+    """Write the recipe file; if there is one already, check that it is the same.
 
     Raises:
-        OtherTrainingError: telling all that differs.
+        OtherTrainingError: naming all that differs.
     """
     if file.exists():
         check_recipe(file, asked)
@@ -100,24 +100,23 @@ def settle_recipe(file: Path, asked: dict[str, Any]) -> None:
 
 
 def check_recipe(file: Path, asked: dict[str, Any]) -> None:
-    """See that a recipe file says what is asked for.
+    """Check that a recipe file holds the requested training.
 
     Raises:
-        OtherTrainingError: telling all that differs.
+        OtherTrainingError: naming all that differs.
     """
     try:
         found = _flatten(json.loads(file.read_text("utf-8")))
     except (ValueError, AttributeError) as error:
-        raise OtherTrainingError(f"{file} is no recipe of a training: {error}") from error
+        raise OtherTrainingError(f"{file} is not a recipe of a training: {error}") from error
     wanted = _flatten(json.loads(json.dumps(asked)))
     differences = [
-        f"{key} is {shown(found.get(key))} there, {shown(wanted.get(key))} is asked for"
+        f"{key} is {shown(found.get(key))} there, expected {shown(wanted.get(key))}"
         for key in sorted(found.keys() | wanted.keys())
         if key not in FREE and found.get(key) != wanted.get(key)
     ]
     if differences:
-        told = "; ".join(differences)
-        raise OtherTrainingError(f"{file.parent} holds another training: {told}")
+        raise OtherTrainingError(f"{file.parent} holds another training: {'; '.join(differences)}")
 
 
 def _flatten(record: dict[str, Any], prefix: str = "") -> dict[str, Any]:

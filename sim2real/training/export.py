@@ -42,7 +42,7 @@ class ExportError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
-    """What was trained, and where its checkpoint lies."""
+    """What was trained, and the folder of its checkpoint."""
 
     folder: Path
     robot: str
@@ -52,15 +52,15 @@ class Training:
     actions: tuple[str, ...]
     """What each number of an action moves."""
     parent: Mapping[str, Fact]
-    """What it began with: recipe, seed, iterations, checksum; empty for nothing."""
+    """The training that it began with: recipe, seed, iterations, checksum; empty for none."""
 
     @staticmethod
     def load(folder: Path) -> Training:
-        """Read what a training wrote down of itself.
+        """Read the recipe file of a training.
 
         Raises:
-            OSError: if its recipe cannot be read.
-            ExportError: if that is not one.
+            OSError: if the recipe file cannot be read.
+            ExportError: if it is not one.
         """
         file = folder / RECIPE
         try:
@@ -76,12 +76,12 @@ class Training:
                 parent=dict(record["parent"] or {}),
             )
         except (KeyError, TypeError, ValueError) as error:
-            told = f"{type(error).__name__}: {error}"
-            raise ExportError(f"{file} is no recipe of a training: {told}") from error
+            reason = f"{type(error).__name__}: {error}"
+            raise ExportError(f"{file} is not a recipe of a training: {reason}") from error
 
     @property
     def provenance(self) -> dict[str, Fact]:
-        """Tell how the policy is made."""
+        """Return how the policy is made."""
         named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
         facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
         about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}
@@ -91,30 +91,30 @@ class Training:
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export came to."""
+    """Figures of an export."""
 
     size: int
     """Of the file [bytes]."""
     iterations: int
-    """That the policy was trained for."""
+    """Of the training."""
     difference: float
     """Largest between the actions of torch and of onnxruntime."""
 
 
 def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
-    """Write the policy of a training's checkpoint, checked, or nothing at all.
+    """Write the policy of a training's checkpoint after checks, or nothing at all.
 
     Raises:
         OSError: if a file cannot be read or written.
-        CheckpointError: if the checkpoint is spoiled.
-        ExportError: if the training is another robot's, the checkpoint is none of it or
-            holds what is no number, or what was written does not act like the checkpoint.
+        CheckpointError: if the checkpoint is damaged.
+        ExportError: if the training is of another robot, the checkpoint is of another network
+            or holds NaN or infinity, or the written file does not act like the checkpoint.
     """
     action = training.recipe.choose_actions(robot)
     if training.robot != robot.name or training.actions != action.names:
         raise ExportError(
             f"{training.folder}: trained for robot '{training.robot}' with actions "
-            f"{', '.join(training.actions)}; allowed '{robot.name}' with {', '.join(action.names)}"
+            f"{', '.join(training.actions)}; expected '{robot.name}' with {', '.join(action.names)}"
         )
     checkpoint = read_checkpoint(training.folder / CHECKPOINT)
     size = sum(term.size for term in list_terms(robot, action))
@@ -140,7 +140,7 @@ def rebuild_actor(
     """Build the trained actor without its environment.
 
     Raises:
-        ExportError: if the weights are another network's, or no numbers.
+        ExportError: if the weights are of another network, or not finite.
     """
     config = build_config(training.recipe, training.seed)
     actor_config = {key: value for key, value in config["actor"].items() if key != "class_name"}
@@ -150,11 +150,11 @@ def rebuild_actor(
     try:
         actor.load_state_dict(weights)
     except RuntimeError as error:
-        told = " ".join(str(error).split())
-        raise ExportError(f"{file} does not fit robot and recipe: {told}") from error
+        reason = " ".join(str(error).split())
+        raise ExportError(f"{file} does not fit robot and recipe: {reason}") from error
     bad = [name for name, value in actor.state_dict().items() if not torch.isfinite(value).all()]
     if bad:
-        raise ExportError(f"{file} holds what is no number: {', '.join(bad)}")
+        raise ExportError(f"{file} holds NaN or infinity: {', '.join(bad)}")
     return actor.eval()
 
 
@@ -180,7 +180,7 @@ def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
 
 
 def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:
-    """Compare the file with what it was made from; return the largest difference.
+    """Compare the file with the actor that it was made from; return the largest difference.
 
     Raises:
         ExportError: if they differ, or the file cannot be run.
@@ -193,17 +193,19 @@ def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:
     try:
         OnnxPolicy.load(file, robot, robot.control_period)
     except PolicyError as error:
-        raise ExportError(f"what was written cannot be run: {error}") from error
+        raise ExportError(f"the written policy cannot be run: {error}") from error
     network = OnnxNetwork(file)
     difference = float(np.abs(network(seen) - wanted).max())
     if not difference <= PARITY:
-        raise ExportError(f"torch and onnxruntime differ by {difference:.1e}, allowed {PARITY:.0e}")
+        raise ExportError(
+            f"torch and onnxruntime differ by {difference:.1e}, expected at most {PARITY:.0e}"
+        )
     return difference
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep what the exporter tells of its progress from the user."""
+    """Silence the exporter's progress messages."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)

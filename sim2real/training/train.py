@@ -129,11 +129,11 @@ def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:
         trained, rewards, seed = record["robot"], record["recipe"]["rewards"], record["seed"]
     except (KeyError, TypeError, ValueError) as error:
         raise OtherTrainingError(
-            f"{parent / RECIPE} is no recipe of a training: {error}"
+            f"{parent / RECIPE} is not a recipe of a training: {error}"
         ) from error
     if trained != robot.name:
         raise OtherTrainingError(
-            f"{parent} is a training of robot '{trained}', allowed '{robot.name}'"
+            f"{parent} is a training of robot '{trained}', expected '{robot.name}'"
         )
     file = parent / CHECKPOINT
     return {

@@ -31,16 +31,19 @@ def test_saving_and_loading_gives_the_same(own_robot):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('robot = "op3"', "it is of robot 'op3', allowed 'tiny' (make it anew: getup calibrate)"),
-        ("", "robot is missing, allowed a text"),
+        (
+            'robot = "op3"',
+            "it is of robot 'op3', expected 'tiny' (make a new one: getup calibrate)",
+        ),
+        ("", "robot is missing, expected a text"),
         ("robot = ", "not TOML (Invalid value"),
         ('robot = "tiny"\n[joints.knee]\nzero_ticks = 1\nsign = 1', "unknown joint 'knee'"),
         (
             'robot = "tiny"\n[joints.l_hip]\nzero_ticks = 1.5\nsign = 2',
-            "joint 'l_hip': zero_ticks is 1.5, allowed an integer from -1048575 to 1048575; "
-            "joint 'l_hip': sign is 2, allowed -1 or 1",
+            "joints.l_hip.zero_ticks is 1.5, expected an integer from -1048575 to 1048575; "
+            "joints.l_hip.sign is 2, expected -1 or 1",
         ),
-        ('robot = "tiny"\njoints = 3', "joints is 3, allowed a table of joint names"),
+        ('robot = "tiny"\njoints = 3', "joints is 3, expected a table of joint names"),
     ],
 )
 def test_a_calibration_that_does_not_fit_is_refused_in_one_line(own_robot, text, words):
@@ -49,3 +52,9 @@ def test_a_calibration_that_does_not_fit_is_refused_in_one_line(own_robot, text,
         load_robot(own_robot)
     assert words in str(caught.value)
     assert str(caught.value).isprintable()
+
+
+def test_many_unknown_joints_are_counted(own_robot):
+    save(own_robot, **{f"joint_{i}": JointCalibration(0, 1) for i in range(20)})
+    with pytest.raises(RobotError, match=r"20 unknown joints: 'joint_0', 'joint_1', 'joint_2', "):
+        load_robot(own_robot)

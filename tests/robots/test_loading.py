@@ -40,8 +40,10 @@ def test_soles_level_a_leaning_stance(own_robot):
 
 
 @pytest.mark.parametrize("name", ["nao", "", "../..", "/nowhere/at/all", "a\nb"])
-def test_an_unknown_robot_is_named_with_what_is_allowed(name):
-    with pytest.raises(RobotError, match=r"unknown robot '.*': allowed op3, or a folder") as caught:
+def test_an_unknown_robot_is_named_with_what_is_expected(name):
+    with pytest.raises(
+        RobotError, match=r"unknown robot '.*': expected op3, or a folder"
+    ) as caught:
         load_robot(name)
     assert "\n" not in str(caught.value)
 

@@ -63,27 +63,57 @@ def test_joints_of_a_file_may_come_in_any_order(tmp_path, tiny):
     [
         ({"joint_pos": {"l_hip": 0.1}}, "joint 'r_hip' is missing"),
         ({"joint_pos": {"l_hip": 0.1, "r_hip": 0, "tail": 0}}, "unknown joint 'tail'"),
-        ({"joint_pos": {"l_hip": 0.1, "r_hip": 1.1}}, "'r_hip' is +1.100 rad, allowed [-1.571, +1"),
-        ({"joint_pos": {"l_hip": float("nan"), "r_hip": 0}}, "'l_hip' is nan, allowed a finite"),
-        ({"joint_pos": {"l_hip": "0.1", "r_hip": 0}}, "'l_hip' is '0.1', allowed a finite"),
-        ({"joint_pos": {"l_hip": True, "r_hip": 0}}, "'l_hip' is True"),
-        ({"joint_pos": {"l_hip": 10**400, "r_hip": 0}}, "'l_hip' is inf, allowed a finite"),
-        ({"joint_pos": {"l_hip": 1.0471976, "r_hip": 0}}, "is +1.047197600 rad, allowed [-1.5"),
-        ({"joint_pos": {"l_hip": 1e300, "r_hip": 0}}, "'l_hip' is +1.000e+300 rad, allowed"),
-        ({"joint_pos": {"l_hip": [[[0]]], "r_hip": 0}}, "'l_hip' is [[[0.0]]], allowed a finite"),
-        ({"joint_pos": [0.1, 0.2]}, "joint_pos is [0.1, 0.2], allowed an object"),
-        ({"orientation": [1.0, 1.0, 0.0, 0.0]}, "orientation has length 1.4142, allowed 1"),
+        (
+            {"joint_pos": {"l_hip": 0.1, "r_hip": 1.1}},
+            "'r_hip' is +1.100 rad, expected [-1.571, +1",
+        ),
+        (
+            {"joint_pos": {"l_hip": float("nan"), "r_hip": 0}},
+            "joint_pos.l_hip is nan, expected a finite",
+        ),
+        (
+            {"joint_pos": {"l_hip": "0.1", "r_hip": 0}},
+            "joint_pos.l_hip is '0.1', expected a finite",
+        ),
+        ({"joint_pos": {"l_hip": True, "r_hip": 0}}, "joint_pos.l_hip is True"),
+        (
+            {"joint_pos": {"l_hip": 10**400, "r_hip": 0}},
+            "joint_pos.l_hip is inf, expected a finite",
+        ),
+        ({"joint_pos": {"l_hip": 1.0471976, "r_hip": 0}}, "is +1.047197600 rad, expected [-1.5"),
+        ({"joint_pos": {"l_hip": 1e300, "r_hip": 0}}, "'l_hip' is +1.000e+300 rad, expected"),
+        (
+            {"joint_pos": {"l_hip": [[[0]]], "r_hip": 0}},
+            "joint_pos.l_hip is [[[0.0]]], expected a finite",
+        ),
+        ({"joint_pos": [0.1, 0.2]}, "joint_pos is [0.1, 0.2], expected an object"),
+        ({"orientation": [1.0, 1.0, 0.0, 0.0]}, "orientation has length 1.4142, expected 1"),
         ({"orientation": [0.0, 0.0, 0.0, 0.0]}, "orientation has length 0.0000"),
-        ({"orientation": [1.0, 0.0, 0.0]}, "orientation is [1.0, 0.0, 0.0], allowed a list of 4"),
+        ({"orientation": [1.0, 0.0, 0.0]}, "orientation is [1.0, 0.0, 0.0], expected a list of 4"),
         ({"orientation": [1e300, 0.0, 0.0, 0.0]}, "orientation has length 1.000e+300"),
-        ({"position": [0.0, 10**400, 0.0]}, "position[1] is inf, allowed a finite number (m)"),
-        ({"position": [0.0, None, 0.0]}, "position[1] is None, allowed a finite number (m)"),
-        ({"position": [0.0, float("inf"), 0.0]}, "position[1] is inf, allowed a finite number"),
-        ({"position": None}, "position is None, allowed a list of 3 numbers (m)"),
+        ({"position": [0.0, 10**400, 0.0]}, "position[1] is inf, expected a finite number (m)"),
+        ({"position": [0.0, None, 0.0]}, "position[1] is None, expected a finite number (m)"),
+        ({"position": [0.0, float("inf"), 0.0]}, "position[1] is inf, expected a finite number"),
+        ({"position": None}, "position is None, expected a list of 3 numbers (m)"),
     ],
 )
-def test_a_wrong_posture_file_names_the_culprit_and_what_is_allowed(tmp_path, tiny, changes, words):
+def test_a_wrong_posture_file_names_the_culprit_and_what_is_expected(
+    tmp_path, tiny, changes, words
+):
     assert words in complaint(tmp_path, tiny, record(**changes))
+
+
+def test_few_missing_joints_are_named_and_many_are_counted(tmp_path, op3):
+    angles = dict(zip(op3.joint_names, op3.standing.joint_pos.tolist(), strict=True))
+    few = {name: angle for name, angle in angles.items() if name not in op3.joint_names[:3]}
+    message = complaint(tmp_path, op3, record(joint_pos=few))
+    names = ("r_sho_pitch", "l_sho_pitch", "r_sho_roll")
+    assert message.endswith("; ".join(f"joint '{name}' is missing" for name in names))
+    message = complaint(tmp_path, op3, record(joint_pos={}))
+    assert message.endswith("posture.json: 20 of 20 joints are missing")
+    message = complaint(tmp_path, op3, record(joint_pos={f"{name}x": 0 for name in angles}))
+    assert "20 of 20 joints are missing; 20 unknown joints: 'r_sho_pitchx', " in message
+    assert message.count("unknown") == 1
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path, tiny):
@@ -104,21 +134,23 @@ def test_a_deeply_nested_file_is_refused(tmp_path, tiny, text):
 
 def test_a_number_of_many_digits_is_named_with_its_joint(tmp_path, tiny):
     text = json.dumps(record()).replace("0.1}", "1" * 5000 + "}")
-    assert "'l_hip' is inf, allowed a finite angle in rad" in complaint(tmp_path, tiny, text)
+    assert "joint_pos.l_hip is inf, expected a finite angle in rad" in complaint(
+        tmp_path, tiny, text
+    )
 
 
 def test_what_is_named_twice_is_refused(tmp_path, tiny):
     text = json.dumps(record())
     twice = text.replace('"r_hip"', '"l_hip": 0.1, "r_hip"')
-    assert "'l_hip' is named 2 times, allowed once" in complaint(tmp_path, tiny, twice)
+    assert "'l_hip' is named 2 times, expected once" in complaint(tmp_path, tiny, twice)
     twice = text.replace('"position"', '"position": [0, 0, 0], "position"')
-    assert "'position' is named 2 times, allowed once" in complaint(tmp_path, tiny, twice)
+    assert "'position' is named 2 times, expected once" in complaint(tmp_path, tiny, twice)
 
 
 def test_an_unprintable_name_is_told_in_print(tmp_path, tiny):
     joint_pos = {"l_hip": 0, "r_hip": 0, "a\nb\ud800": 0}
     message = complaint(tmp_path, tiny, record(joint_pos=joint_pos))
-    assert r"unknown joint 'a\nb\ud800', allowed l_hip, r_hip" in message
+    assert r"unknown joint 'a\nb\ud800', expected l_hip, r_hip" in message
 
 
 def test_a_file_that_is_not_utf8_is_refused(tmp_path, tiny):

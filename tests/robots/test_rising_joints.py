@@ -42,11 +42,11 @@ def test_spreading_joints_are_none_unless_said(tiny):
     ("value", "words"),
     [
         ('["l_toe"]', "spreading_joints: unknown joint 'l_toe'"),
-        ('["r_hip"]', "spreading_joints: 'r_hip' is one of rising_joints, allowed others"),
-        ("[]", "spreading_joints is [], allowed a list of texts, at least one"),
+        ('["r_hip"]', "spreading_joints: 'r_hip' is one of rising_joints, expected others"),
+        ("[]", "spreading_joints is [], expected a list of texts, at least one"),
     ],
 )
-def test_wrong_spreading_joints_are_told_with_what_is_allowed(own_robot, value, words):
+def test_wrong_spreading_joints_are_told_with_what_is_expected(own_robot, value, words):
     spoil(own_robot, PERIOD, f"{PERIOD}\nspreading_joints = {value}")
     assert words in complaint(own_robot)
 
@@ -55,14 +55,14 @@ def test_wrong_spreading_joints_are_told_with_what_is_allowed(own_robot, value, 
     ("value", "words"),
     [
         ('["l_toe"]', "rising_joints: unknown joint 'l_toe'"),
-        ('["l_hip", "r_hip"]', "rising_joints: 'l_hip', allowed one joint of a mirrored pair"),
-        ('["l_hip", "l_hip"]', "rising_joints is ['l_hip', 'l_hip'], allowed each name once"),
-        ("[]", "rising_joints is [], allowed a list of texts, at least one"),
-        ('"l_hip"', "rising_joints is 'l_hip', allowed a list of texts, at least one"),
-        ("[1]", "rising_joints is [1], allowed a list of texts, at least one"),
+        ('["l_hip", "r_hip"]', "rising_joints: 'l_hip', expected one joint of a mirrored pair"),
+        ('["l_hip", "l_hip"]', "rising_joints is ['l_hip', 'l_hip'], expected each name once"),
+        ("[]", "rising_joints is [], expected a list of texts, at least one"),
+        ('"l_hip"', "rising_joints is 'l_hip', expected a list of texts, at least one"),
+        ("[1]", "rising_joints is [1], expected a list of texts, at least one"),
     ],
 )
-def test_wrong_rising_joints_are_told_with_what_is_allowed(own_robot, value, words):
+def test_wrong_rising_joints_are_told_with_what_is_expected(own_robot, value, words):
     say(own_robot, value)
     assert words in complaint(own_robot)
 
@@ -73,5 +73,5 @@ def test_a_joint_that_is_its_own_mirror_cannot_rise_as_a_pair(own_robot):
     for name in ("l_hip", "r_hip"):
         spoil(own_robot, f'mirror = "_{name}"', f'mirror = "{name}"')
     say(own_robot, '["l_hip"]')
-    words = "rising_joints: 'l_hip', allowed one joint of a mirrored pair"
+    words = "rising_joints: 'l_hip', expected one joint of a mirrored pair"
     assert words in complaint(own_robot)

@@ -39,7 +39,7 @@ def test_zero_ticks_are_angle_zero_and_the_sign_gives_the_direction(servo: Servo
 
 @pytest.mark.parametrize(("id", "sign"), [(1, 0), (1, 2), (-1, 1), (253, 1)])
 def test_a_wrong_servo_cannot_be_built(id: int, sign: int):
-    with pytest.raises(ValueError, match="allowed"):
+    with pytest.raises(ValueError, match="expected"):
         Servo(id=id, model=XM430, sign=sign, zero_ticks=2048)
 
 

@@ -20,7 +20,13 @@ def actions_of(robot: Robot) -> ActionSpec:
 
 def contract_of(made_for: Robot, **changes) -> PolicyContract:
     made = PolicyContract.of(made_for, actions_of(made_for), made_for.control_period, {"seed": 0})
-    return replace(made, **changes)
+    return change(made, **changes)
+
+
+def change(contract: PolicyContract, **changes) -> PolicyContract:
+    """Replace fields of a contract or of its action."""
+    action = {key: changes.pop(key) for key in list(changes) if hasattr(contract.action, key)}
+    return replace(contract, action=replace(contract.action, **action), **changes)
 
 
 def save_policy(

@@ -387,7 +387,7 @@ def test_bad_input_is_one_line(folder, capsys):
 def test_a_calibration_of_another_robot_has_to_be_moved_away(folder, capsys):
     (folder / "calibration.toml").write_text('robot = "op3"\n')
     told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere", "--yes")
-    assert "it is of robot 'op3', allowed 'tiny'" in told
+    assert "it is of robot 'op3', expected 'tiny'" in told
     assert "move that file away first" in told
 
 

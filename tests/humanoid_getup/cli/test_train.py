@@ -65,17 +65,17 @@ def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
     assert run(*TINY)[0] == 0
     line = refuse(run, *TINY, "--robots", "5", "--seed", "7")
     assert "mine holds another training" in line
-    assert "recipe.robots is 4 there, 5 is asked for" in line
-    assert "seed is 0 there, 7 is asked for" in line
+    assert "recipe.robots is 4 there, expected 5" in line
+    assert "seed is 0 there, expected 7" in line
 
 
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
         ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is not a complete checkpoint"),
-        ("recipe.json", b"{", "recipe.json is no recipe of a training"),
-        ("recipe.json", b"[1]", "recipe.json is no recipe of a training"),
-        ("falls.npz", b"PK", "falls.npz holds no starts, allowed an .npz"),
+        ("recipe.json", b"{", "recipe.json is not a recipe of a training"),
+        ("recipe.json", b"[1]", "recipe.json is not a recipe of a training"),
+        ("falls.npz", b"PK", "falls.npz holds no starts, expected an .npz"),
     ],
 )
 def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: bytes, told: str):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.build import load_authored
-from humanoid_getup.motions.keyframes import SPEED_SHARE, load_keyframes
+from humanoid_getup.motions.keyframes import SPEED_SHARE, KeyframesError, load_keyframes
 
 TEXT = """
 [[motions]]
@@ -88,3 +88,24 @@ def test_op3_has_the_repertoire_it_claims(op3):
     assert classes.count("left") >= 4
     assert classes.count("squat") == 1
     assert len({c.name for c in authored}) == len(authored)
+
+
+def test_all_that_is_wrong_is_reported_at_once(tmp_path, op3):
+    wrong = TEXT.replace('"supine"', '"asleep"').replace("stand_after = 0.5", "stand_after = 0")
+    wrong = wrong.replace("knee = 40", "nee = 40").replace("head_pan = 20", "head_pan = nan")
+    with pytest.raises(KeyframesError) as refusal:
+        _read(tmp_path, op3, wrong)
+    for told in (
+        "keyframes.toml: motion 'wave': start is 'asleep', expected supine, prone, left, right",
+        "motion 'wave': stand_after is 0 s, expected above 0 s",
+        "motion 'wave': key number 1: middle.head_pan is nan, expected a finite angle in degrees",
+        "unknown joint 'l_nee', expected r_sho_pitch",
+    ):
+        assert told in str(refusal.value)
+    assert str(refusal.value).isprintable()
+
+
+@pytest.mark.parametrize("text", ["", "motions = 3", "[[motions]", "[[motions]]"])
+def test_a_file_without_keyframes_is_refused(tmp_path, op3, text):
+    with pytest.raises(KeyframesError, match=r"keyframes\.toml: "):
+        _read(tmp_path, op3, text)

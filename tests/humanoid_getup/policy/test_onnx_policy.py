@@ -93,7 +93,7 @@ def test_a_file_without_a_contract_is_refused(tiny: Robot, tmp_path: Path):
 
 def test_a_contract_that_is_none_is_refused(tiny: Robot, tmp_path: Path):
     file = save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 5}')
-    with pytest.raises(PolicyError, match=r"robot is missing.*action\.mode is missing"):
+    with pytest.raises(PolicyError, match=r"robot is missing.*action is missing"):
         OnnxPolicy.load(file, tiny, PERIOD)
 
 

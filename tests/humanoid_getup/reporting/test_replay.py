@@ -165,7 +165,7 @@ def test_cycles_that_are_missing_are_bridged_by_the_last_command(swing, tiny):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (lambda time: time[::-1], "-0.008 s pass after cycle 0, allowed 0 to 5 s"),
+        (lambda time: time[::-1], "-0.008 s pass after cycle 0, expected 0 to 5 s"),
         (lambda time: time + 60.0 * (time > 0.5), r"60\.008 s pass after cycle 62"),
         (lambda time: np.where(time > 0.5, np.nan, time), "nan s pass after cycle 62"),
     ],

@@ -118,12 +118,12 @@ prone = 3
     with pytest.raises(RecordsError) as refusal:
         load_records(robot_with(text, tmp_path))
     for told in (
-        "records.toml: record 1: method is 'luck', allowed plan, policy",
-        "record 1: torque_limit is 0",
-        "record 2: policy is missing",
-        "record 2: cap is 'hat', allowed torque, pwm",
-        "record 2: supine.stood is 9, allowed an integer from 0 to 8",
-        "record 2: prone is 3, allowed { stood = ..., n = ... }",
+        "records.toml: record number 1: method is 'luck', expected plan, policy",
+        "record number 1: torque_limit is 0",
+        "record number 2: policy is missing",
+        "record number 2: cap is 'hat', expected torque, pwm",
+        "record number 2: supine.stood is 9, expected an integer from 0 to 8",
+        "record number 2: prone is 3, expected { stood = ..., n = ... }",
     ):
         assert told in str(refusal.value)
 

@@ -125,7 +125,7 @@ def lose_the_actor(state: dict) -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (add_nan, "holds what is no number: mlp.0.weight"),
+        (add_nan, "holds NaN or infinity: mlp.0.weight"),
         (lose_a_layer, "does not fit robot and recipe.*mlp.2.weight"),
         (lose_the_actor, "is not a checkpoint of a training"),
     ],
@@ -163,7 +163,7 @@ def test_a_training_of_another_robot_is_refused(op3: Robot, tmp_path: Path, chan
 @pytest.mark.parametrize("text", ["", "[]", '{"robot": "op3"}', '{"recipe": {"hidden": 3}}'])
 def test_a_recipe_that_is_none_is_refused(tmp_path: Path, text: str):
     (tmp_path / RECIPE).write_text(text)
-    with pytest.raises(ExportError, match="is no recipe of a training"):
+    with pytest.raises(ExportError, match="is not a recipe of a training"):
         Training.load(tmp_path)
 
 

@@ -232,7 +232,7 @@ def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
     shutil.copytree(parent, other)
     record = json.loads((other / RECIPE).read_text("utf-8"))
     (other / RECIPE).write_text(json.dumps(record | {"robot": "nao"}), "utf-8")
-    with pytest.raises(OtherTrainingError, match="is a training of robot 'nao', allowed 'op3'"):
+    with pytest.raises(OtherTrainingError, match="is a training of robot 'nao', expected 'op3'"):
         train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=other)
     assert list((tmp_path / "mine").iterdir()) == []
 
@@ -240,7 +240,7 @@ def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
 def test_a_parent_whose_recipe_is_none_is_refused(op3, tmp_path):
     for text in ("{}", "[]", '{"robot": "op3", "recipe": 3}', "what?"):
         (tmp_path / RECIPE).write_text(text, "utf-8")
-        with pytest.raises(OtherTrainingError, match="is no recipe of a training"):
+        with pytest.raises(OtherTrainingError, match="is not a recipe of a training"):
             train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=tmp_path)
 
 

@@ -1,13 +1,24 @@
-"""Ticks and radians of all joints of a robot: the one place where they cross."""
+"""Conversion between encoder ticks and joint angles [rad], for all joints of a robot."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from drivers.state import Integers
-from robots import Robot
+from robots import Joint, Robot
 from robots.quaternion import Array
-from robots.servo import RAD_PER_TICK
+from robots.servo import RAD_PER_TICK, TICKS_PER_TURN
+
+
+def tick_range(joint: Joint) -> tuple[int, int]:
+    """Return the lowest and highest ticks of a joint's range."""
+    first, last = sorted(joint.servo.to_ticks(limit) for limit in (joint.lower, joint.upper))
+    return first, last
+
+
+def fits_one_turn(ticks: tuple[int, int]) -> bool:
+    """Tell whether a range of ticks lies within the goals of position mode."""
+    return ticks[0] >= 0 and ticks[1] < TICKS_PER_TURN
 
 
 class ServoUnits:
@@ -31,14 +42,14 @@ class ServoUnits:
         return np.rint(self._sign * joint_pos / RAD_PER_TICK).astype(int) + self._zero
 
     def quantize(self, joint_pos: Array) -> Array:
-        """Round joint angles [rad] to what the encoders tell, (..., n)."""
+        """Round joint angles [rad] to the encoders' resolution, (..., n)."""
         return self._sign * np.rint(self._sign * joint_pos / RAD_PER_TICK) * RAD_PER_TICK
 
     def round_goal(self, joint_pos: Array) -> Array:
         """Round target angles [rad] to whole ticks, (..., n).
 
-        A target inside its joint's range stays inside: at the range's ends it is rounded
-        inwards. One that lies beyond, on its way back, is rounded to the nearest.
+        A target inside its joint's range stays inside: at the ends it is rounded inwards. A
+        target outside, on its way back, is rounded to the nearest.
         """
         ticks = self._sign * np.rint(self._sign * joint_pos / RAD_PER_TICK)
         ticks = np.where(joint_pos >= self._lower, np.maximum(ticks, self._first), ticks)

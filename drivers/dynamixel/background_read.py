@@ -1,4 +1,4 @@
-"""The second question of every cycle: the IMU, and one slow value of one servo."""
+"""Reads the IMU and, in turns, slow values of the servos: supply, torque, watchdog, errors."""
 
 from __future__ import annotations
 
@@ -7,27 +7,25 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from drivers.dynamixel.bus import DynamixelBus, Request
+from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.cyclic_read import MISSES
-from drivers.dynamixel.opencr import BodyImu, OpenCr
-from drivers.dynamixel.protocol2 import ALERT, Span, Status
-from drivers.dynamixel.servo_states import ServoStates
+from drivers.dynamixel.opencr import ImuFusion, OpenCr
+from drivers.dynamixel.protocol2 import ALERT, Span
+from drivers.dynamixel.requests import Request
+from drivers.dynamixel.servo_states import ERROR, SUPPLY, TORQUE, WATCHDOG, ServoStates
 
-TORQUE, WATCHDOG, SUPPLY = "torque_enable", "bus_watchdog", "present_input_voltage"
-ERROR = "hardware_error_status"
-TURNS = (TORQUE, WATCHDOG, SUPPLY)
-"""What every servo is asked for in turn, one item of one servo a cycle."""
-TRIPPED = 0xFF  # Bus Watchdog register: -1, the servo has stopped by itself
-POLL_BOARD_EVERY = 5  # cycles between two questions to a board that is silent
-SPARE = 0.0005  # s of a cycle beyond an answer's bytes without which it is not asked for
+ROTATION = (TORQUE, WATCHDOG, SUPPLY)
+"""Items that are read of every servo in turns, one item of one servo a cycle."""
+POLL_BOARD_EVERY = 5  # cycles between two requests to a board that is silent
+SPARE = 0.0005  # s of a cycle that a request needs beyond its bytes' time
 
 
 class BackgroundRead:
-    """Asks a line's board for its IMU and one of its servos for what changes slowly.
+    """Reads a board's IMU and one item of one of its servos in each cycle.
 
-    Both go in one question, which spares a turn-round. What is urgent goes first: the cause of
-    an alert, then the torque of a servo that may have restarted.
+    Both go in one request, which spares a turnaround. Urgent items go first: the cause of an
+    alert, then the torque of a servo that may have restarted.
     """
 
     def __init__(
@@ -38,10 +36,10 @@ class BackgroundRead:
         tables: Sequence[ControlTable],
         board: OpenCr | None,
     ) -> None:
-        """Prepare to look.
+        """Prepare to read.
 
         Args:
-            bus: Where the devices are.
+            bus: Bus of the devices.
             rows: Places of the servos' joints in the robot's joint order.
             ids: The servos' ids.
             tables: Their registers.
@@ -51,84 +49,84 @@ class BackgroundRead:
         self._rows = rows
         self._ids = dict(zip(rows.tolist(), ids, strict=True))
         self._tables = dict(zip(rows.tolist(), tables, strict=True))
-        self._turns = self._take_turns()
+        self._turns = self._rotate()
         self._cycle = 0
         self._board_misses = 0
-        self._questions: dict[tuple[int, str, int, bool, bool], Request | None] = {}
+        self._requests: dict[tuple[int, str, int, bool, bool], Request | None] = {}
         self._prepared: tuple[Request | None, int, str] = None, -1, ""
         self._open: tuple[Request, int, str] | None = None
 
-    def prepare(self, bank: ServoStates, left_out: Sequence[int]) -> None:
-        """Choose and build this cycle's question, while others are on the wire.
+    def prepare(self, states: ServoStates, left_out: Sequence[int]) -> None:
+        """Choose and build this cycle's request, while others are on the wire.
 
         Args:
-            bank: What is known of the servos.
-            left_out: Ids that are not to be asked.
+            states: States of the servos.
+            left_out: Ids not to read.
         """
         self._cycle += 1
-        row, item = self._choose(bank, left_out)
+        row, item = self._choose(states, left_out)
         self._prepared = self._build(row, item), row, item
 
-    def ask(self, limit: float) -> None:
-        """Send the question, as far as there is time for the answers.
+    def begin(self, limit: float) -> None:
+        """Send the request, as far as there is time for the replies.
 
         Args:
             limit: Time of the monotonic clock after which not to wait [s].
         """
-        question, row, item = self._prepared
+        request, row, item = self._prepared
         self._open = None
-        if row >= 0 and not has_time(self._bus, question, limit):
+        if row >= 0 and not has_time(self._bus, request, limit):
             row, item = -1, ""
-            question = self._build(row, item)
-        if question is not None and has_time(self._bus, question, limit):
-            self._bus.ask(question)
-            self._open = question, row, item
+            request = self._build(row, item)
+        if request is not None and has_time(self._bus, request, limit):
+            self._bus.begin(request)
+            self._open = request, row, item
 
-    def take(self, bank: ServoStates, imu: BodyImu, now: float, limit: float) -> None:
-        """Take in the answers.
+    def collect(self, states: ServoStates, imu: ImuFusion, now: float, limit: float) -> None:
+        """Collect the replies.
 
         Args:
-            bank: Where a servo's value goes.
-            imu: Where the IMU's go.
+            states: Takes the value of the servo.
+            imu: Takes the sample of the board.
             now: Time of the cycle on the backend's clock [s].
             limit: Time of the monotonic clock after which not to wait [s].
         """
         if self._open is None:
             return
-        question, row, item = self._open
+        request, row, item = self._open
         self._open = None
         self._board_misses += self._is_board_due
-        for status in self._bus.collect(question, limit):
+        for status in self._bus.collect(request, limit):
             if status.number or not status.data:
                 continue
             if self._board is not None and status.id == self._board.id:
                 self._board_misses = 0
-                speed = float(np.abs(bank.velocity).max())
-                imu.take(self._board.decode(status.data), now, speed)
+                speed = float(np.abs(states.velocity).max())
+                imu.update(self._board.decode(status.data), now, speed)
             else:
-                self._take_value(bank, row, item, status)
+                states.update_background(row, item, status.data)
 
     def forget(self) -> None:
-        """Forget the open question: the port is gone."""
+        """Forget the open request: the port is gone."""
         self._open = None
 
-    def _take_turns(self) -> Iterator[tuple[int, str]]:
+    def _rotate(self) -> Iterator[tuple[int, str]]:
         while True:
-            for item in TURNS:
+            for item in ROTATION:
                 for row in self._ids:
                     yield row, item
 
     @property
     def _is_board_due(self) -> bool:
-        """Tell whether to ask the board; waiting for a silent one in every cycle costs too much."""
+        """Tell whether to read the board; waiting for a silent one every cycle costs too much."""
         if self._board is None:
             return False
         return self._board_misses < MISSES or self._cycle % POLL_BOARD_EVERY == 0
 
-    def _choose(self, bank: ServoStates, left_out: Sequence[int]) -> tuple[int, str]:
-        """Choose whom to ask for what: what is urgent, else whose turn it is."""
+    def _choose(self, states: ServoStates, left_out: Sequence[int]) -> tuple[int, str]:
+        """Choose the servo and item to read: what is urgent, else the next in turn."""
         rows = self._rows
-        for flags, item in ((bank.alert == ALERT, ERROR), (bank.is_unsure, TORQUE)):
+        for flags, item in ((states.alert == ALERT, ERROR), (states.is_unsure, TORQUE)):
             if flags.any():
                 for row in rows[flags[rows]].tolist():
                     if self._ids[row] not in left_out:
@@ -136,43 +134,30 @@ class BackgroundRead:
         for _ in self._ids:
             row, item = next(self._turns)
             if self._ids[row] not in left_out:
-                if item == TORQUE and bank.alert[row]:
-                    item = ERROR  # more may have come
+                if item == TORQUE and states.alert[row]:
+                    item = ERROR  # more errors may have come
                 return row, item
         return -1, ""
 
     def _build(self, row: int, item: str) -> Request | None:
-        """Build the question to the board and to a servo; the same ones come round again."""
+        """Build the request to the board and to a servo; each is built once."""
         is_board_last = self._board_misses > 0
         key = (row, item, self._cycle % 2, is_board_last, self._is_board_due)
-        if key not in self._questions:
+        if key not in self._requests:
             servo = {self._ids[row]: self._span(row, item)} if row >= 0 else {}
             board = {}
             if self._board is not None and self._is_board_due:
                 board = {self._board.id: self._board.span(self._cycle)}
-            # A board that is silent may keep from answering who comes behind it.
+            # A silent board may keep the devices behind it from replying.
             spans = servo | board if is_board_last else board | servo
-            self._questions[key] = Request.group(spans) if spans else None
-        return self._questions[key]
+            self._requests[key] = Request.group(spans) if spans else None
+        return self._requests[key]
 
     def _span(self, row: int, item: str) -> Span:
         table = self._tables[row]
         return table.span(SUPPLY, "present_temperature") if item == SUPPLY else table[item].span
 
-    def _take_value(self, bank: ServoStates, row: int, item: str, status: Status) -> None:
-        data = status.data
-        if item == TORQUE:
-            bank.take_torque(row, data[0])
-        elif item == WATCHDOG:
-            bank.must_seed[row] |= data[0] == TRIPPED and bool(bank.is_on[row])
-        elif item == ERROR:
-            bank.alert[row] = data[0] or ALERT
-        else:
-            scale = self._tables[row][SUPPLY].scale
-            bank.voltage[row] = int.from_bytes(data[:2], "little") * scale
-            bank.temperature[row] = data[2]
 
-
-def has_time(bus: DynamixelBus, question: Request | None, limit: float) -> bool:
-    """Tell whether a question can be answered before a time of the monotonic clock [s]."""
-    return question is not None and time.monotonic() + bus.duration(question) + SPARE < limit
+def has_time(bus: DynamixelBus, request: Request | None, limit: float) -> bool:
+    """Tell whether a request can be answered before a time of the monotonic clock [s]."""
+    return request is not None and time.monotonic() + bus.duration(request) + SPARE < limit

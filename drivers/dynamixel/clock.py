@@ -1,4 +1,4 @@
-"""Clocks of a backend on a bus: the wall's, or one that counts control periods."""
+"""Clocks of a backend on a bus: wall time, or counted control periods."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """Tells a backend when its measurements were taken."""
+    """Time of a backend's measurements."""
 
     @property
     def is_real(self) -> bool:
-        """Tell whether time passes by itself."""
+        """Tell whether it is wall time."""
         ...
 
     def now(self) -> float:
@@ -19,12 +19,12 @@ class Clock(Protocol):
         ...
 
     def pass_period(self, period: float) -> None:
-        """Note that a cycle has ended, which lasts so many seconds."""
+        """Note the end of a cycle of a period [s]."""
         ...
 
 
 class WallClock:
-    """Time as on the wall, from 0 when it is made."""
+    """Wall time, from 0 at construction."""
 
     is_real = True
 
@@ -36,11 +36,11 @@ class WallClock:
         return time.monotonic() - self._start
 
     def pass_period(self, period: float) -> None:
-        """Do nothing: time passes by itself."""
+        """Do nothing."""
 
 
 class CycleClock:
-    """Time as a virtual bus in lock-step has it: one period for each cycle."""
+    """Time of a virtual bus in lock-step: one period for each cycle."""
 
     is_real = False
 
@@ -52,5 +52,5 @@ class CycleClock:
         return self._now
 
     def pass_period(self, period: float) -> None:
-        """Let a cycle pass, which lasts so many seconds."""
+        """Advance by a period [s]."""
         self._now += period

@@ -1,15 +1,16 @@
-"""A command as servos understand it: ticks, gains and PWM limits."""
+"""Converts commands to servo registers, and writes those that changed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.dynamixel.bus import DynamixelBus, SyncWriter
+from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.protocol2 import bulk_write
+from drivers.dynamixel.requests import SyncWriter
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, Integers, check_command
@@ -17,15 +18,14 @@ from robots import Joint, Robot
 from robots.quaternion import Array
 from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, TICKS_PER_TURN, count_pwm
 
-FAR = 100.0  # rad, beyond any servo; only keeps absurd targets within whole numbers
-# Every so many cycles gains and limits are sent again, should a servo have missed them.
+FAR = 100.0  # rad, beyond any servo; keeps absurd targets within whole numbers
+# Gains and limits are sent again every so many cycles, in case a servo has missed them.
 REFRESH = 64
-FRESH = 2.5  # periods; an older position is no place to begin from
 
 
 @dataclass(frozen=True, eq=False)
 class RegisterCommands:
-    """What each servo is to hold, in joint order, each of shape (n,)."""
+    """Register values to write to each servo, in joint order, each of shape (n,)."""
 
     goal: Integers
     """[ticks]"""
@@ -34,59 +34,64 @@ class RegisterCommands:
     pwm: Integers
     """Goal PWM [counts]."""
     torque: NDArray[np.bool_]
-    """Whether it shall have torque."""
+    """Whether torque is on."""
+
+    def with_torque(self, torque: NDArray[np.bool_]) -> RegisterCommands:
+        """Return the same commands with torque on elsewhere, (n,)."""
+        return replace(self, torque=torque)
 
 
-class Translator:
-    """Turns commands into orders, and orders back into what was really sent."""
+class CommandConverter:
+    """Converts commands to register values, and register values to the command really sent."""
 
     def __init__(self, robot: Robot) -> None:
         self._units = ServoUnits(robot)
         self._n = robot.n
         self._stall = np.array([joint.servo.model.stall_torque for joint in robot.joints])
         self.pwm_limit = np.full(robot.n, PWM_FULL_SCALE)
-        """What each servo's PWM limit allows [counts]."""
+        """PWM limit register of each servo [counts]."""
 
-    def to_orders(self, command: Command) -> RegisterCommands:
-        """Convert a command; nothing in it is rounded beyond what it allows.
+    def to_registers(self, command: Command) -> RegisterCommands:
+        """Convert a command; rounding never exceeds its limits.
 
         Raises:
-            CommandError: if it holds what no servo can be told.
+            CommandError: if it has wrong shapes, negative limits, or NaN or inf.
         """
         check_command(command, self._n)
         target = np.minimum(np.maximum(command.joint_pos, -FAR), FAR)
         goal = self._units.to_ticks(self._units.round_goal(target))
-        allowed = np.minimum(command.torque_limit / self._stall, command.pwm_limit)
-        pwm = np.minimum(count_pwm(allowed), self.pwm_limit).astype(int)
+        share = np.minimum(command.torque_limit / self._stall, command.pwm_limit)
+        pwm = np.minimum(count_pwm(share), self.pwm_limit).astype(int)
         gain = np.rint(DEFAULT_P_GAIN * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
         return RegisterCommands(
-            goal=np.minimum(np.maximum(goal, 0), TICKS_PER_TURN - 1),
-            p_gain=gain.astype(int),
-            pwm=pwm,
-            torque=pwm > 0,
+            goal=_limit_to_turn(goal), p_gain=gain.astype(int), pwm=pwm, torque=pwm > 0
         )
 
-    def to_command(self, orders: RegisterCommands, asked: Command) -> Command:
-        """Tell what orders mean."""
-        share = orders.pwm / PWM_FULL_SCALE
+    def to_command(self, registers: RegisterCommands, requested: Command) -> Command:
+        """Convert register values to the command that they carry out."""
+        share = registers.pwm / PWM_FULL_SCALE
         torque: Array = share * self._stall
+        limit = np.where(registers.torque, np.minimum(torque, requested.torque_limit), 0.0)
         return Command(
-            joint_pos=self._units.to_rad(orders.goal),
-            gain_scale=orders.p_gain / DEFAULT_P_GAIN,
-            torque_limit=np.where(orders.torque, np.minimum(torque, asked.torque_limit), 0.0),
-            pwm_limit=np.minimum(share, asked.pwm_limit),
+            joint_pos=self._units.to_rad(registers.goal),
+            gain_scale=registers.p_gain / DEFAULT_P_GAIN,
+            torque_limit=limit,
+            pwm_limit=np.minimum(share, requested.pwm_limit),
         )
 
 
 class LastWritten:
-    """What servos were last told of one register: only news are sent, and each of them twice."""
+    """Last value written to one register of every servo.
+
+    Only changes are sent, twice each in case a packet is lost.
+    """
 
     def __init__(self, n: int) -> None:
         self._sent = np.full(n, -1)
         self._again = np.zeros(n, dtype=bool)
 
     def find_due(self, values: Integers) -> NDArray[np.bool_]:
-        """Return who has to be told; it counts as done."""
+        """Return which servos to write to; they count as written."""
         changed = values != self._sent
         due = changed | self._again
         self._again = changed
@@ -94,16 +99,16 @@ class LastWritten:
         return due
 
     def forget(self) -> None:
-        """Forget what was told: somebody has restarted."""
+        """Forget what was written: a servo has restarted."""
         self._sent = np.full(len(self._sent), -1)
 
 
 class CommandWriter:
-    """Sends orders to the servos of one bus, in the order that is safe.
+    """Writes register commands to the servos of one bus, in an order that is safe.
 
     Torque goes off first. Where it comes on, gain and limit are set before, the goal is the
-    present position, and the watchdog begins anew. The goals of all come last, limp ones
-    included: they end the cycle, and they are what feeds the watchdogs.
+    present position, and the watchdog restarts. The goals of all servos come last, those
+    without torque included: they end the cycle and feed the watchdogs.
     """
 
     def __init__(
@@ -112,8 +117,8 @@ class CommandWriter:
         """Prepare to write.
 
         Args:
-            bus: Where the servos are.
-            joints: The joints on it.
+            bus: Bus of the servos.
+            joints: Its joints.
             rows: Their places in the robot's joint order.
             watchdog: Register value of the bus watchdog under torque.
         """
@@ -128,78 +133,80 @@ class CommandWriter:
         self._goal_address = table["goal_position"].address
         self._goal, self._torque = writer("goal_position"), writer("torque_enable")
         self._p_gain, self._pwm = writer("position_p_gain"), writer("goal_pwm")
-        self._dog = writer("bus_watchdog")
+        self._watchdogs = writer("bus_watchdog")
         self._return_level = writer("status_return_level")
-        self._shadows = LastWritten(len(rows)), LastWritten(len(rows))
+        self._written = LastWritten(len(rows)), LastWritten(len(rows))
         self._all = np.ones(len(rows), dtype=bool)
         self._zeros = np.zeros(len(rows), dtype=int)
         self._cycle = 0
 
-    def write(self, orders: RegisterCommands, bank: ServoStates, fresh: NDArray[np.bool_]) -> None:
-        """Send orders.
+    def write(
+        self, commands: RegisterCommands, states: ServoStates, fresh: NDArray[np.bool_]
+    ) -> None:
+        """Write commands.
 
         Args:
-            orders: For all joints of the robot; ``torque`` already says what may be.
-            bank: What is known of the servos; its torque flags are brought up to date.
-            fresh: Whose position is new enough to begin from, shape (n,).
+            commands: For all joints of the robot; ``torque`` is what the states permit.
+            states: States of the servos; torque that is switched is noted there.
+            fresh: Joints whose position is new enough to begin from, shape (n,).
         """
         rows, send = self._rows, self._bus.send
         self._cycle += 1
-        wanted = orders.torque[rows]
-        was_on = bank.is_on[rows]
-        off = ~wanted & (was_on | bank.must_release[rows])
+        wanted = commands.torque[rows]
+        was_on = states.is_on[rows]
+        off = ~wanted & (was_on | states.must_release[rows])
         if off.any():
-            self._switch_off(off, bank)
-        on = wanted & fresh[rows] & (~was_on | bank.must_seed[rows])
-        goes_on = bool(on.any())
-        shadows, writers = self._shadows, (self._p_gain, self._pwm)
-        for i, values in enumerate((orders.p_gain[rows], orders.pwm[rows])):
-            due = shadows[i].find_due(values)
+            send(self._torque.encode_some(off, self._zeros))
+            states.note_off(rows[off])
+        on = wanted & fresh[rows] & (~was_on | states.must_seed[rows])
+        switches_on = bool(on.any())
+        writers = self._p_gain, self._pwm
+        for i, values in enumerate((commands.p_gain[rows], commands.pwm[rows])):
+            due = self._written[i].find_due(values)
             if self._cycle % REFRESH == i * REFRESH // 2:
                 due = self._all
-            if goes_on:
-                due = due | on  # whatever they were told before, they may have forgotten it
+            if switches_on:
+                due = due | on  # a servo may have lost what was written before
             if due.any():
                 send(writers[i].encode_some(due, values))
-        if goes_on:
-            self._switch_on(on, bank)
-        present = np.minimum(np.maximum(bank.ticks[rows], 0), TICKS_PER_TURN - 1)
-        send(self._goal.encode(np.where(bank.is_on[rows], orders.goal[rows], present)))
+        if switches_on:
+            self._switch_on(on, states)
+        present = _limit_to_turn(states.ticks[rows])
+        send(self._goal.encode(np.where(states.is_on[rows], commands.goal[rows], present)))
 
     def forget(self) -> None:
-        """Tell gains and limits anew: a servo has been set up again."""
-        for shadow in self._shadows:
-            shadow.forget()
+        """Write all gains and limits again: a servo has been set up."""
+        for written in self._written:
+            written.forget()
 
     def release_all(self) -> None:
-        """Take the torque from everybody, whatever they had."""
+        """Switch off the torque of all servos."""
         self._bus.send(self._torque.encode(self._zeros))
 
     def disarm_all(self) -> None:
-        """Take everybody's watchdog off."""
-        self._bus.send(self._dog.encode(self._zeros))
+        """Switch off the watchdogs of all servos."""
+        self._bus.send(self._watchdogs.encode(self._zeros))
 
-    def ask_for_answers(self, level: int) -> None:
-        """Set everybody's status return level."""
+    def set_return_level(self, level: int) -> None:
+        """Set the status return level of all servos."""
         self._bus.send(self._return_level.encode(np.full(len(self._rows), level)))
 
-    def _switch_off(self, off: NDArray[np.bool_], bank: ServoStates) -> None:
-        self._bus.send(self._torque.encode_some(off, self._zeros))
-        chosen = self._rows[off]
-        bank.is_on[chosen] = bank.must_release[chosen] = bank.must_seed[chosen] = False
-
-    def _switch_on(self, on: NDArray[np.bool_], bank: ServoStates) -> None:
+    def _switch_on(self, on: NDArray[np.bool_], states: ServoStates) -> None:
         send, chosen = self._bus.send, self._rows[on]
         # A watchdog that has tripped locks the goals until it is cleared.
-        send(self._dog.encode_some(on, self._zeros))
-        present = np.minimum(np.maximum(bank.ticks[chosen], 0), TICKS_PER_TURN - 1)
-        ids = [self._ids[i] for i in np.flatnonzero(on)]
+        send(self._watchdogs.encode_some(on, self._zeros))
         # Not a sync write: on a virtual bus in lock-step that would end the cycle.
-        seeds = [int(ticks).to_bytes(4, "little", signed=True) for ticks in present]
-        address = self._goal_address
-        send(bulk_write({i: (address, seed) for i, seed in zip(ids, seeds, strict=True)}))
-        send(self._dog.encode_some(on, np.full(len(on), self._watchdog)))
+        goals = {
+            self._ids[i]: (self._goal_address, int(ticks).to_bytes(4, "little"))
+            for i, ticks in zip(
+                np.flatnonzero(on), _limit_to_turn(states.ticks[chosen]), strict=True
+            )
+        }
+        send(bulk_write(goals))
+        send(self._watchdogs.encode_some(on, np.full(len(on), self._watchdog)))
         send(self._torque.encode_some(on, np.ones(len(on), dtype=int)))
-        bank.is_on[chosen] = True
-        bank.must_seed[chosen] = bank.must_release[chosen] = False
-        bank.doubts[chosen] = 0
+        states.note_on(chosen)
+
+
+def _limit_to_turn(ticks: Integers) -> Integers:
+    return np.minimum(np.maximum(ticks, 0), TICKS_PER_TURN - 1)

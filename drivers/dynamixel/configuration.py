@@ -1,42 +1,41 @@
-"""What a servo's registers have to be before it may move, and how they come to be so."""
+"""Registers that a servo needs before it may move, and how they are set."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from drivers.dynamixel.control_table import ControlTable, OperatingMode
-from drivers.dynamixel.diagnostics import REVERSED, ServoFacts
+from drivers.dynamixel.control_table import REVERSE_MODE, ControlTable, OperatingMode
+from drivers.dynamixel.diagnostics import TRIES, ServoFacts
 from robots.servo import DEFAULT_P_GAIN, TICKS_PER_TURN
 
 if TYPE_CHECKING:
     from drivers.dynamixel.bus import DynamixelBus
 
 ALL_ANSWERED = 2  # Status Return Level: every instruction is confirmed
-TRIES = 3
-KEPT = ("return_delay_time", "drive_mode", "operating_mode")
-"""Kept registers that are looked at again when a servo may have restarted."""
+RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
+"""EEPROM items that are read again when a servo may have restarted."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A register and what it has to hold."""
+    """A register and the value that it needs."""
 
     name: str
     value: int
 
 
 def list_eeprom_settings(servo: ServoFacts) -> list[Setting]:
-    """List the kept registers that differ from what the driver needs.
+    """List the EEPROM items that differ from what the driver needs.
 
-    The servo takes every tick of its turn: the range of the joint is the guard's business,
-    and a joint that starts outside it has to be held where it is.
+    The servo accepts every tick of its turn: the guard limits the joint's range, and a joint
+    that starts outside it must be held where it is.
     """
     wanted = {
         "return_delay_time": 0,
-        # A profile by time or torque by a mere goal are not for us; the sense of rotation is
-        # the calibration's business.
-        "drive_mode": servo.registers["drive_mode"] & REVERSED,
+        # Neither time-based profiles nor torque on by goal update; the direction is up to the
+        # calibration.
+        "drive_mode": servo.registers["drive_mode"] & REVERSE_MODE,
         "operating_mode": int(OperatingMode.POSITION),
         "max_position_limit": TICKS_PER_TURN - 1,
         "min_position_limit": 0,
@@ -45,9 +44,9 @@ def list_eeprom_settings(servo: ServoFacts) -> list[Setting]:
 
 
 def list_ram_settings(table: ControlTable) -> list[Setting]:
-    """List the registers that power-up resets and that have to be set each time.
+    """List the registers that power-up resets, to be set each time.
 
-    The watchdog comes off here, tripped or not; it goes on with the torque.
+    The watchdog goes off here, tripped or not; it comes on with the torque.
     """
     return [
         Setting("status_return_level", ALL_ANSWERED),
@@ -63,25 +62,25 @@ def list_ram_settings(table: ControlTable) -> list[Setting]:
 
 
 class ServoSetup:
-    """Brings one servo to where torque may come on; one instruction a step.
+    """Sets up one servo for torque, one instruction a step.
 
-    Torque goes off first, for that is when the kept registers are open.
+    Torque goes off first, for the EEPROM is locked under torque.
     """
 
     def __init__(self, servo: ServoFacts, *, recheck: bool = False) -> None:
         """Prepare to set up a servo.
 
         Args:
-            servo: What is known of it.
-            recheck: Whether to ask first if it still is who it was, for it may have been
-                changed since.
+            servo: Its diagnostics.
+            recheck: Whether to read first if it still is the same servo, as it may have been
+                exchanged since.
         """
         self._servo = servo
         self._must_check = recheck
         self.eeprom_writes = 0
-        """How often a register was written that only bears so many writes."""
+        """Number of writes to the EEPROM, which wears out."""
         self.failed = ""
-        """What the servo did not confirm; empty while all is well."""
+        """What the servo did not confirm; empty if nothing failed."""
         self._begin()
 
     @property
@@ -120,25 +119,25 @@ class ServoSetup:
         ]
 
     def _check(self, bus: DynamixelBus, tries: int) -> bool:
-        """Read who the servo is and how it is kept; refuse another model or firmware."""
+        """Read the servo's model and EEPROM; refuse another model or firmware."""
         table = self._servo.table
         span = table.span("model_number", "operating_mode")
         status = bus.read(self._servo.id, span, tries)
         if status is None or status.number:
-            self.failed = "it does not tell its model"
+            self.failed = "its model cannot be read"
             return False
-        names = ("model_number", "firmware_version", *KEPT)
-        told = {n: table[n].decode(status.data[table[n].address : table[n].end]) for n in names}
-        if (told["model_number"], told["firmware_version"]) != (
+        names = ("model_number", "firmware_version", *RECHECKED)
+        values = {n: table[n].decode(status.data[table[n].address : table[n].end]) for n in names}
+        if (values["model_number"], values["firmware_version"]) != (
             table.number,
             self._servo.firmware,
         ):
             self.failed = (
-                f"it is a model {told['model_number']} with firmware "
-                f"{told['firmware_version']} now, not the {table.model} of the start"
+                f"it is a model {values['model_number']} with firmware "
+                f"{values['firmware_version']} now, not the {table.model} of the start"
             )
             return False
-        registers = {**self._servo.registers, **{name: told[name] for name in KEPT}}
+        registers = {**self._servo.registers, **{name: values[name] for name in RECHECKED}}
         self._servo = replace(self._servo, registers=registers)
         self._must_check = False
         self._begin()

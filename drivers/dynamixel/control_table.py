@@ -1,4 +1,4 @@
-"""The registers of Dynamixel devices: where each item lies and what its counts mean."""
+"""Registers of Dynamixel devices: address, range and unit of every item."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from typing import Any
 from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
 
-BAUD_RATES = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""Rate [bit/s] of each value of the item ``baud_rate``."""
+REVERSE_MODE = 1
+"""Bit of the item ``drive_mode``: the servo turns the other way."""
+
+SI_DIGITS = 9
+"""Decimals of a value converted to SI: far below every unit of a register."""
 
 FIRST_MAPPED = 64
 """Least register that an indirect address may name: the first of the RAM."""
 
 
 class OperatingMode(IntEnum):
-    """What a servo controls."""
+    """Quantity that a servo controls."""
 
     CURRENT = 0
     VELOCITY = 1
@@ -52,7 +55,7 @@ class UnknownModelError(DriverError):
 
 @dataclass(frozen=True, kw_only=True)
 class Item:
-    """One entry of a control table."""
+    """Entry of a control table."""
 
     name: str
     address: int
@@ -71,6 +74,13 @@ class Item:
     scale: float
     """Units per count."""
     signed: bool
+
+    def to_si(self, count: int) -> float:
+        """Convert a count to its SI unit.
+
+        Rounded, so that 148 counts of 0.1 V compare equal to 14.8 V.
+        """
+        return round(count * self.scale, SI_DIGITS)
 
     @property
     def span(self) -> Span:
@@ -101,7 +111,7 @@ class Item:
         return int.from_bytes(data, "little", signed=self.signed)
 
     def allows(self, value: int) -> bool:
-        """Tell whether a value lies in the range of what may be written."""
+        """Tell whether a value may be written."""
         return (
             self.lower is not None and self.upper is not None and self.lower <= value <= self.upper
         )
@@ -109,7 +119,7 @@ class Item:
 
 @dataclass(frozen=True, kw_only=True)
 class Indirect:
-    """A block of indirect items: each data byte stands for the register its address names."""
+    """Block of indirect items: each data byte maps the register that its address names."""
 
     address: int
     """First address item, of two bytes each."""
@@ -124,7 +134,7 @@ class ControlTable:
 
     model: str
     number: int
-    """What the device calls itself in a ping."""
+    """Model number in the reply to a ping."""
     items: Mapping[str, Item]
     """By name, in order of address."""
     indirect: tuple[Indirect, ...]
@@ -132,9 +142,9 @@ class ControlTable:
     """Operating modes it has; none if it is no servo."""
     default_mode: int | None
     fast_read_firmware: int | None
-    """First firmware that answers fast reads; None when none does."""
+    """First firmware with fast reads; None when none has them."""
     backup_firmware: int | None
-    """First firmware that stores and restores its table; None when none does."""
+    """First firmware with the backup instruction; None when none has it."""
 
     @cached_property
     def size(self) -> int:
@@ -175,11 +185,11 @@ class ControlTable:
         return registers
 
     def supports_fast_read(self, firmware: int) -> bool:
-        """Tell whether a device of that firmware answers fast reads."""
+        """Tell whether a firmware has fast reads."""
         return self.fast_read_firmware is not None and firmware >= self.fast_read_firmware
 
     def supports_backup(self, firmware: int) -> bool:
-        """Tell whether a device of that firmware stores and restores its table."""
+        """Tell whether a firmware has the backup instruction."""
         return self.backup_firmware is not None and firmware >= self.backup_firmware
 
 
@@ -192,7 +202,7 @@ def known_models() -> dict[str, int]:
 
 
 def table_for(number: int, firmware: int | None = None) -> ControlTable:
-    """Find the table of a model number, as a device tells it in a ping.
+    """Find the table of a model number, as a device reports it in a ping.
 
     Args:
         number: Model number.
@@ -251,7 +261,7 @@ def _read_file() -> dict[str, Any]:
 
 
 def _settings_of(model: str) -> dict[str, Any]:
-    """Return all that the file says of a model, what it shares with others included."""
+    """Return all settings of a model, merged with those that it shares with others."""
     own, shared = _read_file()["models"][model], _read_file()["servo"]
     if not own.get("is_servo", True):
         shared = {"eeprom": {}, "ram": {}}

@@ -1,27 +1,34 @@
-"""The read of every cycle: one question to all servos of a bus, whoever is silent."""
+"""Reads position, velocity and current of all servos of a bus in every cycle."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
 
-from drivers.dynamixel.bus import DynamixelBus, Replies, Request
+from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.control_table import ControlTable
+from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.protocol2 import ALERT, Span
+from drivers.dynamixel.requests import Replies, Request
 
-MISSES = 3  # silences in a row after which a servo is left out
+MISSES = 3  # missing replies in a row after which a servo is left out
 POLL_EVERY = 10  # cycles between two pings of a servo that is left out
-FAST_FAILURES = 3  # fast reads in a row without any answer, or returns of one servo
+FAST_FAILURES = 3  # fast reads in a row without any reply, or returns of one servo
 FAST_PAUSE = 500  # cycles until fast reads are tried again
-SALTS = 3  # lengths of a question that turn from cycle to cycle
-MOST_QUESTIONS = 1000  # that are kept, for there are few orders in which to ask
-RETRY_MARGIN = 0.0005  # s beyond the bytes' own time without which it is no use to ask again
+LENGTHS = 3  # lengths of a request that alternate from cycle to cycle
+CACHED_REQUESTS = 1000  # there are few orders in which to read
+RETRY_MARGIN = 0.0005  # s beyond the bytes' own time that a retry needs
+
+
+GROUP_BYTES = 10
+"""Bytes that are read of each servo: current (or load), velocity, position."""
 
 
 class GroupKind(Enum):
-    """How a group is read."""
+    """Instruction by which a group is read."""
 
     FAST = "fast sync read"
     SYNC = "sync read"
@@ -29,90 +36,79 @@ class GroupKind(Enum):
 
 
 class CyclicRead:
-    """Reads the same values of several servos, again and again.
+    """Reads the same values of several servos in every cycle.
 
-    A silent servo breaks the frame of a fast read, and on some buses the answers of all
-    behind it in any group read. So one that did not answer goes to the end of the question,
-    where it harms nobody, and after `MISSES` silences it is left out and only pinged now and
-    then. Answers that come a cycle late are told by the order of the ids, which turns from
-    cycle to cycle; where that cannot tell, the question asks for some bytes more, in turn.
+    A silent servo breaks the frame of a fast read, and on some buses the replies of all servos
+    behind it in any group read. So a servo that did not reply moves to the end of the request,
+    and after `MISSES` missing replies it is left out and only polled now and then. Replies that
+    are a cycle late are recognized by the order of the ids, which rotates from cycle to cycle;
+    where that is not enough, by their length, which alternates.
     """
 
-    def __init__(self, bus: DynamixelBus, spans: Mapping[int, Span], *, can_fast: bool) -> None:
-        """Prepare a group.
-
-        Args:
-            bus: Where the servos are.
-            spans: Registers of each servo, by id; all of one length.
-            can_fast: Whether every one of them answers fast reads.
-        """
-        self._bus, self._spans = bus, dict(spans)
-        self._ids = list(spans)
-        self._length = next(iter(spans.values())).length
-        is_same = len(set(spans.values())) == 1
+    def __init__(self, bus: DynamixelBus, servos: Sequence[ServoFacts]) -> None:
+        """Prepare to read some servos of a bus, at least one."""
+        self._bus = bus
+        self._spans = {servo.id: group_span(servo.table) for servo in servos}
+        self._ids = list(self._spans)
         self._best = GroupKind.BULK
-        if is_same:
+        if len(set(self._spans.values())) == 1:
+            can_fast = all(servo.supports_fast_read for servo in servos)
             self._best = GroupKind.FAST if can_fast else GroupKind.SYNC
         self.kind = self._best
         """How the group is read now."""
-        self._misses = dict.fromkeys(spans, 0)
+        self._misses = dict.fromkeys(self._ids, 0)
         self._suspects: set[int] = set()
         self._next_poll: dict[int, int] = {}
-        self._returns = dict.fromkeys(spans, 0)
+        self._returns = dict.fromkeys(self._ids, 0)
         self._fast_failures = 0
         self._fast_again = 0
         self._cycle = 0
-        self._question: Request | None = None
-        self._questions: dict[tuple[bytes, int, bool], Request] = {}
+        self._request: Request | None = None
+        self._requests: dict[tuple[bytes, int, bool], Request] = {}
 
     @property
     def left_out(self) -> list[int]:
         """Return the ids that have been silent for too long."""
         return list(self._next_poll)
 
-    @property
-    def question(self) -> Request | None:
-        """Return what was asked last, ``None`` when there was nobody to ask."""
-        return self._question
-
-    def ask(self) -> None:
-        """Send this cycle's question."""
+    def begin(self) -> None:
+        """Send this cycle's request."""
         self._cycle += 1
         if self.kind is not self._best and self._cycle >= self._fast_again:
             self.kind, self._fast_failures = self._best, 0
             self._returns = dict.fromkeys(self._ids, 0)
         active = [device for device in self._ids if device not in self._next_poll]
         if not active:
-            self._question = None
+            self._request = None
             return
         turn = self._cycle % len(active)
-        self._question = self._ask_for(active[turn:] + active[:turn])
-        self._bus.ask(self._question)
+        self._request = self._build(active[turn:] + active[:turn])
+        self._bus.begin(self._request)
 
     def collect(self, limit: float) -> Replies:
-        """Take in the answers, and ask once more for those that are missing if there is time.
+        """Collect the replies, and request missing ones once more if there is time.
 
         Args:
             limit: Time of the monotonic clock after which not to wait [s].
         """
-        question = self._question
-        if question is None:
-            return Replies.of([], self._length)
-        answers = self._collect_one(question, limit)
-        if len(answers.devices) < len(question.lengths):
-            missing = self._find_missing(question, answers)
-            self._suspects.update(self._find_silent(question, answers))
-            again = self._ask_for(missing)
-            if time.monotonic() + self._bus.duration(again) + RETRY_MARGIN < limit:
+        request = self._request
+        if request is None:
+            return Replies.of([], GROUP_BYTES)
+        replies = self._collect_one(request, limit)
+        if len(replies.devices) < len(request.lengths):
+            missing = self._find_missing(request, replies)
+            self._suspects.update(self._find_silent(request, replies))
+            retry = self._build(missing)
+            if time.monotonic() + self._bus.duration(retry) + RETRY_MARGIN < limit:
                 self._bus.statistics.retries += 1
-                self._bus.ask(again)
-                second = self._collect_one(again, limit)
-                answers, question = _join(answers, second), again
-        self._judge(question, answers)
-        return _without_refusals(answers)
+                self._bus.begin(retry)
+                second = self._collect_one(retry, limit)
+                replies, request = _join(replies, second), retry
+        self._count_misses(request, replies)
+        return _without_refusals(replies)
 
     def due_poll(self) -> int | None:
-        """Return the left-out servo that is to be pinged in this cycle, if any."""
+        """Return the left-out servo to poll in this cycle, if any."""
         for device, cycle in self._next_poll.items():
             if cycle <= self._cycle:
                 self._next_poll[device] = self._cycle + POLL_EVERY
@@ -120,7 +116,7 @@ class CyclicRead:
         return None
 
     def restore(self, device: int) -> None:
-        """Take a servo in again that has answered."""
+        """Read a left-out servo again that has replied."""
         self._next_poll.pop(device, None)
         self._misses[device] = 0
         self._suspects.discard(device)
@@ -128,65 +124,65 @@ class CyclicRead:
         if self._returns[device] >= FAST_FAILURES:
             self._give_up_fast()
 
-    def _ask_for(self, devices: list[int]) -> Request:
-        """Build the question to some, those that were silent last time at the end."""
+    def _build(self, devices: list[int]) -> Request:
+        """Build the request to some servos, those that were silent last time at the end."""
         suspects = [device for device in devices if device in self._suspects]
         order = devices
         if suspects:
             order = [device for device in devices if device not in self._suspects] + suspects
         is_fast = self.kind is GroupKind.FAST
-        extra = self._cycle % SALTS
+        extra = self._cycle % LENGTHS
         if is_fast:
-            extra = extra + 1 if suspects or len(order) < SALTS else 0
+            extra = extra + 1 if suspects or len(order) < LENGTHS else 0
         key = (bytes(order), extra, is_fast)
-        question = self._questions.get(key)
-        if question is None:
-            if len(self._questions) > MOST_QUESTIONS:
-                self._questions.clear()
-            spans = {i: Span(self._spans[i].address, self._length + extra) for i in order}
-            question = self._questions[key] = Request.group(spans, fast=is_fast)
-        return question
+        request = self._requests.get(key)
+        if request is None:
+            if len(self._requests) > CACHED_REQUESTS:
+                self._requests.clear()
+            spans = {i: Span(self._spans[i].address, GROUP_BYTES + extra) for i in order}
+            request = self._requests[key] = Request.group(spans, fast=is_fast)
+        return request
 
-    def _collect_one(self, question: Request, limit: float) -> Replies:
-        answers = self._bus.collect_group(question, limit)
-        if answers.data.shape[1] == self._length:
-            return answers
-        data = answers.data[:, : self._length]
-        return Replies(answers.devices, answers.errors, data, answers.is_cut)
+    def _collect_one(self, request: Request, limit: float) -> Replies:
+        replies = self._bus.collect_group(request, limit)
+        if replies.data.shape[1] == GROUP_BYTES:
+            return replies
+        data = replies.data[:, :GROUP_BYTES]
+        return Replies(replies.devices, replies.errors, data, replies.is_damaged)
 
-    def _find_missing(self, question: Request, answers: Replies) -> list[int]:
-        told = set(answers.devices.tolist())
-        return [device for device in question.lengths if device not in told]
+    def _find_missing(self, request: Request, replies: Replies) -> list[int]:
+        replied = set(replies.devices.tolist())
+        return [device for device in request.lengths if device not in replied]
 
-    def _judge(self, question: Request, answers: Replies) -> None:
-        """Remember who was silent."""
-        is_whole = len(answers.devices) == len(self._ids) - len(self._next_poll)
+    def _count_misses(self, request: Request, replies: Replies) -> None:
+        """Count missing replies."""
+        is_whole = len(replies.devices) == len(self._ids) - len(self._next_poll)
         if is_whole and not self._suspects:
             return
-        told = answers.devices.tolist()
-        for device in told:
+        replied = replies.devices.tolist()
+        for device in replied:
             self._misses[device] = 0
             self._suspects.discard(device)
         if is_whole:
             self._fast_failures = 0
             return
-        for device in self._find_silent(question, answers):
+        for device in self._find_silent(request, replies):
             self._misses[device] += 1
             self._suspects.add(device)
             if self._misses[device] >= MISSES:
                 self._next_poll[device] = self._cycle + POLL_EVERY
-        if not told and not answers.is_cut and self.kind is GroupKind.FAST:
+        if not replied and not replies.is_damaged and self.kind is GroupKind.FAST:
             self._fast_failures += 1
             if self._fast_failures >= FAST_FAILURES:
                 self._give_up_fast()
 
-    def _find_silent(self, question: Request, answers: Replies) -> list[int]:
-        """Find who was silent himself; whom that may have kept from answering is excused."""
-        if answers.is_cut:
+    def _find_silent(self, request: Request, replies: Replies) -> list[int]:
+        """Return the silent servos, without those that waited for them in the chain."""
+        if replies.is_damaged:
             return []
-        told, order = set(answers.devices.tolist()), list(question.lengths)
-        last = max((place for place, device in enumerate(order) if device in told), default=-1)
-        return [device for device in order[: last + 2] if device not in told]
+        replied, order = set(replies.devices.tolist()), list(request.lengths)
+        last = max((place for place, device in enumerate(order) if device in replied), default=-1)
+        return [device for device in order[: last + 2] if device not in replied]
 
     def _give_up_fast(self) -> None:
         if self._best is GroupKind.FAST:
@@ -194,19 +190,26 @@ class CyclicRead:
             self._fast_again = self._cycle + FAST_PAUSE
 
 
+def group_span(table: ControlTable) -> Span:
+    """Return the registers of current (or load), velocity and position."""
+    first = "present_current" if "present_current" in table else "present_load"
+    span = table.span(first, "present_position")
+    assert span.length == GROUP_BYTES
+    return span
+
+
 def _join(first: Replies, second: Replies) -> Replies:
     return Replies(
         np.concatenate([first.devices, second.devices]),
         np.concatenate([first.errors, second.errors]),
         np.concatenate([first.data, second.data]),
-        second.is_cut,
+        second.is_damaged,
     )
 
 
-def _without_refusals(answers: Replies) -> Replies:
-    """Leave out who told an error instead of values."""
-    refused = answers.errors & ~np.uint8(ALERT)
+def _without_refusals(replies: Replies) -> Replies:
+    """Leave out servos that replied with an error."""
+    refused = replies.errors & ~np.uint8(ALERT)
     if not refused.any():
-        return answers
-    kept = refused == 0
-    return Replies(answers.devices[kept], answers.errors[kept], answers.data[kept], answers.is_cut)
+        return replies
+    return replies.select(refused == 0)

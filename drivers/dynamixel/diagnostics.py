@@ -1,4 +1,4 @@
-"""The look at a robot's bus before anything moves: who is there, and all that is wrong."""
+"""Diagnoses the servos of a bus before anything moves: which answer, and all that is wrong."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import Enum
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import (
-    BAUD_RATES,
+    REVERSE_MODE,
     ControlTable,
     HardwareError,
     Item,
@@ -17,49 +17,50 @@ from drivers.dynamixel.control_table import (
 )
 from drivers.dynamixel.protocol2 import Span, Status
 from drivers.errors import DriverError
+from drivers.servo_units import fits_one_turn, tick_range
 from robots import Joint, Robot
+from robots.schema import BAUD_RATES
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
 TRIES = 3
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
-REVERSED = 1  # bit of the drive mode
-OUTSIDE_RANGE = 0.1  # rad that a joint may lie beyond its range without a word
+OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range without a warning
 # On the wire in a cycle: for each servo its id twice, its goal and a plain status; once the
-# frames around them, and the question for IMU and slow values with its answers.
+# frames around them, and the background read with its replies.
 SERVO_BYTES, CYCLE_BYTES = 26, 94
-FAR_RATES = tuple(reversed(BAUD_RATES[1:]))
-"""Speeds at which to look for servos that are silent at the right one [bit/s]."""
+SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
+"""Baud rates at which to search for servos that are silent at the right one [bit/s]."""
 
 
 class Severity(Enum):
-    """What a finding means for the robot."""
+    """Consequence of a finding."""
 
     ERROR = "error"
-    """It must not move like this, and cannot be connected to."""
+    """The robot must not move and cannot be connected to."""
     FAULT = "fault"
-    """It can be connected to, but stays limp until somebody mends this."""
+    """The robot can be connected to, but gets no torque until this is repaired."""
     WARNING = "warning"
-    """It may move, but somebody should know."""
+    """The robot may move."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is not as it should be."""
+    """A problem of one device, and its remedy."""
 
     severity: Severity
     device: str
-    """Who: "joint 'r_knee' (id 13)"."""
+    """Such as "joint 'r_knee' (id 13)"."""
     text: str
     remedy: str
-    """What to do about it."""
+    """What to do."""
 
     def __str__(self) -> str:
         return f"{self.device}: {self.text}; {self.remedy}"
 
 
 class DiagnosticsError(DriverError):
-    """A robot's bus is not fit to move the robot; tells all that is wrong at once."""
+    """A robot must not move; the message lists all findings at once."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         super().__init__(" | ".join(map(str, findings)))
@@ -68,7 +69,7 @@ class DiagnosticsError(DriverError):
 
 @dataclass(frozen=True, kw_only=True)
 class ServoFacts:
-    """What a servo told of itself."""
+    """Model, firmware and registers of a servo."""
 
     joint: Joint
     table: ControlTable
@@ -83,12 +84,12 @@ class ServoFacts:
 
     @property
     def name(self) -> str:
-        """Return how to call it in a message."""
+        """Return its name in messages."""
         return name_of(self.joint)
 
     @property
     def supports_fast_read(self) -> bool:
-        """Tell whether it answers fast reads."""
+        """Tell whether it supports fast reads."""
         return self.table.supports_fast_read(self.firmware)
 
     @property
@@ -107,29 +108,24 @@ class ServoFacts:
         return self._scaled("present_temperature")
 
     def _scaled(self, name: str) -> float:
-        return self.registers[name] * self.table[name].scale
+        return self.table[name].to_si(self.registers[name])
 
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """The result of a look at a bus."""
+    """Result of diagnosing servos."""
 
     servos: tuple[ServoFacts, ...]
-    """Those that told all, in joint order."""
+    """Those whose registers could be read, in joint order."""
     findings: tuple[Finding, ...]
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Return what forbids to move."""
+        """Return the findings that forbid to move."""
         return tuple(f for f in self.findings if f.severity is Severity.ERROR)
 
-    @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """Return what somebody should know."""
-        return tuple(f for f in self.findings if f.severity is Severity.WARNING)
 
-
-AUDITED = (
+DIAGNOSED = (
     "return_delay_time",
     "drive_mode",
     "operating_mode",
@@ -157,34 +153,34 @@ AUDITED = (
 )
 
 
-def audit(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
-    """Look at the servos of some joints, change nothing, and tell all that is wrong."""
+def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
+    """Read the servos of some joints, change nothing, and list all that is wrong."""
     servos: list[ServoFacts] = []
     findings: list[Finding] = []
     silent: list[Joint] = []
     for joint in joints:
-        heard = bus.statistics.bytes_in
+        bytes_in = bus.statistics.bytes_in
         pong = bus.ping(joint.servo.id, TRIES)
-        if pong is None and bus.statistics.bytes_in > heard:
-            findings.append(_doubled(joint))
+        if pong is None and bus.statistics.bytes_in > bytes_in:
+            findings.append(_garbled(joint))
         elif pong is None:
             silent.append(joint)
         else:
             servo = _examine(bus, joint, pong, findings)
             if servo is not None:
                 servos.append(servo)
-                findings += judge(servo)
+                findings += check_servo(servo)
     if silent:
-        findings[:0] = _explain_silence(bus, silent, anybody=bool(servos or findings))
+        findings[:0] = _explain_silence(bus, silent, is_alone=not (servos or findings))
     return Diagnostics(tuple(servos), tuple(findings))
 
 
 def read_items(
     bus: DynamixelBus, device: int, table: ControlTable, names: Iterable[str]
 ) -> dict[str, int] | None:
-    """Read items of a servo, neighbors together; ``None`` when it did not tell all.
+    """Read items of a servo, adjacent ones together; ``None`` if one could not be read.
 
-    Items that its table does not have are left out.
+    Items that its table lacks are left out.
     """
     values: dict[str, int] = {}
     for run in _group(sorted((table[n] for n in names if n in table), key=lambda i: i.address)):
@@ -198,9 +194,9 @@ def read_items(
     return values
 
 
-def judge(servo: ServoFacts) -> list[Finding]:
-    """List what is wrong with a servo that answers, as far as it cannot just be set right."""
-    told, model = servo.registers, servo.joint.servo.model
+def check_servo(servo: ServoFacts) -> list[Finding]:
+    """List what is wrong with a servo and cannot be corrected by `ServoSetup`."""
+    registers, model = servo.registers, servo.joint.servo.model
     found: list[Finding] = []
 
     def error(text: str, remedy: str) -> None:
@@ -211,83 +207,86 @@ def judge(servo: ServoFacts) -> list[Finding]:
 
     if servo.firmware < MIN_FIRMWARE:
         error(
-            f"firmware {servo.firmware} has no bus watchdog, allowed {MIN_FIRMWARE} or newer",
+            f"firmware {servo.firmware} has no bus watchdog, expected {MIN_FIRMWARE} or newer",
             "update it with DYNAMIXEL Wizard",
         )
-    if alert := HardwareError(told["hardware_error_status"]):
+    if alert := HardwareError(registers["hardware_error_status"]):
         names = " and ".join(str(bit.name).lower() for bit in alert)
-        # The guard keeps such a robot limp; whoever may reboot the servo has to reach it first.
+        # The guard keeps torque off; to be rebooted, the servo must be connected first.
         text, remedy = f"has switched itself off: {names}", "let it cool down and restart it"
         found.append(Finding(Severity.FAULT, servo.name, text, remedy))
     if not model.min_voltage <= servo.voltage <= model.max_voltage:
         error(
-            f"supply is {servo.voltage:.1f} V, allowed {model.min_voltage:.1f} to "
+            f"supply is {servo.voltage:.1f} V, expected {model.min_voltage:.1f} to "
             f"{model.max_voltage:.1f} V",
             "charge or change the battery",
         )
-    if told["drive_mode"] & REVERSED:
+    if registers["drive_mode"] & REVERSE_MODE:
         error(
-            f"drive mode is {told['drive_mode']}, reversed: it would turn the wrong way",
+            f"drive mode is {registers['drive_mode']}, reversed: it would turn the wrong way",
             "set its drive mode to 0, then calibrate the joint",
         )
-    if told["secondary_id"] < FIRST_FREE_ID:
-        error(f"also obeys the secondary id {told['secondary_id']}", "set its secondary id to 255")
-    if told["homing_offset"]:
+    if registers["secondary_id"] < FIRST_FREE_ID:
+        error(
+            f"also responds to the secondary id {registers['secondary_id']}",
+            "set its secondary id to 255",
+        )
+    if registers["homing_offset"]:
         warn(
-            f"homing offset is {told['homing_offset']} ticks",
+            f"homing offset is {registers['homing_offset']} ticks",
             "fine if the joint was calibrated with it, else set it to 0",
         )
-    if told["pwm_limit"] < PWM_FULL_SCALE:
+    if registers["pwm_limit"] < PWM_FULL_SCALE:
         warn(
-            f"PWM limit is {told['pwm_limit']} of {PWM_FULL_SCALE}: it has less torque",
-            f"set it to {PWM_FULL_SCALE} unless that is meant",
+            f"PWM limit is {registers['pwm_limit']} of {PWM_FULL_SCALE}: it has less torque",
+            f"set it to {PWM_FULL_SCALE} unless that is intended",
         )
-    if told.get("startup_configuration", 0) & 1:
-        warn("takes torque by itself at power-up", "set its startup configuration to 0")
+    if registers.get("startup_configuration", 0) & 1:
+        warn("switches torque on by itself at power-up", "set its startup configuration to 0")
     expected = HardwareError.OVERHEATING | HardwareError.OVERLOAD
-    if told["shutdown"] & expected != expected:
+    if registers["shutdown"] & expected != expected:
         warn(
-            f"shutdown is {told['shutdown']}: overheating or overload would not stop it",
+            f"shutdown is {registers['shutdown']}: overheating or overload would not stop it",
             "set its shutdown to 52",
         )
     joint, angle = servo.joint, servo.angle
     if not joint.lower - OUTSIDE_RANGE <= angle <= joint.upper + OUTSIDE_RANGE:
         warn(
-            f"stands at {angle:+.2f} rad, outside [{joint.lower:+.2f}, {joint.upper:+.2f}] rad",
+            f"is at {angle:+.2f} rad, outside [{joint.lower:+.2f}, {joint.upper:+.2f}] rad",
             "move it back by hand, or calibrate it",
         )
-    ends = sorted(joint.servo.to_ticks(limit) for limit in (joint.lower, joint.upper))
-    if ends[0] < 0 or ends[1] >= TICKS_PER_TURN:
+    ticks = tick_range(joint)
+    if not fits_one_turn(ticks):
         warn(
-            f"its range needs ticks {ends[0]} to {ends[1]}, allowed 0 to {TICKS_PER_TURN - 1}",
-            "mount its horn so that the range lies within one turn, and calibrate it",
+            f"its range needs ticks {ticks[0]} to {ticks[1]}, expected 0 to {TICKS_PER_TURN - 1}",
+            "mount its horn so that the range is within one turn, and calibrate it",
         )
     return found
 
 
 def check_model(joint: Joint, table: ControlTable) -> list[Finding]:
-    """Tell when a servo is not of the model that the robot's description names."""
+    """Check that a servo is of the model in the robot's description."""
     wanted = joint.servo.model.name
     if table.model == wanted:
         return []
-    text = f"is a {table.model}, allowed {wanted}"
+    text = f"is a {table.model}, expected {wanted}"
     return [Finding(Severity.ERROR, name_of(joint), text, "change the servo or robot.toml")]
 
 
-def find_far_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
-    """Look for servos at other speeds; return the one at which one answers [bit/s].
+def find_baud_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
+    """Search for devices at other baud rates; return the first at which one answers [bit/s].
 
-    The port is left at its own speed.
+    The port keeps its own rate.
     """
     own = bus.port.baud
     try:
-        for rate in FAR_RATES:
+        for rate in SEARCHED_RATES:
             if rate == own:
                 continue
             try:
                 bus.port.set_baud(rate)
             except DriverError:
-                continue  # not every adapter has every speed
+                continue  # the adapter does not support it
             if any(bus.ping(device) is not None for device in devices[:3]):
                 return rate
     finally:
@@ -295,43 +294,53 @@ def find_far_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
     return None
 
 
-def check_speed(bus: DynamixelBus, count: int, period: float) -> list[Finding]:
-    """Tell when a bus is too slow for a control period [s] of so many servos.
+def check_cycle_time(path: str, baud: int, duration: float, period: float) -> list[Finding]:
+    """Check that a cycle's bytes pass within the control period.
 
-    On such a bus every value would come too late, and nothing else would be wrong.
+    On a slower bus every value would be late, without any other finding.
+
+    Args:
+        path: Port.
+        baud: Its baud rate [bit/s].
+        duration: Time of a cycle's bytes on the wire [s].
+        period: Control period [s].
     """
-    needed = (CYCLE_BYTES + count * SERVO_BYTES) * bus.byte_time
-    if needed <= period:
+    if duration <= period:
         return []
     text = (
-        f"at {bus.port.baud} bit/s a cycle of {count} servos takes {needed * 1e3:.1f} ms, "
-        f"allowed {period * 1e3:.1f} ms"
+        f"at {baud} bit/s a cycle takes {duration * 1e3:.1f} ms on the wire, "
+        f"expected {period * 1e3:.1f} ms"
     )
-    remedy = "set the servos and bus.baud in robot.toml to a higher speed"
-    return [Finding(Severity.ERROR, f"port {bus.port.path}", text, remedy)]
+    remedy = "set the servos and bus.baud in robot.toml to a higher baud rate"
+    return [Finding(Severity.ERROR, f"port {path}", text, remedy)]
+
+
+def estimate_cycle_time(bus: DynamixelBus, servos: int) -> float:
+    """Estimate how long the bytes of a cycle are on the wire [s]."""
+    return (CYCLE_BYTES + servos * SERVO_BYTES) * bus.byte_time
 
 
 def name_of(joint: Joint) -> str:
-    """Return how to call a joint's servo in a message."""
+    """Return the name of a joint's servo in messages."""
     return f"joint '{joint.name}' (id {joint.servo.id})"
 
 
 def name_all(joints: Iterable[Joint]) -> str:
-    """Return how to call several."""
+    """Return the names of several servos in messages."""
     return ", ".join(name_of(joint) for joint in joints)
 
 
-def list_doubled_ids(robot: Robot) -> list[Finding]:
-    """Tell which ids the robot's description gives to two joints, or to a joint and the board."""
+def find_duplicate_ids(robot: Robot) -> list[Finding]:
+    """Find ids that the robot's description gives to two joints, or to a joint and the board."""
     users: dict[int, list[str]] = {}
     for joint in robot.joints:
         users.setdefault(joint.servo.id, []).append(joint.name)
     if robot.bus is not None and robot.bus.board is not None:
         users.setdefault(robot.bus.board.id, []).append("the board")
     return [
-        Finding(Severity.ERROR, f"id {i}", f"belongs to {' and '.join(who)}", "edit robot.toml")
-        for i, who in users.items()
-        if len(who) > 1
+        Finding(Severity.ERROR, f"id {i}", f"belongs to {' and '.join(names)}", "edit robot.toml")
+        for i, names in users.items()
+        if len(names) > 1
     ]
 
 
@@ -350,13 +359,13 @@ def _examine(
         findings += found
         return None
     before = replace(bus.statistics)
-    registers = read_items(bus, joint.servo.id, table, AUDITED)
+    registers = read_items(bus, joint.servo.id, table, DIAGNOSED)
     if registers is None:
         since = bus.statistics - before
         if since.damaged or since.stale:
-            findings.append(_doubled(joint))
+            findings.append(_garbled(joint))
         else:
-            text = "answers a ping but does not tell its registers"
+            text = "answers a ping, but its registers cannot be read"
             findings.append(
                 Finding(Severity.ERROR, name_of(joint), text, "check its cable and power")
             )
@@ -364,31 +373,33 @@ def _examine(
     return ServoFacts(joint=joint, table=table, firmware=firmware, registers=registers)
 
 
-def _doubled(joint: Joint) -> Finding:
+def _garbled(joint: Joint) -> Finding:
     return Finding(
         Severity.ERROR,
         name_of(joint),
         "answers are garbled, as by two servos of one id",
-        "unplug one at a time and give each an id of its own; else check the cable",
+        "unplug one at a time and give each its own id; else check the cable",
     )
 
 
-def _explain_silence(bus: DynamixelBus, silent: Sequence[Joint], *, anybody: bool) -> list[Finding]:
-    who, port = name_all(silent), bus.port
-    if anybody:
+def _explain_silence(
+    bus: DynamixelBus, silent: Sequence[Joint], *, is_alone: bool
+) -> list[Finding]:
+    names, port = name_all(silent), bus.port
+    if not is_alone:
         remedy = "check its cable, its power and its id (getup scan)"
-        return [Finding(Severity.ERROR, who, "silent", remedy)]
-    rate = find_far_rate(bus, [joint.servo.id for joint in silent])
+        return [Finding(Severity.ERROR, names, "silent", remedy)]
+    rate = find_baud_rate(bus, [joint.servo.id for joint in silent])
     if rate is None:
         remedy = "check the robot's power switch, the battery and the cable"
-        return [Finding(Severity.ERROR, f"port {port.path}", f"silent: {who}", remedy)]
-    text = f"the servos talk at {rate} bit/s, not {port.baud}"
+        return [Finding(Severity.ERROR, f"port {port.path}", f"silent: {names}", remedy)]
+    text = f"the servos use {rate} bit/s, expected {port.baud}"
     remedy = "set bus.baud in robot.toml, or the servos' baud rate"
     return [Finding(Severity.ERROR, f"port {port.path}", text, remedy)]
 
 
 def _group(items: Sequence[Item]) -> list[list[Item]]:
-    """Gather items without a gap between them."""
+    """Group items without gaps between them."""
     runs: list[list[Item]] = []
     for item in items:
         if runs and runs[-1][-1].end == item.address:

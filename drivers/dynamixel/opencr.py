@@ -2,43 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.diagnostics import Finding, Severity, find_far_rate
-from drivers.dynamixel.protocol2 import Span, Status
+from drivers.dynamixel.diagnostics import TRIES, Finding, Severity, find_baud_rate
+from drivers.dynamixel.protocol2 import Span, is_confirmed
 from drivers.orientation_filter import ACCELEROMETER_STEP, GRAVITY, GYRO_STEP, OrientationFilter
 from robots.quaternion import Array
 from robots.robot import BoardSettings
 
-TRIES = 3
 IMU_BYTES = 12  # three axes of gyro and accelerometer, two bytes each
-# An IMU at rest may repeat itself; one on a body whose joints move cannot, so long.
+# An IMU at rest may repeat a sample; one on a body whose joints move cannot, for so long.
 FROZEN_CYCLES = 12
 MOVING = 1.0  # rad/s of the fastest joint
-# A body at rest: what its IMU may show, and for how many samples.
+# A body at rest: bounds of its IMU samples, and their number.
 QUIET_FORCE, QUIET_TURN, QUIET_CYCLES = 0.05, 0.2, 12  # share of gravity, rad/s
-# After so long without a sample the gyro has missed too much: the vertical is taken anew.
-FORGOTTEN = 1.0  # s
+# After so long without a sample the gyro has missed too much: the vertical is measured again.
+MAX_GAP = 1.0  # s
 
 
 @dataclass(frozen=True, eq=False)
 class ImuSample:
-    """One look of the IMU, in the axes of the robot's IMU site."""
+    """One sample of the IMU, in the axes of the robot's IMU site."""
 
     gyro: Array
     """[rad/s], shape (3,)"""
     accelerometer: Array
     """[m/s²], shape (3,)"""
     counts: bytes
-    """The registers it was read from."""
+    """Registers that it was read from."""
 
 
 class OpenCr:
-    """The board on the servo bus."""
+    """The controller board on the servo bus."""
 
     def __init__(self, bus: DynamixelBus, settings: BoardSettings) -> None:
         self.id = settings.id
@@ -53,38 +52,48 @@ class OpenCr:
 
     @property
     def model_number(self) -> int:
-        """Return what the board calls itself in a ping."""
+        """Return the board's model number in the reply to a ping."""
         return self._table.number
 
-    def ping(self) -> Status | None:
-        """Ask whether the board is there."""
-        return self.bus.ping(self.id, TRIES)
+    @property
+    def name(self) -> str:
+        """Return its name in messages."""
+        return f"board '{self.settings.model}' (id {self.id})"
+
+    def finding(
+        self, text: str, remedy: str = "check its power, its cable and bus.board"
+    ) -> Finding:
+        """Build a finding about the board."""
+        return Finding(Severity.ERROR, self.name, text, remedy)
+
+    def is_powering(self) -> bool:
+        """Tell whether the servos' power is on."""
+        return self._holds("dynamixel_power", 1)
 
     def power_servos(self) -> bool:
         """Switch the servos' power on; tell whether the board confirms that it is on."""
-        power = self._table["dynamixel_power"]
-        told = self.bus.read(self.id, power.span, TRIES)
-        if told is not None and told.data == b"\x01":
-            return True
-        self.bus.write(self.id, power.address, b"\x01", TRIES)
-        told = self.bus.read(self.id, power.span, TRIES)
-        return told is not None and told.data == b"\x01"
+        if not self.is_powering():
+            self.bus.write(self.id, self._table["dynamixel_power"].address, b"\x01", TRIES)
+            return self.is_powering()
+        return True
 
-    def answer_at_once(self) -> bool:
-        """Take the board's return delay away, where it has one; tell whether it confirms."""
-        delay = self._table["return_delay_time"]
-        told = self.bus.read(self.id, delay.span, TRIES)
-        if told is not None and told.data == b"\x00":
-            return True
-        done = self.bus.write(self.id, delay.address, b"\x00", TRIES)
-        return done is not None and not done.number
+    def clear_return_delay(self) -> bool:
+        """Set the board's return delay to 0; tell whether it confirms."""
+        address = self._table["return_delay_time"].address
+        return self._holds("return_delay_time", 0) or is_confirmed(
+            self.bus.write(self.id, address, b"\x00", TRIES)
+        )
+
+    def _holds(self, item: str, value: int) -> bool:
+        status = self.bus.read(self.id, self._table[item].span, TRIES)
+        return status is not None and status.data == bytes((value,))
 
     def span(self, cycle: int) -> Span:
-        """Return the registers to read in a cycle; their length turns, so late answers show."""
+        """Return the registers to read in a cycle; their length alternates against late replies."""
         return self._spans[cycle % 2]
 
     def decode(self, data: bytes) -> ImuSample:
-        """Convert what was read of `span` to SI, in body axes."""
+        """Convert the registers of `span` to SI, in body axes."""
         counts = data[-IMU_BYTES:]
         values = np.frombuffer(counts, "<i2")
         return ImuSample(
@@ -94,15 +103,15 @@ class OpenCr:
         )
 
     def read_imu(self) -> ImuSample | None:
-        """Take one look; ``None`` when the board is silent."""
+        """Read one sample; ``None`` if the board is silent."""
         status = self.bus.read(self.id, self._spans[0], TRIES)
         if status is None or len(status.data) < IMU_BYTES:
             return None
         return self.decode(status.data)
 
 
-class BodyImu:
-    """Orientation from the board's samples, and how old it is."""
+class ImuFusion:
+    """Estimates the orientation from the board's samples, and how old it is."""
 
     def __init__(self, period: float) -> None:
         """Prepare for samples that come about every ``period`` seconds."""
@@ -112,7 +121,7 @@ class BodyImu:
         self.gyro = np.zeros(3)
         """Angular velocity in the IMU frame [rad/s], shape (3,)."""
         self.stamp = -np.inf
-        """When the newest sample was taken [s]."""
+        """Time of the newest sample [s]."""
         self._changed = -np.inf
         self._is_settled = True
         self._quiet = 0
@@ -123,20 +132,20 @@ class BodyImu:
         return self._filter.orientation
 
     def start(self, sample: ImuSample, now: float) -> None:
-        """Begin at rest; when the body moves, the vertical is taken anew as soon as it rests."""
+        """Begin at rest; if the body moves, the vertical is measured again as soon as it rests."""
         self._is_settled, self._quiet = _is_quiet(sample), 0
         self._filter.start(sample.accelerometer)
         self.gyro, self.stamp = sample.gyro, now
         self._counts, self._changed, self._repeats = sample.counts, now, 0
 
-    def take(self, sample: ImuSample, now: float, speed: float) -> None:
+    def update(self, sample: ImuSample, now: float, speed: float) -> None:
         """Advance the estimate by a sample.
 
         Args:
-            sample: What the board tells.
-            now: When [s].
+            sample: Newest sample.
+            now: Its time [s].
             speed: Of the fastest joint [rad/s]. A body whose joints move shakes its IMU: one
-                that repeats itself then is broken, and its samples count as not taken.
+                that repeats a sample then is broken, and the sample does not count.
         """
         if sample.counts != self._counts:
             self._counts, self._changed, self._repeats = sample.counts, now, 0
@@ -149,7 +158,7 @@ class BodyImu:
         if not self._is_settled:
             self._quiet = self._quiet + 1 if _is_quiet(sample) else 0
             self._is_settled = self._quiet >= QUIET_CYCLES
-        if period > FORGOTTEN or self._quiet >= QUIET_CYCLES:
+        if period > MAX_GAP or self._quiet >= QUIET_CYCLES:
             self._quiet = 0
             self._filter.start(sample.accelerometer)
         elif period > 0.0:
@@ -163,27 +172,26 @@ def _is_quiet(sample: ImuSample) -> bool:
     return abs(force / GRAVITY - 1.0) < QUIET_FORCE and turn < QUIET_TURN
 
 
-def check_board(board: OpenCr) -> list[Finding]:
-    """Look whether the board is there, and switch the servos' power on."""
-    status = board.ping()
+def check_board(board: OpenCr, *, set_delay: bool = True) -> list[Finding]:
+    """Check that the board answers, and switch the servos' power on.
+
+    Args:
+        board: Board to check.
+        set_delay: Whether to set its return delay to 0, too.
+    """
+    status = board.bus.ping(board.id, TRIES)
     if status is None:
-        rate = find_far_rate(board.bus, [board.id])
+        rate = find_baud_rate(board.bus, [board.id])
         if rate is None:
-            return [blame_board(board.settings, "silent")]
-        text = f"talks at {rate} bit/s, not {board.bus.port.baud}"
+            return [board.finding("silent")]
+        text = f"uses {rate} bit/s, expected {board.bus.port.baud}"
         remedy = "set bus.baud in robot.toml, or the baud rates of board and servos"
-        return [replace(blame_board(board.settings, text), remedy=remedy)]
+        return [board.finding(text, remedy)]
     number = int.from_bytes(status.data[:2], "little")
     if number != board.model_number:
-        return [blame_board(board.settings, f"is of model {number}")]
-    if not board.answer_at_once():
-        return [blame_board(board.settings, "does not take a return delay of 0")]
+        return [board.finding(f"is of model {number}, expected {board.model_number}")]
+    if set_delay and not board.clear_return_delay():
+        return [board.finding("does not accept a return delay of 0")]
     if board.settings.powers_servos and not board.power_servos():
-        return [blame_board(board.settings, "does not switch the servos' power on")]
+        return [board.finding("does not switch the servos' power on")]
     return []
-
-
-def blame_board(board: BoardSettings, text: str) -> Finding:
-    """Build the finding that something is wrong with the board."""
-    name = f"board '{board.model}' (id {board.id})"
-    return Finding(Severity.ERROR, name, text, "check its power, its cable and bus.board")

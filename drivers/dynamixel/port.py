@@ -1,4 +1,4 @@
-"""Serial ports: bytes out, bytes in, and plain words when a port does not work."""
+"""Serial ports, and explanations why one does not open."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import fcntl
 import grp
 import os
 import select
+import stat
 import termios
 import time
 from pathlib import Path
@@ -17,14 +18,15 @@ import serial
 
 from drivers.errors import SetupError
 
-CHUNK = 4096  # bytes, more than any answer
-# Longest wait for the system to take bytes that are to be sent [s]. It takes them at once
-# unless the adapter hangs; waiting for them to leave the wire is the caller's business.
+CHUNK = 4096  # bytes, more than any reply
+# Longest wait for the system to accept bytes to send [s]. It accepts them at once unless the
+# adapter hangs.
 SEND_TIMEOUT = 0.1
+UNIX98_SLAVES = range(136, 144)  # major numbers of pseudo-terminals (Linux, devices.txt)
 
 
 class PortError(SetupError):
-    """A serial port cannot be used; the message says what to do."""
+    """A serial port cannot be used."""
 
     def __init__(self, path: str, text: str) -> None:
         super().__init__(f"port {path}: {text}")
@@ -39,7 +41,7 @@ class PortLostError(PortError):
 
 
 class Port(Protocol):
-    """A wire to a bus: half duplex, 8 data bits, no parity, 1 stop bit."""
+    """A serial line: half duplex, 8 data bits, no parity, 1 stop bit."""
 
     @property
     def path(self) -> str:
@@ -48,7 +50,7 @@ class Port(Protocol):
 
     @property
     def baud(self) -> int:
-        """Return the speed [bit/s]."""
+        """Return the baud rate [bit/s]."""
         ...
 
     @property
@@ -57,37 +59,37 @@ class Port(Protocol):
         ...
 
     def open(self) -> None:
-        """Open the device; harmless when it is open."""
+        """Open the device; harmless if it is open."""
         ...
 
     def close(self) -> None:
-        """Close the device; harmless when it is closed."""
+        """Close the device; harmless if it is closed."""
         ...
 
     def set_baud(self, baud: int) -> None:
-        """Change the speed [bit/s], open or not."""
+        """Change the baud rate [bit/s], open or not; what was received before is dropped."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Hand bytes to the device, without waiting until they have left it."""
+        """Hand bytes to the device, without waiting until they are sent."""
         ...
 
     def read(self, deadline: float) -> bytes:
-        """Return what has come; wait for a byte until a deadline of the monotonic clock [s].
+        """Return received bytes; wait for one until a deadline of the monotonic clock [s].
 
-        Nothing came if nothing is returned.
+        Returns nothing at the deadline.
         """
         ...
 
     def flush(self) -> int:
-        """Throw away what has come; return how many bytes."""
+        """Drop received bytes; return their number."""
         ...
 
 
 class SerialPort:
     """A port over pyserial, locked against other programs.
 
-    pyserial opens and configures the device; bytes go past it, straight to the descriptor:
+    pyserial opens and configures the device; bytes bypass it, straight to the descriptor:
     a read then waits in one `select` until a deadline, and a hung adapter cannot block.
     """
 
@@ -103,7 +105,7 @@ class SerialPort:
 
     @property
     def baud(self) -> int:
-        """Return the speed [bit/s]."""
+        """Return the baud rate [bit/s]."""
         return self._baud
 
     @property
@@ -112,10 +114,10 @@ class SerialPort:
         return self._fd >= 0
 
     def open(self) -> None:
-        """Open and lock the device; harmless when it is open.
+        """Open and lock the device; harmless if it is open.
 
         Raises:
-            PortError: when it is missing, busy, forbidden, or no serial port.
+            PortError: if it is missing, busy, forbidden, or not a serial port.
         """
         if self.is_open:
             return
@@ -128,28 +130,29 @@ class SerialPort:
             raise PortError(self._path, explain_refusal(self._path, self._baud, error)) from error
 
     def close(self) -> None:
-        """Unlock and close the device; harmless when it is closed."""
+        """Unlock and close the device; harmless if it is closed."""
         device, self._serial, self._fd = self._serial, None, -1
         if device is not None:
-            # A device that was unplugged refuses even this; there is nothing left to close.
+            # A device that was unplugged refuses even this.
             with contextlib.suppress(OSError, termios.error):
                 fcntl.ioctl(device.fileno(), termios.TIOCNXCL)
             with contextlib.suppress(OSError, termios.error):
                 device.close()
 
     def set_baud(self, baud: int) -> None:
-        """Change the speed [bit/s], open or not."""
+        """Change the baud rate [bit/s], open or not; what was received before is dropped."""
         was_open = self.is_open
         self.close()
         self._baud = baud
         if was_open:
             self.open()
+            self.flush()
 
     def write(self, data: bytes) -> None:
-        """Hand bytes to the device, without waiting until they have left it.
+        """Hand bytes to the device, without waiting until they are sent.
 
         Raises:
-            PortLostError: when the device is gone or takes no bytes any more.
+            PortLostError: if the device is gone or accepts no more bytes.
         """
         deadline = time.monotonic() + SEND_TIMEOUT
         while data:
@@ -163,10 +166,10 @@ class SerialPort:
                 raise PortLostError(self._path) from error
 
     def read(self, deadline: float) -> bytes:
-        """Return what has come; wait for a byte until a deadline of the monotonic clock [s].
+        """Return received bytes; wait for one until a deadline of the monotonic clock [s].
 
         Raises:
-            PortLostError: when the device is gone.
+            PortLostError: if the device is gone.
         """
         try:
             left = max(deadline - time.monotonic(), 0.0)
@@ -177,15 +180,15 @@ class SerialPort:
             return b""
         except (OSError, ValueError) as error:
             raise PortLostError(self._path) from error
-        if not data:  # ready, and yet nothing to read: the other end has hung up
+        if not data:  # readable, but without data: the other end has hung up
             raise PortLostError(self._path)
         return data
 
     def flush(self) -> int:
-        """Throw away what has come; return how many bytes.
+        """Drop received bytes; return their number.
 
         Raises:
-            PortLostError: when the device is known to be gone.
+            PortLostError: if the device is gone.
         """
         count = 0
         try:
@@ -205,7 +208,7 @@ class SdkPort(SerialPort):
     """A port over the port handler of ROBOTIS' dynamixel-sdk."""
 
     def _open_serial(self) -> serial.Serial:
-        from dynamixel_sdk import PortHandler  # only who asks for it needs it
+        from dynamixel_sdk import PortHandler  # an optional dependency
 
         handler = PortHandler(self._path)
         if not handler.setBaudRate(self._baud):
@@ -221,23 +224,23 @@ class SdkPort(SerialPort):
 
 
 def _claim(fd: int) -> None:
-    """Keep other programs out, also those that do not ask for the lock."""
+    """Keep other programs out, also those that ignore the lock."""
     fcntl.ioctl(fd, termios.TIOCEXCL)
 
 
 def explain_refusal(path: str, baud: int, error: Exception) -> str:
-    """Tell why a port does not open, and what to do."""
+    """Explain why a port does not open, and what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.EAGAIN, errno.EBUSY):
         return "in use by another program; stop that one first"
     if number in (errno.EACCES, errno.EPERM):
-        return f"not allowed; {_explain_permission(path)}"
+        return f"permission denied; {_explain_permission(path)}"
     if not Path(path).exists():
         return "does not exist; plug the adapter in, or name another port (ls /dev/serial/by-id)"
     if isinstance(error, ValueError):
         return f"{baud} bit/s is refused ({error})"
     if "configure" in str(error) or isinstance(error, termios.error):
-        return "is no serial port; name the adapter's device (ls /dev/serial/by-id)"
+        return "is not a serial port; name the adapter's device (ls /dev/serial/by-id)"
     return f"does not open ({error})"
 
 
@@ -249,8 +252,16 @@ def _explain_permission(path: str) -> str:
     return "its owner is root: ask for a udev rule that gives it to the group 'dialout'"
 
 
+def is_pseudo_terminal(path: str) -> bool:
+    """Tell whether a port is a Linux pseudo-terminal, as that of a virtual bus is."""
+    with contextlib.suppress(OSError):
+        status = Path(path).stat()
+        return stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) in UNIX98_SLAVES
+    return False
+
+
 def read_latency_timer(path: str) -> int | None:
-    """Read how long a USB adapter holds back a short answer [ms]; ``None`` when it has no say."""
+    """Read how long a USB adapter holds back a short reply [ms]; ``None`` if it has no timer."""
     name = Path(path).resolve().name
     with contextlib.suppress(OSError, ValueError):
         return int(Path(f"/sys/bus/usb-serial/devices/{name}/latency_timer").read_text())

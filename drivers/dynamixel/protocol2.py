@@ -1,17 +1,17 @@
-"""Dynamixel Protocol 2.0: packets as bytes, and bytes as packets.
+"""Encodes and decodes packets of Dynamixel Protocol 2.0.
 
 Facts: ROBOTIS e-manual, "DYNAMIXEL Protocol 2.0". A frame is
 
     FF FF FD 00 | id | length (u16) | instruction | parameters ... | CRC (u16)
 
-where the length counts all after itself. A status has the instruction 0x55 and an error
-byte before its data.
+where the length counts all bytes after itself. A status has the instruction 0x55 and an
+error byte before its data.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -25,15 +25,16 @@ PREFIX = 7
 OVERHEAD = PREFIX + 1 + 2
 """Bytes of a frame around its parameters."""
 MAX_LENGTH = 4096
-"""Longest length field that is believed; 252 devices in a fast read need less."""
+"""Longest accepted length field; 252 devices in a fast read need less."""
 ALERT = 0x80
 """Bit of a status' error byte: the device has a hardware error."""
 
-_RUN, _STUFFED_RUN = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
+STUFFED = b"\xff\xff\xfd"
+"""Bytes after which a body is stuffed with FD, so that no header appears in it."""
 
 
 class Instruction(IntEnum):
-    """What a packet asks for."""
+    """Kind of a packet."""
 
     PING = 0x01
     READ = 0x02
@@ -67,7 +68,7 @@ class ErrorNumber(IntEnum):
 
 
 class Reset(IntEnum):
-    """What a factory reset forgets."""
+    """Registers that a factory reset sets to their defaults."""
 
     ALL = 0xFF
     ALL_BUT_ID = 0x01
@@ -76,21 +77,21 @@ class Reset(IntEnum):
 
 @dataclass(frozen=True)
 class Packet:
-    """A frame's content, unstuffed."""
+    """Content of a frame, unstuffed."""
 
     id: int
     instruction: int
     params: bytes = b""
 
     def encode(self) -> bytes:
-        """Build the frame: stuff, count, append the CRC."""
+        """Build the frame: stuff the body, prepend the header, append the CRC."""
         body = stuff(bytes((self.instruction,)) + self.params)
         return seal(HEADER + struct.pack("<BH", self.id, len(body) + 2) + body)
 
 
 @dataclass(frozen=True)
 class Status:
-    """An answer."""
+    """Reply of a device."""
 
     id: int
     error: int = 0
@@ -107,87 +108,72 @@ class Status:
         """Return the error number without the alert bit, 0 for none."""
         return self.error & ~ALERT
 
-    @property
-    def frame_length(self) -> int:
-        """Return the bytes of the frame when nothing needs stuffing."""
-        return OVERHEAD + 1 + len(self.data)
-
     def encode(self) -> bytes:
         """Build the frame."""
         return Packet(self.id, Instruction.STATUS, bytes((self.error,)) + self.data).encode()
 
     @classmethod
     def from_packet(cls, packet: Packet) -> Status:
-        """Read a status packet that has an error byte at least.
+        """Decode a status packet.
 
         Raises:
-            ValueError: if it is no status.
+            ValueError: if it is not a status.
         """
         if packet.instruction != Instruction.STATUS or not packet.params:
             raise ValueError(f"instruction 0x{packet.instruction:02X} is not a status")
         return cls(packet.id, packet.params[0], packet.params[1:])
 
 
+def is_confirmed(status: Status | None) -> bool:
+    """Tell whether a device has carried out an instruction; ``None`` stands for silence."""
+    return status is not None and not status.number
+
+
 def crc16(data: bytes, start: int = 0) -> int:
-    """Compute the CRC-16 of polynomial 0x8005, not reflected; ``start`` continues another's."""
+    """Compute the CRC-16 of polynomial 0x8005, not reflected, from an earlier CRC on."""
     return umts(data, start)
 
 
 def seal(frame: bytes) -> bytes:
-    """Append the CRC of all before it, low byte first."""
+    """Append the CRC of a frame, low byte first."""
     return frame + struct.pack("<H", umts(frame))
 
 
 def stuff(body: bytes) -> bytes:
-    """Insert FD after each FF FF FD, so that no header appears in a body."""
-    return body.replace(_RUN, _STUFFED_RUN)
+    """Insert FD after each FF FF FD."""
+    return body.replace(STUFFED, STUFFED + b"\xfd")
 
 
 def unstuff(body: bytes) -> bytes:
     """Turn each FF FF FD FD into FF FF FD."""
-    return body.replace(_STUFFED_RUN, _RUN)
+    return body.replace(STUFFED + b"\xfd", STUFFED)
 
 
 @dataclass(frozen=True)
 class Span:
-    """Registers of a device: where and how many bytes."""
+    """Address and number of bytes of registers."""
 
     address: int
     length: int
 
 
-# Instructions, as frames -------------------------------------------------------------------
+# Instructions -------------------------------------------------------------------------------
 
 
 def ping(device: int = BROADCAST) -> bytes:
-    """Ask who is there."""
+    """Read the model and firmware of a device, or of all."""
     return Packet(device, Instruction.PING).encode()
 
 
 def read(device: int, span: Span) -> bytes:
-    """Ask a device for registers."""
+    """Read registers of a device."""
     params = struct.pack("<HH", span.address, span.length)
     return Packet(device, Instruction.READ, params).encode()
 
 
 def write(device: int, address: int, data: bytes) -> bytes:
-    """Set registers of a device."""
+    """Write registers of a device."""
     return Packet(device, Instruction.WRITE, struct.pack("<H", address) + data).encode()
-
-
-def reg_write(device: int, address: int, data: bytes) -> bytes:
-    """Store a write in a device until `action`."""
-    return Packet(device, Instruction.REG_WRITE, struct.pack("<H", address) + data).encode()
-
-
-def action(device: int = BROADCAST) -> bytes:
-    """Apply what `reg_write` stored."""
-    return Packet(device, Instruction.ACTION).encode()
-
-
-def factory_reset(device: int, kept: Reset) -> bytes:
-    """Bring a device's EEPROM back to its defaults."""
-    return Packet(device, Instruction.FACTORY_RESET, bytes((kept,))).encode()
 
 
 def reboot(device: int) -> bytes:
@@ -195,34 +181,19 @@ def reboot(device: int) -> bytes:
     return Packet(device, Instruction.REBOOT).encode()
 
 
-def clear_turns(device: int) -> bytes:
-    """Bring a device's position back into one turn."""
-    return Packet(device, Instruction.CLEAR, b"\x01\x44\x58\x4c\x22").encode()
-
-
-def backup(device: int) -> bytes:
-    """Store a device's control table."""
-    return Packet(device, Instruction.BACKUP, b"\x01CTRL").encode()
-
-
-def restore(device: int) -> bytes:
-    """Bring a device's stored control table back; it reboots."""
-    return Packet(device, Instruction.BACKUP, b"\x02CTRL").encode()
-
-
 def sync_read(devices: Sequence[int], span: Span, *, fast: bool = False) -> bytes:
-    """Ask several devices for the same registers."""
+    """Read the same registers of several devices."""
     kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
     params = struct.pack("<HH", span.address, span.length) + bytes(devices)
     return Packet(BROADCAST, kind, params).encode()
 
 
 def sync_write(address: int, data: Mapping[int, bytes]) -> bytes:
-    """Set the same registers of several devices.
+    """Write the same registers of several devices.
 
     Args:
         address: First register.
-        data: What each device gets, all of one length.
+        data: Bytes for each device, all of one length.
     """
     length = len(next(iter(data.values())))
     rows = b"".join(bytes((device,)) + row for device, row in data.items())
@@ -231,62 +202,60 @@ def sync_write(address: int, data: Mapping[int, bytes]) -> bytes:
 
 
 def bulk_read(spans: Mapping[int, Span], *, fast: bool = False) -> bytes:
-    """Ask several devices for registers of their own."""
+    """Read different registers of several devices."""
     kind = Instruction.FAST_BULK_READ if fast else Instruction.BULK_READ
     rows = (struct.pack("<BHH", device, s.address, s.length) for device, s in spans.items())
     return Packet(BROADCAST, kind, b"".join(rows)).encode()
 
 
 def bulk_write(data: Mapping[int, tuple[int, bytes]]) -> bytes:
-    """Set registers of several devices, each its own.
+    """Write different registers of several devices.
 
     Args:
-        data: Of each device, the address and what is written there.
+        data: Address and bytes for each device.
     """
     rows = (struct.pack("<BHH", i, address, len(row)) + row for i, (address, row) in data.items())
     return Packet(BROADCAST, Instruction.BULK_WRITE, b"".join(rows)).encode()
 
 
-# Fast answers -------------------------------------------------------------------------------
+# Fast replies -------------------------------------------------------------------------------
 
 
-def encode_fast_status(answers: Iterable[Status]) -> bytes:
+def encode_fast_status(replies: Sequence[Status]) -> bytes:
     """Build the one frame that several devices write in turn; nothing in it is stuffed.
 
     Each device adds its error, id and data, and the CRC of all that came before.
     """
-    answers = list(answers)
-    frame = _begin_fast_status([len(answer.data) for answer in answers])
-    for answer in answers:
-        frame = seal(frame + bytes((answer.error, answer.id)) + answer.data)
+    frame = _begin_fast_status([len(reply.data) for reply in replies])
+    for reply in replies:
+        frame = seal(frame + bytes((reply.error, reply.id)) + reply.data)
     return frame
 
 
 def decode_fast_status(frame: bytes, lengths: Sequence[int]) -> list[Status]:
-    """Read a fast frame, whole or cut: the answers up to the first that is damaged.
+    """Decode a fast frame, whole or cut: the replies up to the first damaged one.
 
-    A frame whose length is not that of the devices asked is an answer to another question,
-    and gives none.
+    A frame of another length answers another request and yields no replies.
 
     Args:
         frame: Bytes from the header on.
-        lengths: Data bytes of each device, in the order in which they were asked.
+        lengths: Data bytes of each device, in the order of the request.
     """
-    answers: list[Status] = []
+    replies: list[Status] = []
     start = PREFIX + 1
     if frame[:start] != _begin_fast_status(lengths):
-        return answers
+        return replies
     crc = umts(frame[:start])
     for length in lengths:
         end = start + 2 + length
         row = frame[start:end]
         crc = umts(row, crc)
-        told = frame[end : end + 2]
-        if len(told) < 2 or struct.unpack("<H", told)[0] != crc:
+        written = frame[end : end + 2]
+        if len(written) < 2 or struct.unpack("<H", written)[0] != crc:
             break
-        answers.append(Status(row[1], row[0], row[2:]))
-        start, crc = end + 2, umts(told, crc)
-    return answers
+        replies.append(Status(row[1], row[0], row[2:]))
+        start, crc = end + 2, umts(written, crc)
+    return replies
 
 
 def _begin_fast_status(lengths: Sequence[int]) -> bytes:
@@ -294,7 +263,7 @@ def _begin_fast_status(lengths: Sequence[int]) -> bytes:
     return HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
 
 
-# Bytes to packets ---------------------------------------------------------------------------
+# Parsing ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -308,10 +277,10 @@ class Damaged:
 
 @dataclass
 class FrameParser:
-    """Finds frames in a stream of bytes, whatever lies between them."""
+    """Finds frames in a stream of bytes with noise between them."""
 
     noise: int = 0
-    """Bytes that belonged to no frame."""
+    """Bytes outside any frame."""
     damaged: int = 0
     """Frames whose CRC did not match."""
 
@@ -320,19 +289,18 @@ class FrameParser:
 
     @property
     def pending(self) -> int:
-        """Return the number of bytes that may become a frame yet."""
+        """Return the number of bytes that may still become a frame."""
         return len(self._buffer)
 
     def reset(self) -> None:
-        """Drop what has begun and not ended."""
+        """Drop an incomplete frame."""
         self.noise += len(self._buffer)
         self._buffer.clear()
 
     def give_up(self) -> list[Packet | Damaged]:
-        """Stop waiting for the rest of what has begun; return the frames that hide in it.
+        """Stop waiting for the rest of an incomplete frame; return the frames inside it.
 
-        A damaged length makes a frame swallow those behind it until as many bytes have
-        come. Whoever knows that no more will come finds them so.
+        A damaged length makes a frame swallow those behind it.
         """
         found: list[Packet | Damaged] = []
         while self._buffer:
@@ -341,10 +309,9 @@ class FrameParser:
         return found
 
     def feed(self, data: bytes) -> list[Packet | Damaged]:
-        """Take bytes; return the frames that they complete.
+        """Parse bytes; return the frames that they complete.
 
-        A fast answer comes unstuffed as it is: `Packet.params` is what follows 0x55,
-        and its last two bytes of CRC are cut off as in any frame.
+        The parameters of a fast reply end before its last CRC, as in any frame.
         """
         self._buffer += data
         found: list[Packet | Damaged] = []
@@ -359,7 +326,7 @@ class FrameParser:
                 return None
             device, length = buffer[4], buffer[5] | buffer[6] << 8
             if device > BROADCAST or device == 253 or not 3 <= length <= MAX_LENGTH:
-                self._drop(1)  # no frame begins like this
+                self._drop(1)  # not a frame
                 continue
             end = PREFIX + length
             return bytes(buffer[:end]) if len(buffer) >= end else None
@@ -375,9 +342,8 @@ class FrameParser:
         return True
 
     def _open(self, frame: bytes) -> Packet | Damaged:
-        told = frame[-2] | frame[-1] << 8
-        if umts(frame[:-2]) != told:
-            # The header may have been an accident, so its frame may hide a true one.
+        if umts(frame[:-2]) != frame[-2] | frame[-1] << 8:
+            # The header may have been part of some data: a true frame may begin inside.
             self.damaged += 1
             self._drop(1)
             return Damaged(frame[4], frame[7], frame)

@@ -1,28 +1,32 @@
-"""What the driver knows of each servo: its newest values and where it stands."""
+"""Newest values of every servo, and what the driver knows about its state."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drivers.dynamixel.bus import Replies
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.protocol2 import ALERT
+from drivers.dynamixel.requests import Replies
 from robots import Robot
 from robots.servo import RAD_PER_TICK
 
-# Offsets in the group read: current (or load), velocity, position.
+# Offsets in the cyclic read: current (or load), velocity, position.
 CURRENT, VELOCITY, POSITION = 0, 2, 6
-GROUP_BYTES = 10
+TORQUE, WATCHDOG, SUPPLY = "torque_enable", "bus_watchdog", "present_input_voltage"
+ERROR = "hardware_error_status"
+"""Items of the background read; that of the supply ends with the temperature."""
+TRIPPED = 0xFF  # Bus Watchdog register: -1, the servo has stopped by itself
 LEAP = 30  # ticks that a position may jump at any time: noise, and the clock's jitter
 FASTEST = 20.0 / RAD_PER_TICK  # ticks/s; four times the no-load speed of the servos known here
 MISSED = 2.5  # periods of silence in which a servo may have restarted
 
 
 class ServoStates:
-    """Arrays over all joints, in the robot's joint order; lines fill them, the backend reads.
+    """Arrays over all joints, in the robot's joint order; only its methods write them.
 
     The flags tell how far a servo may be trusted. Torque comes on only where ``is_ready``
     and not ``is_locked``.
@@ -31,24 +35,22 @@ class ServoStates:
     def __init__(self, robot: Robot, period: float) -> None:
         n = robot.n
         self._period = period
-        joints = robot.joints
+        self._tables = [table_named(joint.servo.model.name) for joint in robot.joints]
         self._row = np.full(256, -1)
-        self._row[[joint.servo.id for joint in joints]] = np.arange(n)
-        self._sign = np.array([float(joint.servo.sign) for joint in joints])
-        scales = [
-            _scales(joint.servo.model.name, joint.servo.model.stall_current) for joint in joints
-        ]
-        self._velocity_scale = self._sign * np.array([velocity for velocity, _ in scales])
-        self._current_scale = self._sign * np.array([current for _, current in scales])
+        self._row[[joint.servo.id for joint in robot.joints]] = np.arange(n)
+        sign = np.array([float(joint.servo.sign) for joint in robot.joints])
+        velocity = [table["present_velocity"].scale for table in self._tables]
+        self._velocity_scale = sign * np.array(velocity)
+        self._current_scale = sign * _current_scales(robot)
         self.ticks = np.zeros(n, dtype=int)
-        """Present positions [ticks]; no measurement before ``stamp`` is finite."""
-        self._claimed = np.zeros(n, dtype=int)
+        """Present positions [ticks]; not measured before ``stamp`` is finite."""
+        self._doubtful_ticks = np.zeros(n, dtype=int)
         self.velocity = np.zeros(n)
         """[rad/s]"""
         self.current = np.zeros(n)
         """[A]"""
         self.stamp = np.full(n, -np.inf)
-        """When position, velocity and current were measured [s]."""
+        """Time of the measurement of position, velocity and current [s]."""
         self.temperature = np.zeros(n)
         """[°C]"""
         self.voltage = np.zeros(n)
@@ -58,72 +60,126 @@ class ServoStates:
         self.is_on = np.zeros(n, dtype=bool)
         """Torque was switched on, as far as the driver knows."""
         self.is_ready = np.zeros(n, dtype=bool)
-        """Its registers are as they have to be."""
+        """All registers are set."""
         self.is_locked = np.zeros(n, dtype=bool)
-        """Its port was lost under torque: a command has to release it before the next torque."""
+        """The port was lost under torque: a command has to release it before the next torque."""
         self.is_unsure = np.zeros(n, dtype=bool)
-        """Its torque register is to be read at once."""
-        self.doubts = np.zeros(n, dtype=int)
-        """How often in a row it told torque off where torque is on."""
+        """The torque register is to be read next."""
         self.must_release = np.zeros(n, dtype=bool)
         """It has torque where it should not."""
         self.must_seed = np.zeros(n, dtype=bool)
-        """Its goal is to begin anew at its present position, and its watchdog too."""
+        """The goal is to restart at the present position, with the watchdog."""
+        self._off_reads = np.zeros(n, dtype=int)  # in a row, where torque should be on
 
     def row(self, device: int) -> int:
         """Return the joint of an id."""
         return int(self._row[device])
 
-    def adopt(self, servos: Iterable[ServoFacts]) -> None:
-        """Take over what an audit has read."""
+    # Measurements -----------------------------------------------------------------------------
+
+    def update_from_facts(self, servos: Iterable[ServoFacts]) -> None:
+        """Take over supply and temperature from the diagnostics at startup."""
         for servo in servos:
             row = self.row(servo.id)
             self.voltage[row], self.temperature[row] = servo.voltage, servo.temperature
 
-    def take(self, answers: Replies, now: float) -> None:
-        """Take over what a group told at a time [s].
+    def update_cyclic(self, replies: Replies, now: float) -> None:
+        """Take over position, velocity and current, read at a time [s].
 
-        A position further away than any joint can have gone is not believed until the next
-        one confirms it: a 16-bit CRC lets one damaged answer in 65536 through.
+        A position further away than any joint can have moved is accepted only once the next
+        read confirms it: a 16-bit CRC lets one damaged reply in 65536 through.
         """
-        rows, ticks = self._row[answers.devices], answers.column(POSITION, "<i4")
+        rows, ticks = self._row[replies.devices], replies.column(POSITION, "<i4")
         leaps = np.abs(ticks - self.ticks[rows]) > LEAP + FASTEST * (now - self.stamp[rows])
         if leaps.any():
-            is_told_again = np.abs(ticks - self._claimed[rows]) <= LEAP + FASTEST * self._period
-            self._claimed[rows[leaps]] = ticks[leaps]
-            believed = ~leaps | is_told_again
-            answers, rows, ticks = answers.choose(believed), rows[believed], ticks[believed]
+            reach = LEAP + FASTEST * self._period
+            is_confirmed = np.abs(ticks - self._doubtful_ticks[rows]) <= reach
+            self._doubtful_ticks[rows[leaps]] = ticks[leaps]
+            accepted = ~leaps | is_confirmed
+            replies, rows, ticks = replies.select(accepted), rows[accepted], ticks[accepted]
         self.is_unsure[rows] |= self.is_on[rows] & (now - self.stamp[rows] > MISSED * self._period)
-        self.current[rows] = self._current_scale[rows] * answers.column(CURRENT, "<i2")
-        self.velocity[rows] = self._velocity_scale[rows] * answers.column(VELOCITY, "<i4")
+        self.current[rows] = self._current_scale[rows] * replies.column(CURRENT, "<i2")
+        self.velocity[rows] = self._velocity_scale[rows] * replies.column(VELOCITY, "<i4")
         self.ticks[rows] = ticks
         self.stamp[rows] = now
-        alerted = (answers.errors & ALERT).astype(int)
+        alerted = (replies.errors & ALERT).astype(int)
         if alerted.any() or self.alert.any():
             known = self.alert[rows]
             self.alert[rows] = np.where(alerted, np.where(known, known, ALERT), 0)
 
-    def take_torque(self, row: int, told: int) -> None:
-        """Compare a servo's torque register with what it should be."""
+    def update_background(self, row: int, item: str, data: bytes) -> None:
+        """Take over the registers of one item of the background read."""
+        if item == TORQUE:
+            self._compare_torque(row, has_torque=bool(data[0]))
+        elif item == WATCHDOG:
+            self.must_seed[row] |= data[0] == TRIPPED and bool(self.is_on[row])
+        elif item == ERROR:
+            self.alert[row] = data[0] or ALERT
+        else:
+            self.voltage[row] = self._tables[row][SUPPLY].to_si(int.from_bytes(data[:2], "little"))
+            self.temperature[row] = data[2]
+
+    def update_torque(self, replies: Replies, *, is_final: bool) -> bool:
+        """Compare torque registers with what was written; tell whether all agree.
+
+        Where torque is off by mistake it is switched on again, unless the read is the final
+        one: then the servo may have restarted.
+        """
+        rows, has_torque = self._row[replies.devices], replies.data[:, 0] == 1
+        self.must_release[rows[has_torque & ~self.is_on[rows]]] = True
+        off = rows[~has_torque & self.is_on[rows]]
+        (self.is_unsure if is_final else self.must_seed)[off] = True
+        return np.array_equal(has_torque, self.is_on[rows])
+
+    def _compare_torque(self, row: int, *, has_torque: bool) -> None:
         self.is_unsure[row] = False
-        if told and not self.is_on[row]:
+        if has_torque and not self.is_on[row]:
             self.must_release[row] = True
-        if told or not self.is_on[row]:
-            self.doubts[row] = 0
+        if has_torque or not self.is_on[row]:
+            self._off_reads[row] = 0
             return
-        self.doubts[row] += 1
-        if self.doubts[row] == 1:
-            self.is_unsure[row] = True  # one answer is not enough to call it a restart
+        self._off_reads[row] += 1
+        if self._off_reads[row] == 1:
+            self.is_unsure[row] = True  # one reply is not enough to call it a restart
         else:
             self.note_restart(row)
 
-    def note_restart(self, row: int) -> None:
-        """Note that a servo may have forgotten its registers."""
-        self.is_on[row] = self.is_ready[row] = self.is_unsure[row] = False
-        self.doubts[row] = 0
+    # Commands ---------------------------------------------------------------------------------
 
-    def note_lost_port(self, rows: np.ndarray) -> None:
-        """Note that servos' port is gone: nobody knows how they are until they are set up again."""
+    def permit_torque(
+        self, requested: NDArray[np.bool_], fresh: NDArray[np.bool_], *, was_paused: bool
+    ) -> NDArray[np.bool_]:
+        """Return which of the requested joints may have torque, (n,).
+
+        Args:
+            requested: Joints that a command gives torque, (n,); the others are unlocked.
+            fresh: Joints whose position is new enough to begin from, (n,).
+            was_paused: Whether the watchdogs may have tripped since the last command.
+        """
+        self.is_locked &= requested
+        if was_paused:
+            self.must_seed |= self.is_on
+        return requested & self.is_ready & ~self.is_locked & (self.is_on | fresh)
+
+    def note_on(self, rows: NDArray[np.int_]) -> None:
+        """Note that torque was switched on at the present position."""
+        self.is_on[rows] = True
+        self.must_seed[rows] = self.must_release[rows] = False
+        self._off_reads[rows] = 0
+
+    def note_off(self, rows: NDArray[np.int_]) -> None:
+        """Note that torque was switched off."""
+        self.is_on[rows] = self.must_release[rows] = self.must_seed[rows] = False
+
+    # Events -----------------------------------------------------------------------------------
+
+    def note_restart(self, row: int) -> None:
+        """Note that a servo may have lost its registers."""
+        self.is_on[row] = self.is_ready[row] = self.is_unsure[row] = False
+        self._off_reads[row] = 0
+
+    def note_lost_port(self, rows: NDArray[np.int_]) -> None:
+        """Note that the port of some servos is gone: their state is unknown until set up again."""
         self.is_locked[rows] |= self.is_on[rows]
         self.is_on[rows] = self.is_ready[rows] = self.is_unsure[rows] = False
         self.must_release[rows] = True
@@ -133,12 +189,19 @@ class ServoStates:
         self.is_ready[row] = True
         self.is_on[row] = self.must_release[row] = self.must_seed[row] = False
 
+    def note_rebooted(self, row: int, *, has_alert: bool) -> None:
+        """Note that a servo was rebooted and set up, and whether it still reports an alert."""
+        self.note_ready(row)
+        self.alert[row] = ALERT if has_alert else 0
 
-def _scales(model: str, stall_current: float) -> tuple[float, float]:
-    """Return what a count of velocity [rad/s] and of current [A] is worth."""
-    table = table_named(model)
-    velocity = table["present_velocity"].scale
-    if "present_current" in table:
-        return velocity, table["present_current"].scale
-    # A servo without a current sensor tells its load as a share of the drive.
-    return velocity, table["present_load"].scale * stall_current
+
+def _current_scales(robot: Robot) -> NDArray[np.float64]:
+    """Return the current of one count of each servo [A], (n,)."""
+    scales = []
+    for joint in robot.joints:
+        table = table_named(joint.servo.model.name)
+        if "present_current" in table:
+            scales.append(table["present_current"].scale)
+        else:  # a servo without a current sensor reports its load as a share of the stall current
+            scales.append(table["present_load"].scale * joint.servo.model.stall_current)
+    return np.array(scales)

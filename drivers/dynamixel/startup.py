@@ -1,11 +1,10 @@
-"""From opened ports to a robot that may move: look at everybody, set them up, measure once."""
+"""Brings a robot from open ports to first torque: diagnoses, configures, measures once."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import Protocol
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 
 import numpy as np
 
@@ -16,35 +15,36 @@ from drivers.dynamixel.diagnostics import (
     DiagnosticsError,
     Finding,
     Severity,
-    audit,
-    check_speed,
-    list_doubled_ids,
+    check_cycle_time,
+    diagnose,
+    estimate_cycle_time,
+    find_duplicate_ids,
     name_all,
 )
-from drivers.dynamixel.opencr import ImuSample, blame_board, check_board
+from drivers.dynamixel.opencr import ImuSample, check_board
 from drivers.dynamixel.port import PortError
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.errors import SetupError
 from robots import Joint, Robot
 
-SETUP_MARGIN = 0.03  # s that an answer may take where no cycle is waiting
-BOOT_TIME = 3.0  # s until servos answer that were given power or rebooted; they take 0.3 s
-BOOT_MARGIN = 0.01  # s to wait for each answer meanwhile
-FIRST_READS = 10  # tries to get a first value of every joint
+SETUP_MARGIN = 0.03  # s that a reply may take where no cycle is waiting
+BOOT_TIME = 3.0  # s until servos answer after power-up or reboot; they take 0.3 s
+BOOT_MARGIN = 0.01  # s to wait for each reply meanwhile
+FIRST_READS = 10  # tries to read a first value of every joint
 
 
-def open_ports(lines: Sequence[ServoChain]) -> None:
-    """Open every line's port.
+def open_ports(buses: Sequence[DynamixelBus]) -> None:
+    """Open the ports of some buses; after a failure, some stay open.
 
     Raises:
-        SetupError: when some do not open; a `PortError` when it is one.
+        SetupError: if some do not open; a `PortError` if it is one.
     """
     errors: list[PortError] = []
-    for line in lines:
-        line.bus.return_delay = FACTORY_RETURN_DELAY
+    for bus in buses:
+        bus.expect_return_delay(FACTORY_RETURN_DELAY)
         try:
-            line.bus.port.open()
+            bus.port.open()
         except PortError as error:
             errors.append(error)
     if len(errors) == 1:
@@ -53,116 +53,104 @@ def open_ports(lines: Sequence[ServoChain]) -> None:
         raise SetupError("; ".join(map(str, errors)))
 
 
-def look_at_all(robot: Robot, lines: Sequence[ServoChain], period: float | None) -> Diagnostics:
-    """Power the servos, release them, and find all that is wrong.
+@contextmanager
+def using_margin(buses: Iterable[DynamixelBus], margin: float) -> Iterator[None]:
+    """Use another answer margin [s] on some buses inside the block."""
+    with ExitStack() as stack:
+        for bus in buses:
+            stack.enter_context(bus.using_margin(margin))
+        yield
+
+
+def await_servos(servos: Iterable[tuple[DynamixelBus, Joint]]) -> None:
+    """Wait for servos that have just been powered; `diagnose` reports those that stay silent."""
+    until = time.monotonic() + BOOT_TIME
+    missing = list(servos)
+    with using_margin({id(bus): bus for bus, _ in missing}.values(), BOOT_MARGIN):
+        while missing and time.monotonic() < until:
+            missing = [(bus, joint) for bus, joint in missing if not bus.ping(joint.servo.id)]
+
+
+def diagnose_robot(robot: Robot, chains: Sequence[ServoChain], period: float | None) -> Diagnostics:
+    """Power the servos, switch their torque off, and find all that is wrong.
 
     Args:
         robot: Robot as described.
-        lines: Its ports, open.
-        period: Control period that the buses must keep [s]; ``None`` when time waits.
+        chains: Its ports, open.
+        period: Control period that the buses must keep [s]; ``None`` if time is simulated.
     """
-    findings = list_doubled_ids(robot)
-    if period is not None:
-        for line in lines:
-            findings += check_speed(line.bus, len(line.joints), period)
-    for line in lines:
-        found = check_board(line.board) if line.board else []
+    findings = find_duplicate_ids(robot)
+    for chain in chains:
+        if period is not None:
+            port, duration = chain.bus.port, estimate_cycle_time(chain.bus, len(chain.joints))
+            findings += check_cycle_time(port.path, port.baud, duration, period)
+    for chain in chains:
+        found = check_board(chain.board) if chain.board else []
         findings += found
-        if found and line.board and line.board.settings.powers_servos:
+        if found and chain.board and chain.board.settings.powers_servos:
             return Diagnostics((), tuple(findings))  # servos without power are silent anyway
-    await_servos(lines)
+    await_servos((chain.bus, joint) for chain in chains for joint in chain.joints)
     servos = []
-    for line in lines:
-        line.writer.ask_for_answers(ALL_ANSWERED)
-        line.writer.release_all()
-        told = audit(line.bus, line.joints)
-        servos += told.servos
-        findings += told.findings
+    for chain in chains:
+        chain.writer.set_return_level(ALL_ANSWERED)
+        chain.writer.release_all()
+        diagnostics = diagnose(chain.bus, chain.joints)
+        servos += diagnostics.servos
+        findings += diagnostics.findings
     return Diagnostics(tuple(servos), tuple(findings))
 
 
-def set_up_all(found: Diagnostics, lines: Sequence[ServoChain], bank: ServoStates) -> None:
-    """Set the registers of all servos that an audit found.
+def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: ServoStates) -> None:
+    """Set the registers of all diagnosed servos.
 
     Raises:
-        AuditError: naming all servos that do not confirm.
+        DiagnosticsError: naming all servos that do not confirm.
     """
-    bank.adopt(found.servos)
-    servos = {bank.row(servo.id): servo for servo in found.servos}
-    faults: list[Finding] = []
-    for line in lines:
-        line.adopt({row: servos[row] for row in line.rows.tolist()})
-        for row in line.rows.tolist():
-            if fault := line.configure(row):
+    states.update_from_facts(found.servos)
+    servos = {states.row(servo.id): servo for servo in found.servos}
+    failures: list[Finding] = []
+    for chain in chains:
+        chain.set_facts({row: servos[row] for row in chain.rows.tolist()})
+        for row in chain.rows.tolist():
+            if failure := chain.configure(row):
                 remedy = "check its cable and power, then connect again"
-                faults.append(Finding(Severity.ERROR, servos[row].name, fault, remedy))
+                failures.append(Finding(Severity.ERROR, servos[row].name, failure, remedy))
             else:
-                bank.note_ready(row)
-    if faults:
-        raise DiagnosticsError(faults)
-    for line in lines:
-        line.bus.return_delay = 0.0
+                states.note_ready(row)
+    if failures:
+        raise DiagnosticsError(failures)
+    for chain in chains:
+        chain.bus.expect_return_delay(0.0)
 
 
-def measure_first(lines: Sequence[ServoChain], bank: ServoStates, now: float) -> ImuSample:
-    """Take one value of every joint, and one of the IMU: none is ever made up.
+def measure_once(chains: Sequence[ServoChain], states: ServoStates, now: float) -> ImuSample:
+    """Read every joint and the IMU once, so that no value is ever invented.
 
     Raises:
-        AuditError: naming everybody who stays silent.
+        DiagnosticsError: naming all devices that stay silent.
     """
     for _ in range(FIRST_READS):
-        for line in lines:
-            line.ask_group()
-            line.collect_group(np.inf)
-            line.take_group(bank, now)
-        if np.isfinite(bank.stamp).all():
+        for chain in chains:
+            chain.begin_cyclic()
+            chain.collect_cyclic(np.inf)
+            chain.apply_cyclic(states, now)
+        if np.isfinite(states.stamp).all():
             break
-    faults = []
-    silent = [j for line in lines for j, row in line.places if not np.isfinite(bank.stamp[row])]
+    findings = []
+    silent = [
+        joint
+        for chain in chains
+        for joint, row in zip(chain.joints, chain.rows, strict=True)
+        if not np.isfinite(states.stamp[row])
+    ]
     if silent:
-        text = "set up, but silent when asked for a position"
+        text = "set up, but silent when its position is read"
         remedy = "check cables and power along the chain"
-        faults.append(Finding(Severity.ERROR, name_all(silent), text, remedy))
-    board = next(line.board for line in lines if line.board)
+        findings.append(Finding(Severity.ERROR, name_all(silent), text, remedy))
+    board = next(chain.board for chain in chains if chain.board)
     sample = board.read_imu()
     if sample is None:
-        faults.append(blame_board(board.settings, "does not tell its IMU"))
-    if faults or sample is None:
-        raise DiagnosticsError(faults)
+        findings.append(board.finding("its IMU cannot be read"))
+    if findings or sample is None:
+        raise DiagnosticsError(findings)
     return sample
-
-
-class PortOfJoints(Protocol):
-    """A bus and the joints on it."""
-
-    @property
-    def bus(self) -> DynamixelBus:
-        """Return the bus."""
-        ...
-
-    @property
-    def joints(self) -> Sequence[Joint]:
-        """Return the joints on it."""
-        ...
-
-
-@contextmanager
-def margin(lines: Sequence[PortOfJoints], value: float) -> Iterator[None]:
-    """Wait for answers as long as said [s], inside the block."""
-    before = [line.bus.answer_margin for line in lines]
-    for line in lines:
-        line.bus.answer_margin = value
-    try:
-        yield
-    finally:
-        for line, was in zip(lines, before, strict=True):
-            line.bus.answer_margin = was
-
-
-def await_servos(lines: Sequence[PortOfJoints]) -> None:
-    """Wait for servos that have just been given power; who stays silent is the audit's."""
-    until = time.monotonic() + BOOT_TIME
-    missing = [(line.bus, joint.servo.id) for line in lines for joint in line.joints]
-    with margin(lines, BOOT_MARGIN):
-        while missing and time.monotonic() < until:
-            missing = [(bus, device) for bus, device in missing if not bus.ping(device)]

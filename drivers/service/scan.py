@@ -1,4 +1,4 @@
-"""Who answers on a serial port, at which speed, without knowing any robot."""
+"""Finds the devices on serial ports, at all baud rates, without knowing any robot."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from dataclasses import dataclass, replace
 from serial.tools import list_ports
 
 from drivers.dynamixel.bus import PING_DATA, BusStatistics, DynamixelBus
-from drivers.dynamixel.control_table import BAUD_RATES, UnknownModelError, table_for
+from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.diagnostics import read_items
 from drivers.dynamixel.port import Port, PortError, PortLostError, read_latency_timer
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status
 from drivers.errors import DriverError
+from robots.schema import BAUD_RATES
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
-"""Speeds at which robots are usually run, and the one as shipped [bit/s]."""
-SURE = 2  # garbled answers in a row that are no chance any more
-PONG = OVERHEAD + 1 + PING_DATA  # bytes of an answer to a ping
-BOARD_PORT = re.compile(r"/ttyS\d+$")  # soldered to the computer; no USB adapter
+"""Baud rates of most robots, and the one as shipped [bit/s]."""
+GARBLED = 2  # garbled replies in a row that are not a coincidence
+PONG = OVERHEAD + 1 + PING_DATA  # bytes of a reply to a ping
+ONBOARD_PORT = re.compile(r"/ttyS\d+$")  # on the mainboard, not a USB adapter
 
-# What changes all the time or differs from servo to servo: two of one id that answer a ping
-# with the same words garble each other here.
+# Values that change all the time or differ between servos: two of one id that reply equally
+# to a ping garble each other here.
 TELLTALES = (
     "realtime_tick",
     "present_position",
@@ -38,45 +39,45 @@ class PortFacts:
     path: str
     description: str
     latency_timer: int | None
-    """How long its adapter holds back a short answer [ms]; None when it has no say."""
+    """How long its adapter holds back a short reply [ms]; None if it has no timer."""
     is_adapter: bool
-    """False for a port of the computer's own board."""
+    """False for a port on the mainboard."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answering:
+class FoundDevice:
     """A device that answers, or several of one id."""
 
     id: int
     baud: int
     """[bit/s]"""
     number: int | None = None
-    """Model number as it tells it; None when its answers are garbled."""
+    """Model number; None if its replies are garbled."""
     model: str | None = None
-    """Name of the model; None when no table is known for it."""
+    """Name of the model; None if it has no control table here."""
     firmware: int | None = None
     voltage: float | None = None
-    """Supply [V]; None where it does not tell it, as None is everywhere here."""
+    """Supply [V]; None if unknown, as in all fields."""
     temperature: float | None = None
     """[°C]"""
     is_board: bool = False
-    """True when it is known to be no servo."""
+    """Whether it is known not to be a servo."""
     doubled: bool = False
-    """True when its answers are garbled, as by two devices of one id."""
+    """Whether its replies are garbled, as by two devices of one id."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PortScan:
-    """What was found on one port."""
+    """Devices found on one port."""
 
     path: str
     rates: tuple[int, ...] = ()
-    """Speeds at which it was asked [bit/s]."""
+    """Baud rates that were tried [bit/s]."""
     refused_rates: tuple[int, ...] = ()
-    """Speeds that the adapter cannot do [bit/s]."""
-    found: tuple[Answering, ...] = ()
+    """Baud rates that the adapter does not support [bit/s]."""
+    found: tuple[FoundDevice, ...] = ()
     refusal: str | None = None
-    """Why the port could not be asked; None when it was."""
+    """Why the port could not be scanned; None if it was."""
 
 
 def list_serial_ports() -> tuple[PortFacts, ...]:
@@ -86,34 +87,33 @@ def list_serial_ports() -> tuple[PortFacts, ...]:
             path=port.device,
             description=port.description or "",
             latency_timer=read_latency_timer(port.device),
-            is_adapter=port.vid is not None or not BOARD_PORT.search(port.device),
+            is_adapter=port.vid is not None or not ONBOARD_PORT.search(port.device),
         )
         for port in sorted(list_ports.comports())
     )
 
 
 def check_rate(baud: int) -> None:
-    """Refuse a speed that no servo has.
+    """Refuse a baud rate that no servo has.
 
     Raises:
-        ValueError: telling which speeds there are.
+        ValueError: listing the rates that there are.
     """
     if baud not in BAUD_RATES:
-        allowed = ", ".join(map(str, BAUD_RATES))
-        raise ValueError(f"baud is {baud} bit/s, allowed {allowed}")
+        raise ValueError(f"baud is {baud} bit/s, expected {', '.join(map(str, BAUD_RATES))}")
 
 
 def scan_port(port: Port, rates: Sequence[int]) -> PortScan:
-    """Ask everybody on a port who he is, at some speeds; the port is closed afterwards.
+    """Find the devices on a port at some baud rates; the port is closed afterwards.
 
     Only pings and reads are sent: nothing changes.
 
     Raises:
-        PortError: when the port does not open at any of the speeds.
+        PortError: if the port does not open at any of the rates.
     """
-    asked: list[int] = []
+    tried: list[int] = []
     refused: list[int] = []
-    found: list[Answering] = []
+    found: list[FoundDevice] = []
     error: DriverError | None = None
     try:
         for rate in rates:
@@ -126,67 +126,67 @@ def scan_port(port: Port, rates: Sequence[int]) -> PortScan:
                 refused.append(rate)
                 error = error or refusal
                 continue
-            asked.append(rate)
+            tried.append(rate)
             found += find_devices(DynamixelBus(port))
     finally:
         port.close()
-    if not asked and error is not None:
+    if not tried and error is not None:
         raise error
     return PortScan(
-        path=port.path, rates=tuple(asked), refused_rates=tuple(refused), found=tuple(found)
+        path=port.path, rates=tuple(tried), refused_rates=tuple(refused), found=tuple(found)
     )
 
 
-def find_devices(bus: DynamixelBus) -> list[Answering]:
-    """List who answers on a bus at its present speed, in the order of the ids."""
+def find_devices(bus: DynamixelBus) -> list[FoundDevice]:
+    """List the devices on a bus at its present baud rate, by id."""
     before = replace(bus.statistics)
-    statuses = bus.find()
-    is_garbled = _count_strange(bus, before) > len(statuses) * PONG
+    statuses = bus.ping_all()
+    is_garbled = _count_garbled_bytes(bus, before) > len(statuses) * PONG
     found = [_examine(bus, status) for status in statuses.values()]
     if is_garbled:
-        found += _ask_the_others(bus, statuses.keys())
+        found += _ping_others(bus, statuses.keys())
     return sorted(found, key=lambda device: device.id)
 
 
-def _ask_the_others(bus: DynamixelBus, known: Container[int]) -> Iterator[Answering]:
-    """Ping each id alone of which no sound answer came to the ping of all."""
+def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevice]:
+    """Ping each id alone that gave no intact reply to the broadcast ping."""
     for device in range(MAX_ID + 1):
         if device in known:
             continue
-        for _ in range(SURE):
+        for _ in range(GARBLED):
             before = replace(bus.statistics)
             status = bus.ping(device)
             if status is not None:
                 yield _examine(bus, status)
                 break
-            if not _count_strange(bus, before):
+            if not _count_garbled_bytes(bus, before):
                 break
         else:
-            yield Answering(id=device, baud=bus.port.baud, doubled=True)
+            yield FoundDevice(id=device, baud=bus.port.baud, doubled=True)
 
 
-def _count_strange(bus: DynamixelBus, before: BusStatistics) -> int:
-    """Count the bytes that came since, unless an adapter only gave back what was sent."""
+def _count_garbled_bytes(bus: DynamixelBus, before: BusStatistics) -> int:
+    """Count the bytes received since, unless an adapter only echoed what was sent."""
     passed = bus.statistics - before
     return 0 if passed.bytes_in == passed.bytes_out else passed.bytes_in
 
 
-def _examine(bus: DynamixelBus, status: Status) -> Answering:
+def _examine(bus: DynamixelBus, status: Status) -> FoundDevice:
     number, firmware = int.from_bytes(status.data[:2], "little"), status.data[2]
     baud = bus.port.baud
     try:
         table = table_for(number, firmware)
     except UnknownModelError:
-        return Answering(id=status.id, baud=baud, number=number, firmware=firmware)
+        return FoundDevice(id=status.id, baud=baud, number=number, firmware=firmware)
     before = replace(bus.statistics)
-    told = read_items(bus, status.id, table, TELLTALES)
-    is_doubled = told is None and _count_strange(bus, before) > 0
-    told = told or {}
+    values = read_items(bus, status.id, table, TELLTALES)
+    is_doubled = values is None and _count_garbled_bytes(bus, before) > 0
+    values = values or {}
 
     def scaled(name: str) -> float | None:
-        return told[name] * table[name].scale if name in told else None
+        return table[name].to_si(values[name]) if name in values else None
 
-    return Answering(
+    return FoundDevice(
         id=status.id,
         baud=baud,
         number=number,

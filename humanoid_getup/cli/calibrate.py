@@ -1,4 +1,4 @@
-"""`getup calibrate`: find zeros and signs of a robot's servos, with a person at the robot."""
+"""`getup calibrate`: measures zeros and signs of a robot's servos, with a person at the robot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,17 @@ from rich.table import Table
 from tyro.conf import arg
 
 from drivers.dynamixel.diagnostics import name_all
-from drivers.service.calibrate import PATIENCE, Calibrator, Found, MovingError, Prompt, is_yes, save
+from drivers.dynamixel.port import is_pseudo_terminal
+from drivers.service.calibrate import (
+    TRIES,
+    Calibrator,
+    JointMeasurement,
+    MovingError,
+    Prompt,
+    check_ranges,
+    is_yes,
+    save,
+)
 from drivers.service.session import RobotBus, open_robot_bus
 from humanoid_getup.cli.backends import DYNAMIXEL, find_port_faults, name_ports
 from humanoid_getup.cli.errors import BadInputError, refusing
@@ -29,37 +39,45 @@ from robots.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
 
 ZERO, STANDING = "zero", "standing"
-LEFT = "nothing is saved"
+NOT_SAVED = "nothing is saved"
+REHEARSAL_FILE = "calibration.virtual.toml"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibrate(RobotOption):
-    """Find where the servos' zeros are and which way they turn; the robot is limp throughout."""
+    """Measure the servos' zeros and directions, torque off.
+
+    The result is the robot's calibration.toml, or calibration.virtual.toml beside it if a port
+    is a pseudo-terminal, as of a virtual bus: a rehearsal leaves the robot's file alone.
+    """
 
     port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")] = ()
     """Serial port; of a robot with several, one NAME=PATH each."""
     at: Annotated[str | None, arg(metavar="zero|standing|FILE")] = None
-    """Posture that the robot is held in while its zeros are measured: all angles 0, its stance,
-    or a posture file; without it zero, and with --signs alone no zeros are measured."""
+    """Posture in which the robot is held while its zeros are measured: all angles 0, its stance,
+    or a posture file; default: zero, and with --signs alone no zeros are measured."""
     joint: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
-    """Joints to calibrate; without it, all."""
+    """Joints to calibrate; default: all."""
     signs: bool = False
-    """Find which way each servo turns: a person turns one joint after the other."""
+    """Measure the servos' directions: a person turns one joint after the other."""
     yes: bool = False
-    """Do not ask before the robot goes limp, before zeros are measured, or before saving."""
+    """Do not ask before torque goes off, before zeros are measured, or before saving."""
+    out: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Calibration file to write; default: see above."""
     json: Annotated[str | None, arg(metavar="FILE|-")] = None
     """Write the figures to a file; - prints them alone on standard output."""
 
     def run(self) -> int:
-        """Measure, ask, save; 0 when saved, 1 when the person did not want it."""
+        """Measure, ask, save; 0 if saved, 1 if the person did not want it."""
         faults = find_json_faults(self.json) + find_port_faults(DYNAMIXEL, self.port)
         if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()
         joints, joint_pos = self._choose_joints(robot), self._choose_posture(robot)
         ports = name_ports(robot, self.port)
-        path = robot.folder / CALIBRATION_FILE
-        check_folder(robot.folder)
+        is_rehearsal = any(map(is_pseudo_terminal, ports.values()))
+        path = self.out or robot.folder / (REHEARSAL_FILE if is_rehearsal else CALIBRATION_FILE)
+        check_folder(path.parent)
         console = console_for(self.json)
         prompt = open_prompt(console)
         if prompt is None and (self.signs or not self.yes):
@@ -75,22 +93,23 @@ class Calibrate(RobotOption):
                 calibrator.check_signs(prompt)
             if joint_pos is not None:
                 _measure_zeros(calibrator, robot, joints, joint_pos, asker)
-        found = calibrator.found
-        console.print(_tabulate(found))
-        _print_warnings(found, console, measured=joint_pos is not None)
+        measured = calibrator.measured
+        console.print(_tabulate(measured))
+        _print_warnings(measured, console, has_zeros=joint_pos is not None)
+        check_ranges(measured)
         saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
         if saved:
-            _save(robot, found, path)
-        write_json(to_json(_record(robot, found, path if saved else None)), self.json)
+            _save(robot, measured, path)
+        write_json(to_json(_record(robot, measured, path if saved else None)), self.json)
         if not saved:
             return _leave(console)
-        console.print(
-            f"[bold green]saved {escape(str(path))}[/]; now look at the angles: getup doctor"
-        )
+        console.print(f"[bold green]saved {escape(str(path))}[/]; check the angles: getup doctor")
+        if is_rehearsal and self.out is None:
+            console.print("rehearsed on a virtual bus: the robot's own calibration is unchanged")
         return DID_IT
 
     def load_robot(self) -> Robot:
-        """Load the robot as it is known so far."""
+        """Load the robot with its present calibration."""
         with refusing():
             try:
                 return load_robot(self.robot)
@@ -103,11 +122,11 @@ class Calibrate(RobotOption):
         unknown = [name for name in self.joint if name not in robot.joint_names]
         if unknown:
             names = ", ".join(f"'{name}'" for name in unknown)
-            raise BadInputError(f"unknown joint {names}: allowed {', '.join(robot.joint_names)}")
+            raise BadInputError(f"unknown joint {names}: expected {', '.join(robot.joint_names)}")
         return tuple(j for j in robot.joints if not self.joint or j.name in self.joint)
 
     def _choose_posture(self, robot: Robot) -> Array | None:
-        """Return the angles of the posture to hold [rad], (n,); ``None`` for no zeros."""
+        """Return the angles of the posture to hold [rad], (n,); ``None`` to measure no zeros."""
         at = self.at
         if at is None:
             if self.signs:
@@ -117,13 +136,13 @@ class Calibrate(RobotOption):
             return robot.standing.joint_pos
         if at != ZERO:
             if not Path(at).exists():
-                raise BadInputError(f"unknown posture '{at}': allowed zero, standing, or a file")
+                raise BadInputError(f"unknown posture '{at}': expected zero, standing, or a file")
             with refusing():
                 return load_posture(Path(at), robot).joint_pos
         beyond = [j for j in self._choose_joints(robot) if not j.lower <= 0.0 <= j.upper]
         if beyond:
             names = ", ".join(f"'{joint.name}'" for joint in beyond)
-            raise BadInputError(f"joint {names} cannot stand at 0: name a posture file with --at")
+            raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")
         return np.zeros(robot.n)
 
 
@@ -142,34 +161,34 @@ class TerminalPrompt:
         self._console.print(f"[bold]{escape(question)}[/]", end=" ")
         line = sys.stdin.readline()
         if not line:
-            raise BadInputError(f"the input ended before the calibration did: {LEFT}")
+            raise BadInputError(f"the input ended before the calibration did: {NOT_SAVED}")
         return line.rstrip("\n")
 
 
 def open_prompt(console: Console) -> Prompt | None:
-    """Return the person at the terminal, ``None`` when there is none."""
+    """Return the person at the terminal, ``None`` if there is none."""
     is_terminal = sys.stdin is not None and sys.stdin.isatty()
     return TerminalPrompt(console) if is_terminal else None
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a robot's folder that nothing can be saved in, before a person does the work."""
+    """Refuse a folder in which nothing can be saved, before a person does the work."""
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise _no_folder(folder, "it is not allowed or read-only")
+        raise _no_folder(folder, "permission denied or read-only")
 
 
 def _no_folder(folder: Path, why: str) -> BadInputError:
     return BadInputError(
-        f"robot folder {folder} cannot be written ({why}): copy it to a place of your own and "
-        "name that with --robot FOLDER"
+        f"folder {folder} cannot be written ({why}): name a file with --out, or copy the robot's "
+        "folder and name the copy with --robot FOLDER"
     )
 
 
 def _release(bus: RobotBus, calibrator: Calibrator, asker: Prompt | None) -> bool:
-    """Make the robot limp; tell whether the person let it."""
+    """Switch torque off; tell whether the person agreed."""
     held = bus.find_torque()
     if held and asker is not None:
-        question = f"{name_all(held)} hold the robot up and go limp now: support it, then yes:"
+        question = f"{name_all(held)} hold the robot up and lose torque now: support it, then yes:"
         if not is_yes(asker.ask(question)):
             return False
     calibrator.release()
@@ -183,14 +202,14 @@ def _measure_zeros(
     joint_pos: Array,
     asker: Prompt | None,
 ) -> None:
-    """Measure the zeros; let a person who moved try again."""
+    """Measure the zeros; let a person try again if the robot moved."""
     if asker is None:
         calibrator.measure_zeros(joint_pos)
         return
     angles = {j.name: math.degrees(joint_pos[robot.joint_names.index(j.name)]) for j in joints}
     turned = ", ".join(f"{name} {angle:+.1f}°" for name, angle in angles.items() if round(angle, 1))
     asker.tell(f"bring the robot into the posture: {turned or 'every joint at 0'}")
-    for left in reversed(range(PATIENCE)):
+    for left in reversed(range(TRIES)):
         asker.ask("hold it still, then Enter:")
         try:
             calibrator.measure_zeros(joint_pos)
@@ -201,9 +220,9 @@ def _measure_zeros(
             asker.tell(str(error))
 
 
-def _save(robot: Robot, found: Sequence[Found], path: Path) -> None:
+def _save(robot: Robot, measured: Sequence[JointMeasurement], path: Path) -> None:
     try:
-        save(robot, found, path)
+        save(robot, measured, path)
     except CalibrationError as error:
         raise BadInputError(str(error)) from error
     except OSError as error:
@@ -211,15 +230,15 @@ def _save(robot: Robot, found: Sequence[Found], path: Path) -> None:
 
 
 def _leave(console: Console) -> int:
-    console.print(LEFT)
+    console.print(NOT_SAVED)
     return DID_NOT_STAND
 
 
-def _tabulate(found: Sequence[Found]) -> Table:
+def _tabulate(measured: Sequence[JointMeasurement]) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for title in ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is"):
         table.add_column(title, justify="left" if title == "joint" else "right")
-    for row in found:
+    for row in measured:
         servo = row.joint.servo
         table.add_row(
             row.joint.name,
@@ -233,15 +252,19 @@ def _tabulate(found: Sequence[Found]) -> Table:
     return table
 
 
-def _print_warnings(found: Sequence[Found], console: Console, *, measured: bool) -> None:
-    for row in found:
+def _print_warnings(
+    measured: Sequence[JointMeasurement], console: Console, *, has_zeros: bool
+) -> None:
+    for row in measured:
         for warning in row.warnings:
             console.print(f" [yellow]![/] joint '{escape(row.joint.name)}': {escape(warning)}")
-    if not measured and any(row.is_turned for row in found):
+    if not has_zeros and any(row.is_reversed for row in measured):
         console.print(" [yellow]![/] a sign has changed: measure the zeros too (--at)")
 
 
-def _record(robot: Robot, found: Sequence[Found], path: Path | None) -> dict[str, Any]:
+def _record(
+    robot: Robot, measured: Sequence[JointMeasurement], path: Path | None
+) -> dict[str, Any]:
     return {
         "robot": robot.name,
         "saved": None if path is None else str(path),
@@ -254,6 +277,6 @@ def _record(robot: Robot, found: Sequence[Found], path: Path | None) -> dict[str
                 "sign": row.sign,
                 "warnings": row.warnings,
             }
-            for row in found
+            for row in measured
         },
     }

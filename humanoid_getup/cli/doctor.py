@@ -1,4 +1,4 @@
-"""`getup doctor`: whether a robot on its bus is fit for torque, and what to do if not."""
+"""`getup doctor`: checks a robot on its bus before first torque."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tyro.conf import arg
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts, Severity
-from drivers.service.doctor import HealthCheck, LineReport, examine
+from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
 from humanoid_getup.cli.backends import DYNAMIXEL, find_port_faults, name_ports
 from humanoid_getup.cli.errors import BadInputError
@@ -22,13 +22,13 @@ from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.options import RobotOption
 from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
 
-NOTHING_SET = "only looked: no torque was switched, nothing was set that a servo keeps"
+NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 HEADINGS = ("joint", "id", "model", "fw", "°C", "V", "angle °", "range °", "delay µs", "mode")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Doctor(RobotOption):
-    """Look at a robot on its bus before first torque; moves nothing."""
+    """Check a robot on its bus before first torque; moves nothing."""
 
     port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")] = ()
     """Serial port; of a robot with several, one NAME=PATH each."""
@@ -36,27 +36,27 @@ class Doctor(RobotOption):
     """Write the figures to a file; - prints them alone on standard output."""
 
     def run(self) -> int:
-        """Look, judge, tell; 0 when the robot is healthy, 3 when it must not move like this."""
+        """Check and report; 0 if the robot is healthy, 3 if it must not move."""
         faults = find_json_faults(self.json) + find_port_faults(DYNAMIXEL, self.port)
         if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()
         ports = name_ports(robot, self.port)
-        with Console(stderr=True).status("looking"), open_robot_bus(robot, ports) as bus:
-            checkup = examine(bus)
-        write_json(to_json(record_checkup(checkup)), self.json)
-        print_checkup(checkup, console_for(self.json))
-        return HARDWARE_FAULT if checkup.errors else DID_IT
+        with Console(stderr=True).status("checking"), open_robot_bus(robot, ports) as bus:
+            health = examine(bus)
+        write_json(to_json(to_record(health)), self.json)
+        print_health(health, console_for(self.json))
+        return HARDWARE_FAULT if health.errors else DID_IT
 
 
-# For machines -------------------------------------------------------------------------------
+# JSON ---------------------------------------------------------------------------------------
 
 
-def record_checkup(checkup: HealthCheck) -> dict[str, Any]:
-    """Return a checkup as plain values, for JSON."""
+def to_record(health: HealthCheck) -> dict[str, Any]:
+    """Convert a health check to plain values, for JSON."""
     return {
-        "robot": checkup.robot.name,
-        "healthy": not checkup.errors,
+        "robot": health.robot.name,
+        "healthy": not health.errors,
         "findings": [
             {
                 "severity": finding.severity.value,
@@ -64,22 +64,22 @@ def record_checkup(checkup: HealthCheck) -> dict[str, Any]:
                 "text": finding.text,
                 "remedy": finding.remedy,
             }
-            for finding in checkup.findings
+            for finding in health.findings
         ],
-        "written": checkup.written,
-        "calibrated": checkup.is_calibrated,
-        "torque_on": [joint.name for joint in checkup.torque],
-        "period_s": checkup.robot.control_period,
-        "reading_allowed_s": READ_SHARE * checkup.robot.control_period,
-        "ports": [asdict(line) for line in checkup.lines],
-        "accelerometer_m_s2": checkup.imu and checkup.imu.accelerometer,
-        "gyro_rad_s": checkup.imu and checkup.imu.gyro,
-        "joints": {servo.joint.name: _record_servo(servo) for servo in checkup.servos},
+        "written": health.written,
+        "calibrated": health.is_calibrated,
+        "torque_on": [joint.name for joint in health.torque],
+        "period_s": health.robot.control_period,
+        "reading_allowed_s": READ_SHARE * health.robot.control_period,
+        "ports": [asdict(port) for port in health.ports],
+        "accelerometer_m_s2": health.imu and health.imu.accelerometer,
+        "gyro_rad_s": health.imu and health.imu.gyro,
+        "joints": {servo.joint.name: _record_servo(servo) for servo in health.servos},
     }
 
 
 def _record_servo(servo: ServoFacts) -> dict[str, Any]:
-    told = servo.registers
+    registers = servo.registers
     return {
         "id": servo.id,
         "model": servo.table.model,
@@ -87,47 +87,47 @@ def _record_servo(servo: ServoFacts) -> dict[str, Any]:
         "temperature_c": servo.temperature,
         "voltage_v": servo.voltage,
         "angle_rad": servo.angle,
-        "ticks": told["present_position"],
+        "ticks": registers["present_position"],
         "lower_rad": servo.joint.lower,
         "upper_rad": servo.joint.upper,
-        "return_delay_s": told["return_delay_time"] * servo.table["return_delay_time"].scale,
-        "operating_mode": told["operating_mode"],
-        "torque_on": bool(told["torque_enable"]),
-        "hardware_error": told["hardware_error_status"],
+        "return_delay_s": registers["return_delay_time"] * servo.table["return_delay_time"].scale,
+        "operating_mode": registers["operating_mode"],
+        "torque_on": bool(registers["torque_enable"]),
+        "hardware_error": registers["hardware_error_status"],
     }
 
 
-# For people ---------------------------------------------------------------------------------
+# Terminal -----------------------------------------------------------------------------------
 
 
-def print_checkup(checkup: HealthCheck, console: Console) -> None:
-    """Tell a person what was found, what to do about it, and all figures."""
-    name, errors, warnings = checkup.robot.name, len(checkup.errors), len(checkup.warnings)
-    told = f"{errors} errors, {warnings} warnings" if errors else f"healthy, {warnings} warnings"
-    console.print(f"[bold {'red' if errors else 'green'}]{name}: {told}")
-    for finding in checkup.findings:
+def print_health(health: HealthCheck, console: Console) -> None:
+    """Print findings, remedies and all figures."""
+    name, errors, warnings = health.robot.name, len(health.errors), len(health.warnings)
+    state = f"{errors} errors" if errors else "healthy"
+    console.print(f"[bold {'red' if errors else 'green'}]{name}: {state}, {warnings} warnings")
+    for finding in health.findings:
         mark = "[yellow]![/]" if finding.severity is Severity.WARNING else "[red]✗[/]"
         console.print(f" {mark} {escape(str(finding))}")
-    if checkup.servos:
-        console.print(_tabulate(checkup))
-    for line in checkup.lines:
-        _print_line(line, checkup, console)
-    if checkup.imu is not None:
-        x, y, z = checkup.imu.accelerometer
+    if health.servos:
+        console.print(_tabulate(health))
+    for port in health.ports:
+        _print_port(port, health, console)
+    if health.imu is not None:
+        x, y, z = health.imu.accelerometer
         console.print(f"[bold]IMU[/]: up is ({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s² in its axes")
-    calibrated = "present" if checkup.is_calibrated else "none: getup calibrate"
+    calibrated = "present" if health.is_calibrated else "none: getup calibrate"
     console.print(f"[bold]calibration[/]: {calibrated}")
-    console.print(f"[dim]{escape('; '.join((NOTHING_SET, *checkup.written)))}")
+    console.print(f"[dim]{escape('; '.join((NOTHING_SET, *health.written)))}")
 
 
-def _tabulate(checkup: HealthCheck) -> Table:
+def _tabulate(health: HealthCheck) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for title in (*HEADINGS, "torque", "error"):
         table.add_column(title, justify="left" if title in ("joint", "model") else "right")
-    for servo in checkup.servos:
-        joint, told = servo.joint, servo.registers
+    for servo in health.servos:
+        joint, registers = servo.joint, servo.registers
         lower, upper = (round(math.degrees(limit)) for limit in (joint.lower, joint.upper))
-        error = HardwareError(told["hardware_error_status"])
+        error = HardwareError(registers["hardware_error_status"])
         table.add_row(
             joint.name,
             str(servo.id),
@@ -137,20 +137,20 @@ def _tabulate(checkup: HealthCheck) -> Table:
             f"{servo.voltage:.1f}",
             f"{math.degrees(servo.angle):+.1f}",
             f"{lower:+d} to {upper:+d}",
-            f"{told['return_delay_time'] * 2}",
-            _name_mode(told["operating_mode"]),
-            "on" if told["torque_enable"] else "off",
+            f"{registers['return_delay_time'] * 2}",
+            _name_mode(registers["operating_mode"]),
+            "on" if registers["torque_enable"] else "off",
             " ".join(str(bit.name).lower() for bit in error) or "-",
         )
     return table
 
 
-def _print_line(line: LineReport, checkup: HealthCheck, console: Console) -> None:
-    period = checkup.robot.control_period
-    allowed = f"{1.0 / period:.0f} Hz needs at most {READ_SHARE * period * 1e3:.1f} ms"
-    timer = "" if line.latency_timer is None else f", latency timer {line.latency_timer} ms"
-    console.print(f"[bold]port {line.name}[/]: {line.path}, {line.baud} bit/s{timer}")
-    latency = line.latency
+def _print_port(port: PortReport, health: HealthCheck, console: Console) -> None:
+    period = health.robot.control_period
+    limit = f"{1.0 / period:.0f} Hz needs at most {READ_SHARE * period * 1e3:.1f} ms"
+    timer = "" if port.latency_timer is None else f", latency timer {port.latency_timer} ms"
+    console.print(f"[bold]port {port.name}[/]: {port.path}, {port.baud} bit/s{timer}")
+    latency = port.latency
     if latency is None:
         return
     console.print(
@@ -158,11 +158,11 @@ def _print_line(line: LineReport, checkup: HealthCheck, console: Console) -> Non
         f"p99 {latency.group_p99 * 1e3:.2f} ms, {latency.rounds} times"
     )
     console.print(
-        f"  all reading of a cycle: median {latency.reading_median * 1e3:.2f} ms, "
-        f"p99 {latency.reading_p99 * 1e3:.2f} ms; {allowed}"
+        f"  all reads of a cycle: median {latency.reading_median * 1e3:.2f} ms, "
+        f"p99 {latency.reading_p99 * 1e3:.2f} ms; {limit}"
     )
     console.print(
-        f"  one cycle: {line.cycle_bytes} bytes, {line.cycle_time * 1e3:.2f} ms on the wire "
+        f"  one cycle: {port.cycle_bytes} bytes, {port.cycle_time * 1e3:.2f} ms on the wire "
         f"of {period * 1e3:.1f} ms"
     )
 

@@ -1,20 +1,19 @@
-"""`getup scan`: which ports there are and who answers on them."""
+"""`getup scan`: lists serial ports and the devices on them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from rich.console import Console
 from rich.table import Table
 from tyro.conf import arg
 
-from drivers.dynamixel.control_table import BAUD_RATES
 from drivers.dynamixel.port import PortError, SerialPort
 from drivers.service.scan import (
     COMMON_RATES,
-    Answering,
+    FoundDevice,
     PortFacts,
     PortScan,
     check_rate,
@@ -24,37 +23,38 @@ from drivers.service.scan import (
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
+from robots.schema import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
-NOBODY = (
-    "nobody answers: check the robot's power switch and battery, the cable, the servos' speed "
-    "(--all-bauds), and that no other program talks on the port"
+NO_DEVICE = (
+    "no device answers: check the robot's power switch and battery, the cable, the servos' baud "
+    "rate (--all-bauds), and that no other program uses the port"
 )
 ONLY_BOARDS = (
-    "only a board answers: the servos may have no power until it is told to switch it on, "
+    "only a board answers: the servos may have no power until it is switched on there, "
     "as getup doctor does"
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scan:
-    """List serial ports and who answers on them; sends pings and reads, changes nothing."""
+    """List serial ports and the devices on them; sends pings and reads, changes nothing."""
 
     port: Annotated[str | None, arg(metavar="PATH")] = None
-    """Serial port; without it, every one that is an adapter's."""
+    """Serial port; default: all USB adapters."""
     baud: Annotated[int | None, arg(metavar="BIT/S")] = None
-    """Speed [bit/s]; without it, the usual ones: 57600, 1, 2, 3 and 4 Mbit/s."""
+    """Baud rate [bit/s]; default: 57600 and 1, 2, 3 and 4 Mbit/s."""
     all_bauds: bool = False
-    """Ask at every speed that a servo may have: ten seconds a port."""
+    """Try every baud rate that a servo may have: ten seconds a port."""
     json: Annotated[str | None, arg(metavar="FILE|-")] = None
     """Write the figures to a file; - prints them alone on standard output."""
 
     def run(self) -> int:
-        """Ask everybody; 0 when somebody answers, 3 when nobody does."""
+        """Scan the ports; 0 if a device answers, 3 if none does."""
         if faults := self.find_faults():
             raise BadInputError("; ".join(faults))
         ports = list_serial_ports()
-        with Console(stderr=True).status("asking") as status:
+        with Console(stderr=True).status("scanning") as status:
             scans = self._scan(ports, status.update)
         found = [device for scan in scans for device in scan.found]
         advice = _advise(scans, found)
@@ -68,10 +68,10 @@ class Scan:
         return DID_IT if found else HARDWARE_FAULT
 
     def find_faults(self) -> list[str]:
-        """Tell all that is wrong with the options' values."""
+        """List all that is wrong with the options' values."""
         faults = find_json_faults(self.json)
         if self.baud is not None and self.all_bauds:
-            faults.append("baud and all-bauds exclude each other, allowed one of them")
+            faults.append("baud and all-bauds exclude each other, expected one of them")
         elif self.baud is not None:
             try:
                 check_rate(self.baud)
@@ -81,21 +81,21 @@ class Scan:
 
     @property
     def rates(self) -> tuple[int, ...]:
-        """Return the speeds at which to ask [bit/s]."""
+        """Return the baud rates to try [bit/s]."""
         if self.baud is not None:
             return (self.baud,)
         return BAUD_RATES if self.all_bauds else COMMON_RATES
 
-    def _scan(self, ports: Sequence[PortFacts], tell: Any) -> list[PortScan]:
+    def _scan(self, ports: Sequence[PortFacts], report: Callable[[str], None]) -> list[PortScan]:
         rates = self.rates
         if self.port is not None:
-            tell(f"asking on {self.port}")
+            report(f"scanning {self.port}")
             return [scan_port(SerialPort(self.port, rates[0]), rates)]
         scans = []
         for port in ports:
             if not port.is_adapter:
                 continue
-            tell(f"asking on {port.path}")
+            report(f"scanning {port.path}")
             try:
                 scans.append(scan_port(SerialPort(port.path, rates[0]), rates))
             except PortError as error:  # the next one may be the robot's
@@ -103,20 +103,20 @@ class Scan:
         return scans
 
 
-def _advise(scans: Sequence[PortScan], found: Sequence[Answering]) -> str | None:
+def _advise(scans: Sequence[PortScan], found: Sequence[FoundDevice]) -> str | None:
     if found:
         return ONLY_BOARDS if all(device.is_board for device in found) else None
-    return NOBODY if scans else NO_PORT
+    return NO_DEVICE if scans else NO_PORT
 
 
 def _print(
     ports: Sequence[PortFacts], scans: Sequence[PortScan], advice: str | None, console: Console
 ) -> None:
-    asked = {scan.path for scan in scans}
+    scanned = {scan.path for scan in scans}
     for port in ports:
         timer = "" if port.latency_timer is None else f", latency timer {port.latency_timer} ms"
-        unasked = "" if port.path in asked else " (not asked: name it with --port)"
-        console.print(f"[bold]{port.path}[/]  [dim]{port.description}{timer}{unasked}")
+        note = "" if port.path in scanned else " (not scanned: name it with --port)"
+        console.print(f"[bold]{port.path}[/]  [dim]{port.description}{timer}{note}")
     for scan in scans:
         if scan.refusal is not None:
             console.print(f" [yellow]![/] {scan.refusal}", markup=True)
@@ -125,25 +125,25 @@ def _print(
         console.print(f"[bold]{scan.path}[/]: {_count(scan.found)} at {rates} bit/s")
         if scan.refused_rates:
             refused = ", ".join(map(str, scan.refused_rates))
-            console.print(f" [yellow]![/] its adapter does not do {refused} bit/s")
+            console.print(f" [yellow]![/] its adapter does not support {refused} bit/s")
         if scan.found:
             console.print(_tabulate(scan.found))
         for device in scan.found:
             if device.doubled:
                 console.print(
-                    f" [red]✗[/] id {device.id} at {device.baud} bit/s: answers are garbled, as "
-                    "by two devices of one id; unplug one at a time and give each an id of its own"
+                    f" [red]✗[/] id {device.id} at {device.baud} bit/s: replies are garbled, as "
+                    "by two devices of one id; unplug one at a time and give each its own id"
                 )
     if advice:
         console.print(f"[bold]{advice}")
 
 
-def _count(found: Sequence[Answering]) -> str:
+def _count(found: Sequence[FoundDevice]) -> str:
     n = len(found)
-    return "nobody" if not n else "1 device" if n == 1 else f"{n} devices"
+    return "no device" if not n else "1 device" if n == 1 else f"{n} devices"
 
 
-def _tabulate(found: Sequence[Answering]) -> Table:
+def _tabulate(found: Sequence[FoundDevice]) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for title in ("id", "baud", "model", "firmware", "V", "°C"):
         table.add_column(title, justify="left" if title == "model" else "right")

@@ -133,6 +133,25 @@ def test_the_pacer_keeps_absolute_deadlines_and_counts_overruns():
     assert pacer.overruns == 1
 
 
+@pytest.mark.parametrize("wake_up", [0.0, 0.0004, 0.002])
+def test_deadlines_do_not_drift_however_late_each_cycle_wakes_up(wake_up):
+    """A sleep always ends late; over 1000 cycles that must not add up."""
+    clock = Clock()
+
+    def oversleep(duration):
+        clock.sleep(duration + wake_up)
+
+    pacer = Pacer(0.01, clock, oversleep)
+    lates = []
+    for _ in range(1000):
+        clock.now += 0.003
+        pacer.wait()
+        lates.append(pacer.late)
+    assert clock.woke == pytest.approx([0.01 * k + wake_up for k in range(1, 1001)])
+    assert lates == pytest.approx([wake_up] * 1000)
+    assert pacer.overruns == 0
+
+
 def test_realtime_takes_real_time(tiny, backend):
     start = time.perf_counter()
     report = run(Hold(tiny, cycles=10), SafetyGuard(backend), max_time=1.0, realtime=True)

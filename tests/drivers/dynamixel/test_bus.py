@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.bus import DynamixelBus, Replies, Request, SyncWriter
+from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.port import PortLostError
 from drivers.dynamixel.protocol2 import (
     FrameParser,
@@ -19,6 +19,7 @@ from drivers.dynamixel.protocol2 import (
     Status,
     encode_fast_status,
 )
+from drivers.dynamixel.requests import Replies, Request, SyncWriter
 
 SPAN = Span(126, 10)
 
@@ -50,7 +51,7 @@ class ScriptedPort:
 
 
 def bus_with(*answers: list[bytes]) -> DynamixelBus:
-    return DynamixelBus(ScriptedPort(*answers), naps=False)
+    return DynamixelBus(ScriptedPort(*answers), sleeps=False)
 
 
 def row(device: int, fill: int = 0, length: int = 10) -> Status:
@@ -58,9 +59,9 @@ def row(device: int, fill: int = 0, length: int = 10) -> Status:
 
 
 def ask_group(bus: DynamixelBus, ids, *, fast: bool = False, length: int = 10) -> Replies:
-    question = Request.group(dict.fromkeys(ids, Span(126, length)), fast=fast)
-    bus.ask(question)
-    return bus.collect_group(question)
+    request = Request.group(dict.fromkeys(ids, Span(126, length)), fast=fast)
+    bus.begin(request)
+    return bus.collect_group(request)
 
 
 # One device ----------------------------------------------------------------------------------
@@ -90,7 +91,7 @@ def test_a_second_try_may_succeed_and_leaves_nothing_behind():
     answer = row(3, 5).encode()
     bus = bus_with([], [answer, answer])
     assert bus.read(3, SPAN, tries=2) == row(3, 5)
-    assert bus.port.chunks == [], "the first try's late answer waits for the next question"
+    assert bus.port.chunks == [], "the first try's late answer waits for the next request"
 
 
 def test_answers_of_others_and_of_other_lengths_are_not_taken():
@@ -99,7 +100,7 @@ def test_answers_of_others_and_of_other_lengths_are_not_taken():
     assert bus.statistics.stale == 2
 
 
-def test_an_answer_to_an_earlier_question_is_thrown_away_before_the_next():
+def test_an_answer_to_an_earlier_request_is_thrown_away_before_the_next():
     bus = bus_with([row(3, 2).encode()])
     bus.port.unread = 21
     assert bus.read(3, SPAN) == row(3, 2)
@@ -128,10 +129,11 @@ def test_stuffed_answers_come_out_as_they_went_in_however_they_are_cut(data, cut
 
 def test_a_deadline_is_the_time_on_the_wire_and_the_margin():
     bus = bus_with()
-    bus.return_delay, bus.answer_margin = 0.001, 0.5
-    bus.send(bytes(1000))  # 10 ms at 1 Mbit/s, before the question can begin
+    bus.expect_return_delay(0.001)
+    bus.answer_margin = 0.5
+    bus.send(bytes(1000))  # 10 ms at 1 Mbit/s, before the request can begin
     bus.read(3, SPAN)
-    # 14 bytes of question, 21 of answer.
+    # 14 bytes of request, 21 of answer.
     assert bus.port.waits[0] == pytest.approx(0.010 + 35e-5 / 10 * 10 + 0.001 + 0.5, abs=0.05)
 
 
@@ -146,10 +148,22 @@ def test_a_lost_port_is_told():
         bus.ping(1)
 
 
+def test_a_request_right_after_a_broadcast_ping_waits_for_its_own_reply_only():
+    """The ping's window is that of 253 slots; a request after it is due as any other."""
+    bus = bus_with()
+    bus.answer_margin = 0.004
+    assert bus.ping_all() == {}
+    # 10 bytes of ping; then 253 slots of 3 ms and the 14 bytes of a reply.
+    window = 10e-5 + 253 * (0.003 + 14e-5) + 0.004
+    assert bus.port.waits == [pytest.approx(window, abs=0.05)]
+    assert bus.read(3, SPAN) is None
+    assert bus.port.waits[1] == pytest.approx(35e-5 + 500e-6 + 0.004, abs=0.003)
+
+
 # Groups -------------------------------------------------------------------------------------
 
 
-def test_the_question_fits_the_group():
+def test_the_request_fits_the_group():
     same, other = Span(126, 10), Span(36, 10)
     assert Request.group({1: same}).frame[7] == Instruction.READ
     assert Request.group({1: same, 2: same}).frame[7] == Instruction.SYNC_READ
@@ -194,7 +208,7 @@ def test_of_a_cut_fast_frame_the_answers_before_the_cut_are_kept():
     frame = encode_fast_status([row(1, 1), row(2, 2), row(3, 3)])
     told = ask_group(bus_with([frame[: 8 + 28]]), (1, 2, 3), fast=True)
     assert told.devices.tolist() == [1, 2]
-    assert not told.is_cut, "who is silent may be blamed for it"
+    assert not told.is_damaged, "who is silent may be blamed for it"
 
 
 def test_of_a_damaged_fast_frame_the_answers_before_the_damage_are_kept():
@@ -202,7 +216,7 @@ def test_of_a_damaged_fast_frame_the_answers_before_the_damage_are_kept():
     frame[8 + 14 + 5] ^= 4
     told = ask_group(bus_with([bytes(frame)]), (1, 2, 3), fast=True)
     assert told.devices.tolist() == [1]
-    assert told.is_cut
+    assert told.is_damaged
 
 
 @settings(max_examples=300, deadline=None)
@@ -229,7 +243,7 @@ def test_junk_is_no_answer_and_no_error(junk, fast):
 
 def test_all_ids_are_pinged_at_once():
     pongs = [Status(i, 0, b"\xfc\x03\x2e").encode() for i in (1, 4, 200)]
-    found = bus_with([b"".join(pongs)]).find()
+    found = bus_with([b"".join(pongs)]).ping_all()
     assert sorted(found) == [1, 4, 200]
     assert found[4].data == b"\xfc\x03\x2e"
 

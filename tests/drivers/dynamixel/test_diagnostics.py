@@ -6,7 +6,7 @@ import pytest
 from memory_rig import Rig
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.diagnostics import DiagnosticsError, Severity, audit, list_doubled_ids
+from drivers.dynamixel.diagnostics import DiagnosticsError, Severity, diagnose, find_duplicate_ids
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.virtual_bus.devices.servo import VirtualServo
 
@@ -23,8 +23,8 @@ def rig(tiny):
 
 
 def look(rig: Rig):
-    bus = DynamixelBus(rig.port, naps=False)
-    return audit(bus, rig.robot.joints)
+    bus = DynamixelBus(rig.port, sleeps=False)
+    return diagnose(bus, rig.robot.joints)
 
 
 def test_a_sound_bus_has_no_findings_and_tells_what_is_there(rig):
@@ -47,11 +47,11 @@ def test_looking_changes_nothing(rig):
     ("item", "value", "severity", "words"),
     [
         ("drive_mode", 1, Severity.ERROR, "drive mode is 1, reversed"),
-        ("secondary_id", 7, Severity.ERROR, "also obeys the secondary id 7"),
+        ("secondary_id", 7, Severity.ERROR, "also responds to the secondary id 7"),
         ("hardware_error_status", 36, Severity.FAULT, "overheating and overload"),
         ("homing_offset", -300, Severity.WARNING, "homing offset is -300 ticks"),
         ("pwm_limit", 400, Severity.WARNING, "PWM limit is 400 of 885"),
-        ("startup_configuration", 1, Severity.WARNING, "takes torque by itself"),
+        ("startup_configuration", 1, Severity.WARNING, "switches torque on by itself"),
         ("shutdown", 16, Severity.WARNING, "would not stop it"),
     ],
 )
@@ -73,13 +73,22 @@ def feel(rig: Rig, ticks: float, voltage: float) -> None:
 def test_a_flat_battery_is_told(rig):
     feel(rig, 2048.0, 9.6)
     (finding,) = look(rig).errors
-    assert "supply is 9.6 V, allowed 10.0 to 14.8 V; charge" in str(finding)
+    assert "supply is 9.6 V, expected 10.0 to 14.8 V; charge" in str(finding)
+
+
+def test_a_supply_at_the_servos_highest_is_no_finding(rig):
+    feel(rig, 2048.0, 14.8)
+    found = look(rig)
+    assert found.findings == () and found.servos[0].voltage == 14.8
+    feel(rig, 2048.0, 14.9)
+    (finding,) = look(rig).errors
+    assert "supply is 14.9 V, expected 10.0 to 14.8 V" in str(finding)
 
 
 def test_a_joint_that_stands_outside_its_range_is_told(rig):
     feel(rig, 3500.0, 12.0)
-    (finding,) = look(rig).warnings
-    assert "stands at +2.23 rad, outside [-1.57, +1.05] rad" in str(finding)
+    (finding,) = look(rig).findings
+    assert "is at +2.23 rad, outside [-1.57, +1.05] rad" in str(finding)
 
 
 def test_an_old_firmware_is_refused(tiny):
@@ -89,7 +98,7 @@ def test_an_old_firmware_is_refused(tiny):
     rig.port.open()
     told = look(rig)
     assert len(told.errors) == 2
-    assert "firmware 37 has no bus watchdog, allowed 38 or newer" in str(told.errors[0])
+    assert "firmware 37 has no bus watchdog, expected 38 or newer" in str(told.errors[0])
 
 
 def test_a_silent_servo_among_others_is_named(rig):
@@ -110,7 +119,7 @@ def test_servos_at_another_speed_are_found_there(rig):
     for servo in rig.virtual.servos:
         servo.poke("baud_rate", 1)
     (finding,) = look(rig).findings
-    assert "talk at 57600 bit/s, not 1000000" in finding.text
+    assert "use 57600 bit/s, expected 1000000" in finding.text
     assert rig.port.baud == 1_000_000, "the port is left at the wrong speed"
 
 
@@ -118,7 +127,7 @@ def test_another_model_is_named(rig):
     chain = rig.port.chain
     chain.devices[0] = VirtualServo(1, "XL430-W250", baud=1_000_000)
     (finding,) = look(rig).findings
-    assert "is a XL430-W250, allowed XM430-W350" in finding.text
+    assert "is a XL430-W250, expected XM430-W350" in finding.text
 
 
 def test_two_servos_of_one_id_are_called_so(rig):
@@ -133,9 +142,9 @@ def test_two_servos_of_one_id_are_called_so(rig):
 def test_two_joints_of_one_id_are_a_mistake_of_the_description(tiny):
     servo = tiny.joints[0].servo
     joints = (tiny.joints[0], replace(tiny.joints[1], servo=servo))
-    (finding,) = list_doubled_ids(replace(tiny, joints=joints))
+    (finding,) = find_duplicate_ids(replace(tiny, joints=joints))
     assert finding.text == "belongs to l_hip and r_hip"
-    assert list_doubled_ids(tiny) == []
+    assert find_duplicate_ids(tiny) == []
 
 
 def test_the_error_tells_everything_in_one_line(rig):

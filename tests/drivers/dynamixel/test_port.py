@@ -9,7 +9,14 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.dynamixel.port import PortError, PortLostError, SdkPort, SerialPort, explain_refusal
+from drivers.dynamixel.port import (
+    PortError,
+    PortLostError,
+    SdkPort,
+    SerialPort,
+    explain_refusal,
+    is_pseudo_terminal,
+)
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 PORTS = (SerialPort, SdkPort)
@@ -82,6 +89,21 @@ def test_the_speed_is_set_and_can_be_changed(port, wire):
     assert port.is_open
 
 
+def test_bytes_from_before_a_change_of_speed_are_not_read_after_it(port, wire):
+    wire.write(b"late answer")
+    port.set_baud(2_000_000)
+    assert port.read(time.monotonic()) == b""
+    wire.write(b"new")
+    assert port.read(soon()) == b"new"
+
+
+def test_a_virtual_buss_port_is_told_from_a_serial_adapter(wire, tmp_path):
+    assert is_pseudo_terminal(wire.path), "by the link, as users name it"
+    (tmp_path / "file").write_text("")
+    for path in ("/dev/null", str(tmp_path / "file"), str(tmp_path / "nothing")):
+        assert not is_pseudo_terminal(path)
+
+
 def test_opening_and_closing_twice_is_harmless(port):
     port.open()
     assert port.is_open
@@ -110,7 +132,7 @@ def test_a_missing_port_is_named(kind, tmp_path):
 def test_a_file_that_is_no_port_is_named(kind, tmp_path):
     path = tmp_path / "file"
     path.write_text("")
-    with pytest.raises(PortError, match="is no serial port"):
+    with pytest.raises(PortError, match="is not a serial port"):
         kind(str(path), 1_000_000).open()
 
 

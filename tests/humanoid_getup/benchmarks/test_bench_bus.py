@@ -42,14 +42,14 @@ def test_each_fault_ends_safely_or_is_bridged(world: World, motion: Motion):
 def test_a_wrong_position_would_be_seen(world: World, motion: Motion, monkeypatch):
     """The witness is not blind: a driver that repeats old values as fresh is caught."""
 
-    take = ServoStates.take
+    update = ServoStates.update_cyclic
 
-    def pretend(bank: ServoStates, answers, now: float) -> None:
-        old = bank.ticks.copy()
-        take(bank, answers, now)
-        bank.ticks[:] = old
+    def pretend(states: ServoStates, replies, now: float) -> None:
+        old = states.ticks.copy()
+        update(states, replies, now)
+        states.ticks[:] = old
 
-    monkeypatch.setattr(ServoStates, "take", pretend)
+    monkeypatch.setattr(ServoStates, "update_cyclic", pretend)
     table = bench_faults(world, motion, seed=0, each=1, cases={"none": CASES["none"]})["cases"]
     assert table["none"]["believed_wrong"] > 0
 

@@ -9,13 +9,13 @@ from bus_stories import TINY, copy_tiny, run_json, serving
 
 from drivers.dynamixel.control_table import HardwareError
 from drivers.service import doctor, session
-from drivers.service.doctor import Latency, LineReport, _judge_line
+from drivers.service.doctor import Latency, PortReport, _check_port
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main
 from robots import load_robot
 
-SHIPPED = "all 2 servos: return delay time is 250, 500 µs before each answer"
+SHIPPED = "all 2 servos: return delay time is 250, 500 µs before each reply"
 
 
 @pytest.fixture(autouse=True)
@@ -122,7 +122,7 @@ def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, cap
         "125 Hz needs at most 6.0 ms",
         "bytes",
         "calibration: none: getup calibrate",
-        "only looked: no torque was switched",
+        "read only: no torque was switched",
     ):
         assert words in out, out
 
@@ -214,7 +214,7 @@ def test_a_dead_servo_is_named_and_the_others_are_told(capsys):
 def test_another_model_is_named(tiny_served, capsys):
     tiny_served.exchange(0, VirtualServo(1, "XL430-W250", baud=1_000_000))
     error = find_error(tiny_served, capsys)
-    assert "joint 'l_hip' (id 1): is a XL430-W250, allowed XM430-W350" in error
+    assert "joint 'l_hip' (id 1): is a XL430-W250, expected XM430-W350" in error
 
 
 def test_two_servos_of_one_id_are_named(tiny_served, capsys):
@@ -229,7 +229,7 @@ def test_a_low_battery_is_an_error_of_each_servo(capsys):
         code, told = examine(served, capsys)
     assert code == 3
     errors = list_findings(told, "error")
-    assert len([e for e in errors if "supply is 9.6 V, allowed 10.0 to 14.8 V" in e]) == 2
+    assert len([e for e in errors if "supply is 9.6 V, expected 10.0 to 14.8 V" in e]) == 2
     assert all("battery" in e for e in errors)
 
 
@@ -252,7 +252,7 @@ def test_servos_at_another_speed_are_found_there(tiny_served, capsys):
         tiny_served.poke(joint, "baud_rate", 1)
     code, told = examine(tiny_served, capsys)
     assert code == 3
-    assert "talk at 57600 bit/s, not 1000000" in list_findings(told, "error")[0]
+    assert "use 57600 bit/s, expected 1000000" in list_findings(told, "error")[0]
     assert told["joints"] == {} and told["ports"][0]["latency"] is None
 
 
@@ -274,10 +274,12 @@ def test_hot_servos_are_told_in_time(tiny_served, capsys):
     _, told = examine(tiny_served, capsys)
     assert any("has 70 °C: it gets less torque" in w for w in list_findings(told, "warning"))
     tiny_served._ports.main.faults.heat(facts[0].id, 77.0)
-    assert f"'{joints[0].name}' (id 1): has 77 °C, allowed 75 °C" in find_error(tiny_served, capsys)
+    assert f"'{joints[0].name}' (id 1): has 77 °C, expected at most 75 °C" in find_error(
+        tiny_served, capsys
+    )
 
 
-# Lines ---------------------------------------------------------------------------------------
+# Ports ---------------------------------------------------------------------------------------
 
 LATENCY = Latency(
     rounds=50,
@@ -289,7 +291,7 @@ LATENCY = Latency(
     lost=0,
     damaged=0,
 )
-LINE = LineReport(
+PORT = PortReport(
     name="main",
     path="/dev/ttyUSB7",
     baud=2_000_000,
@@ -303,23 +305,23 @@ LINE = LineReport(
 @pytest.mark.parametrize(
     ("line", "severity", "words"),
     [
-        ({"latency_timer": 16}, "error", "holds answers back for up to 16 ms, allowed 1 ms"),
-        ({"latency_timer": 2}, "warning", "up to 2 ms, allowed 1 ms"),
-        ({"cycle_time": 0.009}, "error", "a cycle takes 9.0 ms on the wire, allowed 8.0 ms"),
+        ({"latency_timer": 16}, "error", "holds replies back for up to 16 ms, expected 1 ms"),
+        ({"latency_timer": 2}, "warning", "up to 2 ms, expected 1 ms"),
+        ({"cycle_time": 0.009}, "error", "a cycle takes 9.0 ms on the wire, expected 8.0 ms"),
         (
             {"latency": replace(LATENCY, reading_median=0.007, reading_p99=0.01)},
             "error",
-            "reading takes 7.0 ms of each cycle, allowed 6.0 ms",
+            "reading takes 7.0 ms of each cycle, expected at most 6.0 ms",
         ),
         (
             {"latency": replace(LATENCY, reading_p99=0.007)},
             "warning",
-            "reading takes 7.0 ms now and then",
+            "reading takes up to 7.0 ms",
         ),
         (
             {"latency": replace(LATENCY, lost=3, damaged=1)},
             "warning",
-            "in 50 readings 3 answers were lost and 1 damaged",
+            "in 50 reads 3 replies were lost and 1 damaged",
         ),
     ],
 )
@@ -327,7 +329,7 @@ def test_a_line_that_is_too_slow_or_loses_answers_is_told_with_a_remedy(
     line, severity, words, monkeypatch
 ):
     monkeypatch.setattr(doctor, "READ_SHARE", 0.75)
-    (finding,) = _judge_line(replace(LINE, **line), period=0.008)
+    (finding,) = _check_port(replace(PORT, **line), period=0.008)
     assert finding.severity.value == severity
     assert words in finding.text
     assert finding.device == "port /dev/ttyUSB7"
@@ -335,8 +337,8 @@ def test_a_line_that_is_too_slow_or_loses_answers_is_told_with_a_remedy(
 
 
 def test_a_sound_line_has_no_findings_and_the_timers_remedy_names_the_device():
-    assert _judge_line(LINE, period=0.008) == []
-    assert "usb-serial/devices/ttyUSB7/latency_timer" in doctor.describe_timer_remedy(LINE.path)
+    assert _check_port(PORT, period=0.008) == []
+    assert "usb-serial/devices/ttyUSB7/latency_timer" in doctor.describe_timer_remedy(PORT.path)
 
 
 # Bad input -----------------------------------------------------------------------------------
@@ -353,7 +355,7 @@ def test_bad_input_is_one_line(capsys, tmp_path):
     assert "port is missing" in refuse(capsys)
     assert "port /dev/nowhere: does not exist" in refuse(capsys, "--port", "/dev/nowhere")
     (tmp_path / "file").write_text("")
-    assert "is no serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
+    assert "is not a serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
     assert "allowed for robot 'op3': --port main=PATH" in refuse(capsys, "--port", "arms=/dev/x")
     assert "unknown robot 'nao'" in refuse(capsys, "--robot", "nao", "--port", "/dev/x")
 

@@ -83,7 +83,7 @@ def test_two_servos_of_one_id_are_named(capsys):
         code = main(("scan", "--port", served.path, *MEGABIT))
     out = capsys.readouterr().out
     assert code == 0
-    assert "id 1 at 1000000 bit/s: answers are garbled, as by two devices of one id" in out
+    assert "id 1 at 1000000 bit/s: replies are garbled, as by two devices of one id" in out
     assert "id 2 at" not in out and "id 200 at" not in out
 
 
@@ -134,7 +134,7 @@ def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothin
     monkeypatch.setattr(command, "list_serial_ports", lambda: ports)
     assert main(("scan", *MEGABIT)) == 0
     out = capsys.readouterr().out
-    assert "/dev/ttyS0  a port, latency timer 16 ms (not asked: name it with --port)" in out
+    assert "/dev/ttyS0  a port, latency timer 16 ms (not scanned: name it with --port)" in out
     assert "port /dev/gone: does not exist" in out
     assert "3 devices at 1000000 bit/s" in out
 
@@ -155,7 +155,7 @@ def refuse(capsys, *arguments: str) -> str:
 def test_a_port_that_is_missing_or_no_serial_port_is_refused_in_one_line(capsys, tmp_path):
     assert "port /dev/nowhere: does not exist" in refuse(capsys, "--port", "/dev/nowhere")
     (tmp_path / "file").write_text("no port")
-    assert "is no serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
+    assert "is not a serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
 
 
 def test_a_port_that_another_program_uses_is_refused_in_one_line(capsys, tiny):
@@ -168,7 +168,7 @@ def test_a_port_that_another_program_uses_is_refused_in_one_line(capsys, tiny):
 
 
 def test_impossible_speeds_are_refused(capsys):
-    assert "baud is 12345 bit/s, allowed 9600, 57600" in refuse(capsys, "--baud", "12345")
+    assert "baud is 12345 bit/s, expected 9600, 57600" in refuse(capsys, "--baud", "12345")
     assert "exclude each other" in refuse(capsys, "--baud", "57600", "--all-bauds")
 
 

@@ -1,5 +1,6 @@
 """Several devices on one wire: the bytes they answer, in which order, and when."""
 
+import instructions
 import pytest
 from wire_talk import read, read_answers, request, sense, talk
 
@@ -205,14 +206,14 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
 
     everyone = BROADCAST
     assert look(tell(protocol2.write(everyone, 65, b"\1")), "led") == [1, 1]
-    chain = tell(protocol2.reg_write(everyone, 65, b"\1"))
+    chain = tell(instructions.reg_write(everyone, 65, b"\1"))
     assert look(chain, "led") == [0, 0]
-    assert chain.handle(request(protocol2.action())) == []
+    assert chain.handle(request(instructions.action())) == []
     assert look(chain, "led") == [1, 1]
     assert look(tell(protocol2.reboot(everyone)), "position_p_gain") == [800, 800]
-    tell(protocol2.clear_turns(everyone))
-    assert look(tell(protocol2.backup(everyone)), "backup_ready") == [1, 1]
-    reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD)
+    tell(instructions.clear_turns(everyone))
+    assert look(tell(instructions.backup(everyone)), "backup_ready") == [1, 1]
+    reset = instructions.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD)
     assert look(tell(reset), "return_delay_time") == [250, 250]
 
 
@@ -224,7 +225,7 @@ def test_a_read_of_everyone_and_unknown_instructions_are_not_done():
 
 
 def test_new_firmware_refuses_to_reset_all_ids_at_once():
-    reset = request(protocol2.factory_reset(BROADCAST, Reset.ALL))
+    reset = request(instructions.factory_reset(BROADCAST, Reset.ALL))
     new, old = servos(3, 4, firmware=42), servos(3, 4, firmware=41)
     new.handle(reset)
     old.handle(reset)

@@ -1,0 +1,189 @@
+"""Requests to devices and their replies, as arrays where a group answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import HEADER, STUFFED, Instruction, Span, Status
+
+
+@dataclass(frozen=True)
+class Request:
+    """An instruction and the replies that it expects."""
+
+    frame: bytes
+    """The instruction, as sent."""
+    lengths: Mapping[int, int]
+    """Data bytes of each device's reply, in the order of the replies."""
+    is_fast: bool = False
+    """Whether all devices reply in one frame."""
+
+    @cached_property
+    def reply_size(self) -> int:
+        """Return the bytes of all replies if nothing needs stuffing."""
+        data = sum(self.lengths.values())
+        if self.is_fast:
+            return protocol2.PREFIX + 1 + data + 4 * len(self.lengths)
+        return data + (protocol2.OVERHEAD + 1) * len(self.lengths)
+
+    @cached_property
+    def places(self) -> dict[int, int]:
+        """Return the place of each device in the order of the replies."""
+        return {device: place for place, device in enumerate(self.lengths)}
+
+    @cached_property
+    def fast_frame(self) -> FastFrame:
+        """Return the decoder of a fast reply."""
+        return FastFrame(self)
+
+    @classmethod
+    def group(cls, spans: Mapping[int, Span], *, fast: bool = False) -> Request:
+        """Read registers of several devices: by read, sync read or bulk read."""
+        lengths = {device: span.length for device, span in spans.items()}
+        different = set(spans.values())
+        if len(different) > 1:
+            return cls(protocol2.bulk_read(spans), lengths)
+        span = different.pop()
+        if len(spans) == 1 and not fast:
+            return cls(protocol2.read(next(iter(spans)), span), lengths)
+        return cls(protocol2.sync_read(list(spans), span, fast=fast), lengths, fast)
+
+
+@dataclass(frozen=True, eq=False)
+class Replies:
+    """Replies of a group, in the order of the request; silent devices are left out."""
+
+    devices: NDArray[np.uint8]
+    """Ids, shape (k,)."""
+    errors: NDArray[np.uint8]
+    """Error bytes, shape (k,)."""
+    data: NDArray[np.uint8]
+    """Data bytes, shape (k, length)."""
+    is_damaged: bool = False
+    """Whether something was damaged on the wire, so that silence does not mean a fault."""
+
+    def column(self, offset: int, kind: str) -> NDArray[np.int_]:
+        """Decode one number of every reply.
+
+        Args:
+            offset: Its first byte.
+            kind: Its numpy type, such as "<i4".
+        """
+        size = np.dtype(kind).itemsize
+        return np.ascontiguousarray(self.data[:, offset : offset + size]).view(kind)[:, 0]
+
+    def select(self, rows: NDArray[np.bool_]) -> Replies:
+        """Return some of the replies."""
+        return Replies(self.devices[rows], self.errors[rows], self.data[rows], self.is_damaged)
+
+    def to_statuses(self) -> list[Status]:
+        """Return the replies one by one."""
+        rows = zip(self.devices, self.errors, self.data, strict=True)
+        return [Status(int(device), int(error), data.tobytes()) for device, error, data in rows]
+
+    @classmethod
+    def of(cls, statuses: Sequence[Status], length: int, *, is_damaged: bool = False) -> Replies:
+        """Stack statuses that hold ``length`` bytes each; others are left out."""
+        whole = [status for status in statuses if len(status.data) == length]
+        data = np.frombuffer(b"".join([s.data for s in whole]), np.uint8)
+        return cls(
+            devices=np.array([s.id for s in whole], dtype=np.uint8),
+            errors=np.array([s.error for s in whole], dtype=np.uint8),
+            data=data.reshape(len(whole), length),
+            is_damaged=is_damaged,
+        )
+
+
+class FastFrame:
+    """Finds and decodes the frame that answers a fast read."""
+
+    def __init__(self, request: Request) -> None:
+        self.size = request.reply_size
+        """Bytes of the whole frame."""
+        self.stale = 0
+        """Frames seen that answer another request."""
+        self._order = bytes(request.lengths)
+        self._lengths = list(request.lengths.values())
+        body = (self.size - protocol2.PREFIX).to_bytes(2, "little")
+        self._start = HEADER + bytes((protocol2.BROADCAST, *body, Instruction.STATUS))
+        self._rows = np.dtype(
+            [("error", "u1"), ("id", "u1"), ("data", "u1", self._lengths[0]), ("crc", "<u2")]
+        )
+
+    def decode(self, buffer: bytes) -> Replies | None:
+        """Decode the frame if it is there, whole and of the right devices."""
+        self.stale = 0
+        for start in self._find_starts(buffer):
+            frame = buffer[start : start + self.size]
+            if len(frame) < self.size:
+                return None
+            if protocol2.crc16(frame[:-2]) != frame[-2] | frame[-1] << 8:
+                continue
+            rows = np.frombuffer(frame, self._rows, offset=len(self._start))
+            if rows["id"].tobytes() != self._order:
+                self.stale += 1
+                continue
+            return Replies(rows["id"], rows["error"], rows["data"])
+        return None
+
+    def salvage(self, buffer: bytes) -> list[Status]:
+        """Decode the replies of a damaged frame up to the first damaged one.
+
+        Those of silent devices may be missing in between.
+        """
+        best: list[Status] = []
+        for start in self._find_starts(buffer):
+            frame = buffer[start : start + self.size]
+            statuses = protocol2.decode_fast_status(frame, self._lengths)
+            places = [self._order.find(status.id) for status in statuses]
+            if places == sorted(set(places)) and -1 not in places:
+                best = max(best, statuses, key=len)
+        return best
+
+    def _find_starts(self, buffer: bytes) -> Iterator[int]:
+        start = buffer.find(self._start)
+        while start >= 0:
+            yield start
+            start = buffer.find(self._start, start + 1)
+
+
+class SyncWriter:
+    """Builds sync writes of one item from arrays; rows are filled in place."""
+
+    def __init__(self, address: int, kind: str, devices: Sequence[int]) -> None:
+        """Prepare a writer.
+
+        Args:
+            address: Register of the item.
+            kind: The item's numpy type, such as "<i4".
+            devices: Ids, in the order of the values to come.
+        """
+        self._address = address
+        self._rows = np.zeros(len(devices), np.dtype([("id", "u1"), ("value", kind)]))
+        self._rows["id"] = devices
+        empty = protocol2.sync_write(address, {0: bytes(np.dtype(kind).itemsize)})
+        length = self._rows.nbytes + 7
+        self._head = empty[:5] + length.to_bytes(2, "little") + empty[7:12]
+
+    def encode(self, values: NDArray[np.int_]) -> bytes:
+        """Build the frame that sets the values of all devices."""
+        self._rows["value"] = values
+        body = self._rows.tobytes()
+        if STUFFED in body:
+            return self._encode_rows(self._rows)
+        return protocol2.seal(self._head + body)
+
+    def encode_some(self, chosen: NDArray[np.bool_], values: NDArray[np.int_]) -> bytes:
+        """Build the frame that sets the values of some devices, by mask (n,)."""
+        self._rows["value"] = values
+        return self._encode_rows(self._rows[chosen])
+
+    def _encode_rows(self, rows: np.ndarray) -> bytes:
+        data = {int(row["id"]): row["value"].tobytes() for row in rows}
+        return protocol2.sync_write(self._address, data)

@@ -31,9 +31,9 @@ from humanoid_getup.simulation.scene import load_scene
 from robots import Posture, Robot, load_robot
 from robots.kinematics import read_posture
 from robots.quaternion import Array
-from sim2real.environment.model_variants import PHYSICS
+from sim2real.environment.model_variants import MODEL_VARIANTS
 from sim2real.environment.training_world import build_world
-from sim2real.perturbations import Perturbation, run_trial, summarize_trial
+from sim2real.perturbations import Perturbation, evaluate_policy, summarize_rollouts
 from sim2real.policy_evaluation import Rises
 
 GROUPS: dict[str, dict[str, Perturbation]] = {
@@ -69,7 +69,7 @@ GROUPS: dict[str, dict[str, Perturbation]] = {
         "IMU turned 2 deg": Perturbation(imu_tilt=math.radians(2.0)),
         "IMU turned 5 deg": Perturbation(imu_tilt=math.radians(5.0)),
     },
-    "transfer": {name: Perturbation(physics=name) for name in PHYSICS},
+    "transfer": {name: Perturbation(physics=name) for name in MODEL_VARIANTS},
 }
 STANDING: dict[str, Perturbation] = {
     "undisturbed": Perturbation(),
@@ -118,7 +118,9 @@ def main(options: Options) -> None:
 
     def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[Rises]:
         action, act = policy.action, policy.act
-        return run_trial(robot, action, act, starts, trial, options.seed, threads=options.threads)
+        return evaluate_policy(
+            robot, action, act, starts, trial, options.seed, threads=options.threads
+        )
 
     def measure(key: str, compute: Callable[[], dict[str, Any]]) -> None:
         begun = time.monotonic()
@@ -143,7 +145,7 @@ def main(options: Options) -> None:
         for name, trial in GROUPS[group].items():
             measure(
                 f"{group}: {name}, n {len(starts)}",
-                lambda t=trial, f=some.falls, s=starts: summarize_trial(
+                lambda t=trial, f=some.falls, s=starts: summarize_rollouts(
                     f, put_through(t, s), CLASSES
                 ),
             )
@@ -163,7 +165,7 @@ def _find_stands(
 def _hold(robot: Robot, stands: Sequence[Posture], rises: list[Rises]) -> dict[str, Any]:
     """Summarize who stays up for all of the time: a robot that fell and rose again did not."""
     held = [Fall(posture=posture, start_class="held") for posture in stands]
-    figures = summarize_trial(held, rises, ("held",))
+    figures = summarize_rollouts(held, rises, ("held",))
     stayed = np.concatenate([r.upright.all(axis=1) for r in rises])
     low, high = wilson_interval(int(stayed.sum()), len(stayed))
     for row in (figures["all"], figures["classes"]["held"]):

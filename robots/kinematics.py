@@ -59,30 +59,6 @@ class GravitySense:
         return self.torso_from_imu @ down / length
 
 
-class NeckHeight:
-    """How high the neck is over the feet, by forward kinematics."""
-
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
-        self._layout = robot.layout(model)
-        self._neck = model.site(robot.neck_site).id
-        self._soles = [model.site(site).id for site in robot.sole_sites]
-
-    def __call__(self, orientation: Array, joint_pos: Array) -> float:
-        """Measure the neck's height over the lower sole [m].
-
-        Args:
-            orientation: Torso to world, (4,).
-            joint_pos: Joint angles [rad], (n,).
-        """
-        root = self._layout.root_qpos
-        self._data.qpos[root + 3 : root + 7] = orientation
-        self._data.qpos[self._layout.qpos] = joint_pos
-        mujoco.mj_kinematics(self._model, self._data)
-        height = self._data.site_xpos[:, 2]
-        return float(height[self._neck] - height[self._soles].min())
-
-
 def place(robot: Robot, model: mujoco.MjModel, posture: Posture) -> Array:
     """Lay a posture out as MuJoCo positions, shape (nq,)."""
     layout = robot.layout(model)

@@ -9,7 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import lowest_point, place, read_posture
@@ -64,7 +65,7 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
     Raises:
         FallError: if a class does not come up.
     """
-    rehearsal = Rehearsal(world, BATCH)
+    rollout = Rollout(world, BATCH)
     wanted = dict(counts)
     falls: list[Fall] = []
     for batch in itertools.count():
@@ -76,7 +77,7 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
                 f"robot '{world.robot.name}' does not come to lie in every class: "
                 f"{missing} missing after {batch * BATCH} falls"
             )
-        for posture in _drop(rehearsal, rng):
+        for posture in _drop(rollout, rng):
             found = classify(posture.orientation)
             if found is None:
                 continue
@@ -92,16 +93,16 @@ def _counted_as(start_class: str, counts: dict[str, int]) -> str:
     return start_class if start_class in counts else "lateral"
 
 
-def _drop(rehearsal: Rehearsal, rng: np.random.Generator) -> list[Posture]:
+def _drop(rollout: Rollout, rng: np.random.Generator) -> list[Posture]:
     """Drop one batch of robots; return those that lie still."""
-    world = rehearsal.world
+    world = rollout.world
     robot, model = world.robot, world.model
     data = mujoco.MjData(model)
     starts = np.array([sample_drop(robot, model, data, rng) for _ in range(BATCH)])
-    limp = Conditions.nominal(world, BATCH, torque_limit=0.0)
+    limp = DomainParameters.nominal(world, BATCH, torque_limit=0.0)
     cycles = round(SETTLE_TIME / robot.control_period)
     targets = np.zeros((BATCH, cycles, robot.n))
-    qpos = rehearsal.play(starts, targets, limp).qpos
+    qpos = rollout.play(starts, targets, limp).qpos
     recent = round(0.25 / robot.control_period)
     moved = np.abs(np.diff(qpos[:, -recent:], axis=1)).max(axis=(1, 2)) / robot.control_period
     return [
@@ -232,5 +233,5 @@ def settle_posture(world: World, posture: Posture) -> Array:
     qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
     cycles = round(HELD_TIME / robot.control_period)
     targets = np.tile(posture.joint_pos, (1, cycles, 1))
-    trace = Rehearsal(world, 1).play(qpos[None], targets, Conditions.nominal(world, 1))
+    trace = Rollout(world, 1).play(qpos[None], targets, DomainParameters.nominal(world, 1))
     return trace.qpos[0, -1]

@@ -65,7 +65,7 @@ class Rollout:
 
     def __init__(self, world: World, n: int, *, threads: int = 0) -> None:
         self.world, self.sim = world, VecSim(world, n, threads=threads)
-        self.sim.bind("sensordata")
+        self.sim.bind("sensordata", "subtree_com", "xaxis", "xanchor")
         model, robot = world.model, world.robot
         self._hold = count_substeps(model, robot.control_period)
         self._limbs = [int(self.world.model.sensor(f"limb_{b}").adr[0]) for b in world.limbs]
@@ -101,7 +101,6 @@ class Rollout:
         return self._read({name: np.concatenate(parts[name], axis=1) for name in RECORDED}, sent)
 
     def _observe(self, step: int) -> Feedback:
-        self.sim.bind("subtree_com", "xaxis", "xanchor")
         contact = self.sim.read("sensordata")
         return Feedback(
             step=step,

@@ -7,7 +7,7 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
-from robots.kinematics import place
+from robots.kinematics import center_of_mass, place
 
 
 def _stand(world: World, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
@@ -80,14 +80,23 @@ def test_a_lower_supply_makes_slower_servos(world):
 
 def test_feedback_sees_the_robot_and_its_targets_are_recorded(world):
     starts, targets = _stand(world, 1, 5)
-    seen = []
+    robot, seen = world.robot, []
+    torso = robot.layout(world.model).torso
+    p = robot.standing
+    expected = center_of_mass(
+        robot, world.model, p.position[None], p.orientation[None], p.joint_pos[None]
+    )[0]
 
     def steer(observation, planned):
-        seen.append((observation.step, observation.limb_touch.sum()))
+        seen.append(
+            (observation.step, observation.limb_touch.sum(), observation.com[0, torso].copy())
+        )
         return planned + 0.01
 
     rollout = Rollout(world, 1)
     trace = rollout.play(starts, targets, DomainParameters.nominal(world, 1), feedback=steer)
-    assert [step for step, _ in seen] == [0, 1, 2, 3, 4]
+    assert [step for step, *_ in seen] == [0, 1, 2, 3, 4]
+    for _, _, com in seen:  # the first time, too
+        np.testing.assert_allclose(com, expected, atol=1e-3)
     assert seen[-1][1] == 2  # both legs touch the ground, no other limb
     np.testing.assert_allclose(trace.target, targets + 0.01)

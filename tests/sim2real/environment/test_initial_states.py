@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.simulation.falls import FallError
+from humanoid_getup.simulation.falls import FallError, Settling
 from robots import load_robot, quaternion
 from robots.kinematics import lowest_point, place
 from sim2real.environment import initial_states as starts_module
@@ -106,7 +106,7 @@ def test_one_seed_makes_one_set_of_falls(world):
 
 
 def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
-    monkeypatch.setattr(starts_module, "WORST_SPEED", 0.0)
+    monkeypatch.setattr(starts_module, "SETTLING", Settling(speed=0.0))
     monkeypatch.setattr(starts_module, "MOST_ROUNDS", 2)
     sim = TrainingSim(world, 2, cycles=6, threads=1)
     told = "robot 'op3' does not come to lie still: 0 of 8 falls did, 3 are needed"

@@ -32,10 +32,10 @@ from robots import Posture, Robot, load_robot
 from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array
-from sim2real.environment.model_variants import PHYSICS
-from sim2real.environment.training_world import build_world
-from sim2real.perturbations import Perturbation, run_trial, summarize_trial
-from sim2real.policy_evaluation import Rises
+from sim2real.environment.model_variants import MODEL_VARIANTS
+from sim2real.environment.training_world import build_training_world
+from sim2real.perturbations import Perturbation, evaluate_policy, summarize_rollouts
+from sim2real.policy_evaluation import PolicyRollouts
 
 GROUPS: dict[str, dict[str, Perturbation]] = {
     "torque": {
@@ -70,7 +70,7 @@ GROUPS: dict[str, dict[str, Perturbation]] = {
         "IMU turned 2 deg": Perturbation(imu_tilt=math.radians(2.0)),
         "IMU turned 5 deg": Perturbation(imu_tilt=math.radians(5.0)),
     },
-    "transfer": {name: Perturbation(physics=name) for name in PHYSICS},
+    "transfer": {name: Perturbation(physics=name) for name in MODEL_VARIANTS},
 }
 STANDING: dict[str, Perturbation] = {
     "undisturbed": Perturbation(),
@@ -117,9 +117,11 @@ def main(options: Options) -> None:
         raise SystemExit(f"{options.json} holds the figures of another policy, falls or seed")
     console = Console(width=160)
 
-    def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[Rises]:
+    def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[PolicyRollouts]:
         action, act = policy.action, policy.act
-        return run_trial(robot, action, act, starts, trial, options.seed, threads=options.threads)
+        return evaluate_policy(
+            robot, action, act, starts, trial, options.seed, threads=options.threads
+        )
 
     def measure(key: str, compute: Callable[[], dict[str, Any]]) -> None:
         begun = time.monotonic()
@@ -142,7 +144,7 @@ def main(options: Options) -> None:
         for name, trial in GROUPS[group].items():
             measure(
                 f"{group}: {name}, n {len(starts)}",
-                lambda t=trial, f=some.falls, s=starts: summarize_trial(
+                lambda t=trial, f=some.falls, s=starts: summarize_rollouts(
                     f, put_through(t, s), CLASSES
                 ),
             )
@@ -150,19 +152,19 @@ def main(options: Options) -> None:
 
 def _find_stands(
     robot: Robot,
-    put_through: Callable[[Perturbation, Sequence[Posture]], list[Rises]],
+    put_through: Callable[[Perturbation, Sequence[Posture]], list[PolicyRollouts]],
     falls: FallSet,
 ) -> list[Posture]:
     """Let robots rise; return where those are that stand."""
-    model = build_world(robot, load_scene(falls.scene), 0.002)
+    model = build_training_world(robot, load_scene(falls.scene), 0.002).model
     risen = put_through(Perturbation(), [fall.posture for fall in falls.falls])
     return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.stood]]
 
 
-def _hold(robot: Robot, stands: Sequence[Posture], rises: list[Rises]) -> dict[str, Any]:
+def _hold(robot: Robot, stands: Sequence[Posture], rises: list[PolicyRollouts]) -> dict[str, Any]:
     """Summarize who stays up for all of the time: a robot that fell and rose again did not."""
     held = [Fall(posture=posture, start_class="held") for posture in stands]
-    figures = summarize_trial(held, rises, ("held",))
+    figures = summarize_rollouts(held, rises, ("held",))
     stayed = np.concatenate([r.upright.all(axis=1) for r in rises])
     low, high = wilson_interval(int(stayed.sum()), len(stayed))
     for row in (figures["all"], figures["classes"]["held"]):
@@ -173,7 +175,7 @@ def _hold(robot: Robot, stands: Sequence[Posture], rises: list[Rises]) -> dict[s
 
 def _find_own_contacts(robot: Robot, ends: Array) -> list[float]:
     """Return how deep limbs lie in each other, a number for each posture in which any touch."""
-    model = build_world(robot, load_scene("flat"), 0.002)
+    model = build_training_world(robot, load_scene("flat"), 0.002).model
     data, depths = mujoco.MjData(model), []
     for qpos in ends:
         data.qpos[:] = qpos

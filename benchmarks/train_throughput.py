@@ -77,9 +77,9 @@ def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float
     env = task.make_env(n, task.threads)
     env.reset(seed=0)
     env.ages[:] = rng.integers(0, env.longest, n)
-    bare_batch = Batch(env.herd.model, n, task.threads)
-    recorder = Recorder(env.herd.batch)
-    env.herd.batch = recorder  # pyright: ignore[reportAttributeAccessIssue]
+    bare_batch = Batch(env.sim.model, n, task.threads)
+    recorder = Recorder(env.sim.batch)
+    env.sim.batch = recorder  # pyright: ignore[reportAttributeAccessIssue]
     bare, whole = [], []
     for _ in range(ROUNDS):
         bare_batch.state[:] = recorder.state

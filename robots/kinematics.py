@@ -59,29 +59,6 @@ class GravitySense:
         return self.torso_from_imu @ down / length
 
 
-class NeckHeight:
-    """The height of the neck over the feet, by forward kinematics."""
-
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
-        self._layout = robot.layout(model)
-        self._neck = model.site(robot.neck_site).id
-        self._soles = [model.site(site).id for site in robot.sole_sites]
-
-    def __call__(self, orientation: Array, joint_pos: Array) -> float:
-        """Measure the neck's height over the lower sole [m].
-
-        Args:
-            orientation: Torso to world, (4,).
-            joint_pos: Joint angles [rad], (n,).
-        """
-        self._data.qpos[self._layout.root_orientation] = orientation
-        self._data.qpos[self._layout.qpos] = joint_pos
-        mujoco.mj_kinematics(self._model, self._data)
-        height = self._data.site_xpos[:, 2]
-        return float(height[self._neck] - height[self._soles].min())
-
-
 def place(robot: Robot, model: mujoco.MjModel, posture: Posture) -> Array:
     """Convert a posture to MuJoCo positions, shape (nq,)."""
     return place_postures(robot, model, posture.position, posture.orientation, posture.joint_pos)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import mujoco
 import numpy as np
@@ -20,6 +20,7 @@ WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cy
 
 
 BaudRate = Literal[9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000]
+BAUD_RATES: tuple[int, ...] = get_args(BaudRate)
 """What X-series servos can be set to [bit/s] (e-manual, Baud Rate)."""
 MAX_WATCHDOG = 2.54  # s, 127 steps of 20 ms (e-manual, Bus Watchdog)
 

@@ -1,4 +1,4 @@
-"""Trials: under what a policy is evaluated, and what came of it."""
+"""Perturbations: a policy evaluated on robots that differ from their description."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.statistics import summarize, wilson_interval
 from humanoid_getup.policy.action import ActionSpec
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import Fall
 from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import place
 from robots.quaternion import Array
-from sim2real.environment.conditions import Conditions
-from sim2real.environment.model_variants import PHYSICS, Change, free_play
+from sim2real.environment.model_variants import MODEL_VARIANTS, ModelVariant, backlash
 from sim2real.environment.randomization import NOISE
-from sim2real.environment.training_world import LONGEST_DELAY, build_world
-from sim2real.environment.vectorized_simulation import Herd
-from sim2real.policy_evaluation import DURATION, Policy, Rises, rise_all
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
+from sim2real.policy_evaluation import DURATION, Policy, PolicyRollouts, roll_out_policy
 
 PHYSICS_STEP = 0.002  # s, the twin's
 PUSH_EVERY = 1.0  # s
@@ -34,109 +35,109 @@ UNITS = {
     "imu_tilt": "rad",
     "gyro_bias": "rad/s",
 }
-CHUNK = 250  # robots that are simulated at once
+CHUNK = 250  # robots simulated at once
 
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
-    """What differs from the robot's description; nothing by default."""
+    """Differences from the robot's description; none by default."""
 
     torque_limit: float | None = None
-    """Cap on every servo [N·m]."""
+    """Torque limit of every servo [N·m]."""
     pwm_limited: bool = False
-    """The cap is a PWM limit, as servos in position mode have it."""
+    """Whether the torque limit is a PWM limit, as in a servo's position mode."""
     delay: float = 0.0
-    """Age of targets when the servos get them [s]."""
+    """Age of targets when they reach the servos [s]."""
     voltage: float | None = None
     """Supply [V]."""
     friction: float | None = None
     """Sliding friction of every contact."""
     mass: float = 1.0
-    """Share of every link's mass."""
+    """Scale of every link's mass."""
     backlash: float = 0.0
-    """Free play between every gear and its link, from end to end [rad]."""
+    """Backlash between every gear and its link, from end to end [rad]."""
     weak_servo: float = 1.0
-    """Share of its torque and gain that one servo has, another in every robot."""
+    """Scale of torque and gain of one servo, a random one in every robot."""
     push: float = 0.0
     """Speed of a push in a random direction, once a second [m/s]."""
     imu_tilt: float = 0.0
-    """How far the IMU is turned about a random axis [rad]."""
+    """Mounting error of the IMU about a random axis [rad]."""
     gyro_bias: float = 0.0
-    """What the gyro tells too much, about a random axis [rad/s]."""
+    """Bias of the gyro about a random axis [rad/s]."""
     noise: bool = False
     """Whether the sensors are as noisy as in training."""
     physics: str | None = None
-    """One of ``PHYSICS``."""
+    """One of ``MODEL_VARIANTS``."""
 
     @property
     def label(self) -> str:
-        """Return what differs, in words."""
-        told = [
-            f"{field.name.replace('_', ' ')} {_tell(getattr(self, field.name))} "
+        """Describe the differences."""
+        parts = [
+            f"{field.name.replace('_', ' ')} {_format(getattr(self, field.name))} "
             f"{UNITS.get(field.name, '')}".rstrip()
             for field in fields(self)
             if getattr(self, field.name) != field.default
         ]
-        return ", ".join(told) or "as described"
+        return ", ".join(parts) or "as described"
 
 
-def run_trial(
+def evaluate_policy(
     robot: Robot,
     action: ActionSpec,
     policy: Policy,
     starts: Sequence[Posture],
-    trial: Perturbation,
+    perturbation: Perturbation,
     seed: int,
     *,
     scene: str = "flat",
     duration: float = DURATION,
     threads: int = 0,
     report: Callable[[int], None] = lambda _: None,
-) -> list[Rises]:
-    """Let a policy get robots up under a trial's conditions; return a record a chunk.
+) -> list[PolicyRollouts]:
+    """Let a policy get robots up under a perturbation; return a record per chunk.
 
     Args:
         robot: Robot.
-        action: What actions mean.
-        policy: Acts.
-        starts: Where the robots lie.
-        trial: What differs from the robot's description.
-        seed: Of what is left to chance: weak servos, pushes, the IMU's axis.
+        action: Meaning of the policy's actions.
+        policy: Policy.
+        starts: Initial postures.
+        perturbation: Differences from the robot's description.
+        seed: Seed of everything random: weak servos, pushes, the IMU's axis, noise.
         scene: Scene by name.
-        duration: How long [s].
-        threads: Threads that step physics; 0 for all.
-        report: Called with the number of robots that are done since.
+        duration: Duration of each rollout [s].
+        threads: Threads that step physics; 0 for one per processor.
+        report: Called with the number of robots done since the last call.
     """
-    changes: list[Change] = [PHYSICS[trial.physics]] if trial.physics else []
-    if trial.backlash:
-        changes.append(free_play(trial.backlash))
-    delays = LONGEST_DELAY if trial.delay else 0.0
-    place_in = load_scene(scene)
-    model = build_world(robot, place_in, PHYSICS_STEP, delays, changes)
+    variants: list[ModelVariant] = []
+    if perturbation.physics:
+        variants.append(MODEL_VARIANTS[perturbation.physics])
+    if perturbation.backlash:
+        variants.append(backlash(perturbation.backlash))
+    delays = LONGEST_DELAY if perturbation.delay else 0.0
+    world = build_training_world(robot, load_scene(scene), PHYSICS_STEP, delays, variants)
     rng = np.random.default_rng(seed)
     records = []
     for first in range(0, len(starts), CHUNK):
         some = starts[first : first + CHUNK]
-        herd = Herd(
-            model,
-            robot,
+        sim = TrainingSim(
+            world,
             len(some),
             cycles=action.cycles,
             pwm_limit=action.pwm_limit,
             threads=threads,
             noise=NOISE,
         )
-        herd.set_conditions(np.arange(herd.n), make_conditions(herd, trial, place_in.friction, rng))
-        qpos = np.array([place(robot, model, posture) for posture in some])
-        push = _Pushes(herd, trial.push, round(PUSH_EVERY / herd.step_time), rng)
+        sim.set_parameters(sim.everyone, make_parameters(world, sim.n, perturbation, rng))
+        qpos = np.array([place(robot, world.model, posture) for posture in some])
+        push = _Pushes(sim, perturbation.push, round(PUSH_EVERY / sim.step_time), rng)
         records.append(
-            rise_all(
-                herd,
+            roll_out_policy(
+                sim,
                 action,
                 policy,
                 qpos,
                 duration=duration,
-                rng=rng if trial.noise else None,
+                rng=rng if perturbation.noise else None,
                 on_step=push,
             )
         )
@@ -144,8 +145,8 @@ def run_trial(
     return records
 
 
-def summarize_trial(
-    starts: Sequence[Fall], records: Sequence[Rises], classes: Sequence[str]
+def summarize_rollouts(
+    starts: Sequence[Fall], records: Sequence[PolicyRollouts], classes: Sequence[str]
 ) -> dict[str, Any]:
     """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
@@ -174,51 +175,50 @@ def _summarize_rows(columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[
     return figures
 
 
-def make_conditions(
-    herd: Herd, trial: Perturbation, friction: float, rng: np.random.Generator
-) -> Conditions:
-    """Make the conditions of a herd's robots under a trial.
+def make_parameters(
+    world: World, n: int, perturbation: Perturbation, rng: np.random.Generator
+) -> DomainParameters:
+    """Make the domain parameters of robots under a perturbation.
 
     Args:
-        herd: Robots.
-        trial: What differs from their description.
-        friction: The scene's sliding friction, where the trial says nothing.
-        rng: Source of what is left to chance: the weak servo, the IMU's axis.
+        world: Robot and scene.
+        n: Number of robots.
+        perturbation: Differences from the robot's description.
+        rng: Random source: which servo is weak, the axes of the IMU's errors.
     """
-    robot, n = herd.robot, herd.n
-    c = Conditions.nominal(
-        robot,
-        herd.model.nbody,
+    p = DomainParameters.nominal(
+        world,
         n,
-        friction=friction if trial.friction is None else trial.friction,
-        torque_limit=trial.torque_limit,
+        friction=perturbation.friction,
+        voltage=perturbation.voltage,
+        torque_limit=perturbation.torque_limit,
+        pwm_limited=perturbation.pwm_limited,
     )
-    c.mass[:] = trial.mass
-    c.pwm_limited[:] = trial.pwm_limited
-    c.action_delay[:] = trial.delay
-    if trial.voltage is not None:
-        c.voltage[:] = trial.voltage
-    c.strength[np.arange(n), rng.integers(0, robot.n, n)] = trial.weak_servo
-    for errors, size in ((c.imu_tilt, trial.imu_tilt), (c.gyro_bias, trial.gyro_bias)):
+    p.mass[:] = perturbation.mass
+    p.action_delay[:] = perturbation.delay
+    p.strength[np.arange(n), rng.integers(0, world.robot.n, n)] = perturbation.weak_servo
+    for error, size in ((p.imu_tilt, perturbation.imu_tilt), (p.gyro_bias, perturbation.gyro_bias)):
         axis = rng.normal(size=(n, 3))
-        errors[:] = size * axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    return c
+        error[:] = size * axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    return p
 
 
-def _tell(value: object) -> str:
+def _format(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 class _Pushes:
-    """Pushes every robot once in a while, in a horizontal direction of chance."""
+    """Pushes every robot now and then, in a random horizontal direction."""
 
-    def __init__(self, herd: Herd, speed: float, every: int, rng: np.random.Generator) -> None:
-        self._herd, self._speed, self._every, self._rng = herd, speed, every, rng
+    def __init__(
+        self, sim: TrainingSim, speed: float, every: int, rng: np.random.Generator
+    ) -> None:
+        self._sim, self._speed, self._every, self._rng = sim, speed, every, rng
 
     def __call__(self, step: int) -> None:
         if not self._speed or step % self._every != self._every // 2:
             return
-        n = self._herd.n
+        n = self._sim.n
         angle = self._rng.uniform(0.0, 2.0 * np.pi, n)
         push = self._speed * np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1)
-        self._herd.push(np.arange(n), push)
+        self._sim.push(np.arange(n), push)

@@ -1,4 +1,4 @@
-"""Evaluation: a policy on settled falls that it never saw, judged by the shared definition."""
+"""Evaluation of a policy on settled falls, judged by the shared definition of standing."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from humanoid_getup.evaluation.judge import find_impact
 from humanoid_getup.evaluation.standing import is_upright, judge
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import Floats, compute_torque_share, observe
-from robots import quaternion
 from robots.quaternion import Array
-from sim2real.environment.vectorized_simulation import Herd
+from sim2real.environment.training_simulation import StepRecord, TrainingSim
 
 Policy = Callable[[Floats], Array]
 """Maps observations (N, size) to actions (N, k)."""
@@ -23,13 +22,13 @@ DURATION = 10.0  # s from the fall to the end of the record, whose last 3 s must
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rises:
-    """What N robots went through, a sample a control cycle."""
+class PolicyRollouts:
+    """Record of N robots under a policy, a sample per control period."""
 
     period: float
     """[s]"""
     upright: NDArray[np.bool_]
-    """Whether the standing condition held, (N, T); never where physics went wrong."""
+    """Whether the standing condition held, (N, T); false for a robot whose physics diverged."""
     qpos: Array
     """MuJoCo positions at the end of each policy step, (N, steps, nq)."""
     torque: Array
@@ -37,16 +36,16 @@ class Rises:
     joint_vel: Array
     """[rad/s], (N, T, n)"""
     head_impact: Array
-    """Fastest that the head came upon the ground [m/s], (N,)."""
+    """Greatest speed at which the head hit the ground [m/s], (N,)."""
 
     @property
     def stood(self) -> NDArray[np.bool_]:
-        """Tell who ended in a held stand, (N,)."""
+        """Return which robots ended in a held stand, (N,)."""
         return np.array([judge(row, self.period).stood for row in self.upright])
 
     @property
     def stand_time(self) -> Array:
-        """Return when each held stand began [s]; nan for who did not stand, (N,)."""
+        """Return when each held stand began [s]; nan for those that did not, (N,)."""
         return np.array([judge(row, self.period).start_time for row in self.upright])
 
     def peak_torque(self) -> Array:
@@ -54,12 +53,12 @@ class Rises:
         return np.abs(self.torque).max(axis=(1, 2))
 
     def standing_speed(self) -> Array:
-        """Compute the joint speed over the last two seconds [rad/s]; nan for who fell, (N,)."""
+        """Compute the joint speed over the last two seconds [rad/s]; nan without a stand, (N,)."""
         recent = self.joint_vel[:, -round(2.0 / self.period) :]
         return np.where(self.stood, np.sqrt(np.mean(recent**2, axis=(1, 2))), np.nan)
 
     def rms_torque(self) -> Array:
-        """Compute the torque over all joints and the way up [N·m]; nan for who fell, (N,)."""
+        """Compute the torque over all joints and the way up [N·m]; nan without a stand, (N,)."""
         ends = self.stand_time / self.period
         means = [
             np.nan if np.isnan(end) else np.mean(row[: round(end) + 1] ** 2)
@@ -68,8 +67,8 @@ class Rises:
         return np.sqrt(np.array(means))
 
 
-def rise_all(
-    herd: Herd,
+def roll_out_policy(
+    sim: TrainingSim,
     action: ActionSpec,
     policy: Policy,
     starts: Array,
@@ -77,51 +76,43 @@ def rise_all(
     duration: float = DURATION,
     rng: np.random.Generator | None = None,
     on_step: Callable[[int], None] = lambda _: None,
-) -> Rises:
-    """Let a policy get robots up, each under the herd's conditions.
+) -> PolicyRollouts:
+    """Let a policy get robots up, under the domain parameters of the simulation.
 
     Args:
-        herd: As many robots as there are starts.
-        action: What actions mean.
-        policy: Acts.
+        sim: Simulation of as many robots as there are starts.
+        action: Meaning of the policy's actions.
+        policy: Policy.
         starts: MuJoCo positions, (N, nq).
-        duration: How long [s].
-        rng: Source of sensor noise; ``None`` for none.
-        on_step: Called before each policy step with its number, to disturb the robots.
+        duration: Duration [s].
+        rng: Random source of sensor noise; ``None`` for none.
+        on_step: Called with its number before each policy step, to disturb the robots.
     """
-    robot, everyone = herd.robot, np.arange(herd.n)
-    layout = robot.layout(herd.model)
-    herd.place(everyone, starts)
-    sensed = herd.sense(rng)
-    target, last_action = sensed.joint_pos, np.zeros((herd.n, action.size))
-    share = compute_torque_share(robot, action, herd.conditions.torque_limit)
-    steps = round(duration / (robot.control_period * action.cycles))
-    seen: dict[str, list[Array]] = {}
-    diverged = np.zeros(herd.n, dtype=bool)
-    for step in range(steps):
+    robot = sim.robot
+    sim.place(sim.everyone, starts)
+    sensed = sim.sense(rng)
+    target, last_action = sensed.joint_pos, np.zeros((sim.n, action.size))
+    share = compute_torque_share(robot, action, sim.parameters.torque_limit)
+    records: list[StepRecord] = []
+    diverged = np.zeros(sim.n, dtype=bool)
+    for step in range(round(duration / sim.step_time)):
         on_step(step)
         observation = observe(robot, sensed, target, last_action, share)
         last_action = np.clip(policy(observation).astype(float), -1.0, 1.0)
         following = next_target(action, target, sensed.joint_pos, sensed.gravity, last_action)
-        recorded = herd.advance(target, following, record=herd.judged)
-        diverged |= herd.diverged
-        for name, values in herd.judge(recorded).items():
-            seen.setdefault(name, []).append(values)
+        records.append(sim.follow_recorded(target, following))
+        diverged |= sim.diverged
         target = following
-        sensed = herd.sense(rng)
-    joined = {name: np.concatenate(values, axis=1) for name, values in seen.items()}
-    root = layout.root_qpos
-    upright = is_upright(
-        joined["neck_height"],
-        quaternion.tilt(joined["qpos"][..., root + 3 : root + 7]),
-        joined["foreign"].astype(bool),
-        robot,
-    )
-    return Rises(
+        sensed = sim.sense(rng)
+    upright = np.concatenate([is_upright(r.stance, robot) for r in records], axis=1)
+    return PolicyRollouts(
         period=robot.control_period,
         upright=upright & ~diverged[:, None],
-        qpos=joined["qpos"][:, action.cycles - 1 :: action.cycles],
-        torque=joined["torque"],
-        joint_vel=joined["joint_vel"],
-        head_impact=find_impact(joined["head_touch"].astype(bool), joined["head_speed"]),
+        qpos=np.stack([r.qpos[:, -1] for r in records], axis=1),
+        torque=np.concatenate([r.torque for r in records], axis=1),
+        joint_vel=np.concatenate([r.joint_vel for r in records], axis=1),
+        head_impact=find_impact(
+            np.concatenate([r.head_contact for r in records], axis=1),
+            np.concatenate([r.head_speed for r in records], axis=1),
+        ),
     )

@@ -19,7 +19,7 @@ from drivers.dynamixel.protocol2 import Span, Status
 from drivers.errors import DriverError
 from drivers.servo_units import fits_one_turn, tick_range
 from robots import Joint, Robot
-from robots.schema import BAUD_RATES
+from robots.robot import BAUD_RATES
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
 TRIES = 3

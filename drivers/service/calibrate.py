@@ -23,6 +23,7 @@ from robots.calibration import Calibration, JointCalibration
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.servo import RAD_PER_TICK, TICKS_PER_TURN
+from robots.validation import Sign
 
 READS = 20  # per joint; the median counts
 PAUSE = 0.02  # s between two reads: a moving hand shows within 0.4 s
@@ -91,7 +92,7 @@ class JointMeasurement:
     joint: Joint
     """As known before."""
     zero_ticks: int
-    sign: int
+    sign: Sign
 
     @property
     def shift(self) -> float:
@@ -181,7 +182,7 @@ class Calibrator:
             if sign is not None:
                 self._measured[name] = replace(measured, sign=sign)
 
-    def _find_sign(self, joint: Joint, prompt: Prompt) -> int | None:
+    def _find_sign(self, joint: Joint, prompt: Prompt) -> Sign | None:
         """Find the sign of one joint; ``None`` if the person skips it."""
         way = describe_direction(self._robot, joint)
         while True:

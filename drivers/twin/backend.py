@@ -10,7 +10,7 @@ from drivers.errors import NotConnectedError
 from drivers.orientation_filter import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
-from drivers.twin.ground_truth import GroundHeight, GroundTruth, flat_ground
+from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.servo_model import (
     CURRENT_STEP,
     VELOCITY_STEP,
@@ -42,7 +42,6 @@ class Twin(ClosesItself):
         period: float | None = None,
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
-        ground: GroundHeight = flat_ground,
     ) -> None:
         """Build a twin with the robot in its standing posture, limp.
 
@@ -57,7 +56,6 @@ class Twin(ClosesItself):
             period: Control period [s]; ``None`` for the robot's own.
             noise: Sensor noise; ``None`` for resolution alone.
             rng: Source of the noise.
-            ground: Height of the ground, for ``truth.neck_height``.
         """
         self.simulation = Simulation(
             robot,
@@ -67,7 +65,6 @@ class Twin(ClosesItself):
             period=period,
             noise=noise,
             rng=rng,
-            ground=ground,
         )
         self._units, self._pwm_limited = ServoUnits(robot), pwm_limited
         self._filter = OrientationFilter(self.period)

@@ -10,14 +10,14 @@ import mujoco
 import numpy as np
 
 from drivers.errors import ModelError
-from drivers.twin.ground_truth import GroundHeight, GroundTruth, flat_ground
+from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
 from robots import Posture, Robot
+from robots.ground import GROUND_FRICTION, add_ground
 from robots.quaternion import Array
 
 LONGEST_STEP = 0.002  # s
-GROUND_FRICTION = 0.8
 # MuJoCo's dry friction is soft: loaded joints without torque creep at up to 0.03 rad/s. Once they
 # have been that slow for a while, its noslip solver holds them, as the friction of gears does.
 REST_SPEED, REST_TIME, NOSLIP_ITERATIONS = 0.05, 1.0, 5  # rad/s and m/s; s
@@ -58,7 +58,6 @@ class Simulation:
         period: float | None = None,
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
-        ground: GroundHeight = flat_ground,
     ) -> None:
         """Build a robot in its standing posture, limp.
 
@@ -71,7 +70,6 @@ class Simulation:
             period: Time between two looks of the sensors [s]; ``None`` for the robot's own.
             noise: Sensor noise; ``None`` for resolution alone.
             rng: Source of the noise.
-            ground: Height of the ground, for ``truth.neck_height``.
         """
         self.robot = robot
         self.period = robot.control_period if period is None else period
@@ -87,7 +85,7 @@ class Simulation:
         self._rng = rng or np.random.default_rng(0)
         self._windings = Windings(robot)
         self.imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
-        self.truth = GroundTruth(robot, self.model, self.data, ground)
+        self.truth = GroundTruth(robot, self.model, self.data)
         self.on_look: list[Callable[[], None]] = []
         """Called after each look of the sensors, by whoever lets time pass."""
         self.place(robot.standing)
@@ -219,9 +217,7 @@ def limp_drives(joint_pos: Array) -> Drives:
 def build_flat_world(robot: Robot, friction: float = GROUND_FRICTION) -> mujoco.MjModel:
     """Compile a robot on a horizontal plane at z = 0."""
     spec = robot.spec()
-    ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE)
-    ground.size[2] = 1.0
-    ground.friction[0] = friction
+    add_ground(spec, friction)
     return spec.compile()
 
 

@@ -10,17 +10,19 @@ import numpy as np
 
 from drivers import GuardLimits, SafetyGuard, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.execution.get_up import play
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.randomization import Disturbance, disturb
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal
-from humanoid_getup.simulation.scene import GROUND, Scene
+from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
+from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
 from robots import Robot
+from robots.ground import GROUND
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -84,12 +86,9 @@ def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | Non
     n, hold = len(LIMITS), round((HOLD_TIME + 0.3) / period)
     targets = motion.sample(np.arange(motion.time[0], motion.time[-1] + 0.5 * period, period))
     targets = np.concatenate([targets, np.repeat(targets[-1:], hold, axis=0)])
-    nominal = Conditions.nominal(world, n)
-    conditions = Conditions(friction=nominal.friction, voltage=nominal.voltage, torque_limit=LIMITS)
-    trace = Rehearsal(world, n).play(
-        np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), conditions
-    )
-    upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+    conditions = DomainParameters.nominal(world, n, torque_limit=LIMITS)
+    trace = Rollout(world, n).play(np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), conditions)
+    upright = is_upright(measure_stance(world, trace), robot)
     stood = np.array([judge(u, period).stood for u in upright])
     unbroken = np.cumprod(stood).astype(bool)
     return float(LIMITS[unbroken][-1]) if unbroken.any() else None
@@ -100,7 +99,9 @@ def _play_disturbed(
 ) -> list[bool]:
     robot = world.robot
     torque = float(robot.max_torque.max())
-    starts, conditions = disturb(world, start, plays + 1, Disturbance(), torque, rng)
+    starts, conditions = randomize_rollouts(
+        world, start, plays + 1, RolloutRandomization(), torque, rng
+    )
     stood = []
     for i in range(1, plays + 1):  # the first is the undisturbed one
         model = copy.copy(world.model)

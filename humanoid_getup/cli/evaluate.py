@@ -99,13 +99,13 @@ class EvalPolicy(WorldOptions):
         """Draw falls, let the policy get up from each, judge."""
         world = self.load_stage()
         policy = load_policy(world.robot, self.policy, self.torque_limit)
-        from sim2real.perturbations import run_trial, summarize_trial
+        from sim2real.perturbations import evaluate_policy, summarize_rollouts
 
         trial = self._make_trial(policy.action.pwm_limit)
         chosen = self._find_falls(world)
         falls = chosen.falls
         with counting("rises", len(falls)) as count:
-            rises = run_trial(
+            rises = evaluate_policy(
                 policy.robot,
                 policy.action,
                 policy.act,
@@ -116,15 +116,15 @@ class EvalPolicy(WorldOptions):
                 report=count,
             )
         about = {"falls_seed": chosen.seed, "falls_scene": chosen.scene, "trial": trial.label}
-        return self._hand_over(about | summarize_trial(falls, rises, CLASSES), policy)
+        return self._hand_over(about | summarize_rollouts(falls, rises, CLASSES), policy)
 
     def _make_trial(self, pwm_limit: float) -> Perturbation:
-        from sim2real.environment.model_variants import MENAGERIE_SERVOS, PHYSICS
+        from sim2real.environment.model_variants import MENAGERIE_SERVOS, MODEL_VARIANTS
         from sim2real.perturbations import Perturbation
 
-        if self.physics is not None and self.physics not in PHYSICS:
+        if self.physics is not None and self.physics not in MODEL_VARIANTS:
             raise BadInputError(
-                f"unknown physics '{self.physics}': allowed {', '.join(sorted(PHYSICS))}"
+                f"unknown physics '{self.physics}': allowed {', '.join(sorted(MODEL_VARIANTS))}"
             )
         if self.physics == MENAGERIE_SERVOS and (
             self.torque_limit or self.voltage or self.weak_servo < 1.0 or pwm_limit < 1.0

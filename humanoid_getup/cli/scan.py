@@ -23,7 +23,7 @@ from drivers.service.scan import (
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
-from robots.schema import BAUD_RATES
+from robots.robot import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
 NO_DEVICE = (

@@ -1,19 +1,100 @@
-"""Standing: the one definition that every test and benchmark shares."""
+"""Standing: the one definition, and the one measurement, that every test and benchmark shares."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots import Robot
+from humanoid_getup.simulation.rollout import Trace
+from humanoid_getup.simulation.scene import GroundHeight, flat_ground
+from humanoid_getup.simulation.world import World
+from robots import Robot, quaternion
 from robots.quaternion import Array
 
 HOLD_TIME = 3.0  # s
+HOLD = HOLD_TIME + 1.5  # s after the motion; a robot may sway before its stand begins
 MAX_TILT = math.radians(15.0)
 MIN_NECK_SHARE = 0.90
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stance:
+    """What decides whether a robot stands, sample by sample."""
+
+    neck_height: Array
+    """Height of the neck over the local ground under the feet [m], (...)."""
+    tilt: Array
+    """Angle between the torso's z axis and the vertical [rad], (...)."""
+    non_foot_contact: NDArray[np.bool_]
+    """Whether anything but the feet touches the world, (...)."""
+
+
+class StanceMeter:
+    """Measures stances: on the twin, in vectorized simulations, and from sensors."""
+
+    def __init__(
+        self, robot: Robot, model: mujoco.MjModel, ground: GroundHeight = flat_ground
+    ) -> None:
+        self._robot, self._model, self._ground = robot, model, ground
+        self._data = mujoco.MjData(model)
+        self._layout = robot.layout(model)
+        self._neck = model.site(robot.neck_site).id
+        self._soles = [model.site(site).id for site in robot.sole_sites]
+
+    def measure(self, qpos: Array, site_pos: Array, non_foot_contact: NDArray[np.bool_]) -> Stance:
+        """Measure what a simulation knows.
+
+        Args:
+            qpos: MuJoCo positions, (..., nq).
+            site_pos: Positions of all sites in the world [m], (..., nsite, 3).
+            non_foot_contact: Whether anything but the feet touches the world, (...).
+        """
+        root = self._layout.root_qpos
+        feet = site_pos[..., self._soles, :].mean(axis=-2)
+        return Stance(
+            neck_height=site_pos[..., self._neck, 2] - self._ground(feet[..., 0], feet[..., 1]),
+            tilt=quaternion.tilt(qpos[..., root + 3 : root + 7]),
+            non_foot_contact=non_foot_contact,
+        )
+
+    def estimate(self, orientation: Array, joint_pos: Array) -> Stance:
+        """Estimate from sensors, by forward kinematics with the lower sole on the ground.
+
+        Sensors do not feel contacts, so none is assumed.
+
+        Args:
+            orientation: Torso to world, (T, 4).
+            joint_pos: Joint angles [rad], (T, n).
+        """
+        data, layout = self._data, self._layout
+        root, height = layout.root_qpos, np.zeros(len(joint_pos))
+        for k in range(len(joint_pos)):
+            data.qpos[root + 3 : root + 7] = orientation[k]
+            data.qpos[layout.qpos] = joint_pos[k]
+            mujoco.mj_kinematics(self._model, data)
+            z = data.site_xpos[:, 2]
+            height[k] = z[self._neck] - z[self._soles].min()
+        return Stance(
+            neck_height=height,
+            tilt=quaternion.tilt(orientation),
+            non_foot_contact=np.zeros(len(joint_pos), dtype=bool),
+        )
+
+
+def measure_stance(world: World, trace: Trace) -> Stance:
+    """Measure the stances of N rollouts, (N, T)."""
+    meter = StanceMeter(world.robot, world.model, world.scene.ground)
+    return meter.measure(trace.qpos, trace.site_pos, trace.non_foot_contact)
+
+
+def is_upright(stance: Stance, robot: Robot) -> NDArray[np.bool_]:
+    """Check, sample by sample, whether a robot is in the standing condition, (...)."""
+    tall = stance.neck_height >= MIN_NECK_SHARE * robot.standing_neck_height
+    return tall & (stance.tilt <= MAX_TILT) & ~stance.non_foot_contact
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,34 +102,19 @@ class Stand:
     """Whether and when a robot stood."""
 
     stood: bool
-    """Whether the last moments of the record are a stand held for 3.0 s."""
+    """Whether the record ends with a stand held for 3.0 s."""
     start_time: float
     """First moment of that held stand [s]; nan if it did not stand."""
     hold_time: float
-    """How long the last unbroken stand of the record lasted [s]."""
-
-
-def is_upright(
-    neck_height: Array, tilt: Array, foreign: NDArray[np.bool_], robot: Robot
-) -> NDArray[np.bool_]:
-    """Tell, sample by sample, whether the robot is in the standing condition.
-
-    Args:
-        neck_height: Height of the neck over the ground under the feet [m], (..., T).
-        tilt: Angle between the torso's z axis and the vertical [rad], (..., T).
-        foreign: Whether anything but the feet touches the world, (..., T).
-        robot: Gives the nominal standing neck height.
-    """
-    tall = neck_height >= MIN_NECK_SHARE * robot.standing_neck_height
-    return tall & (tilt <= MAX_TILT) & ~foreign
+    """Duration of the last unbroken stand of the record [s]."""
 
 
 def judge(upright: NDArray[np.bool_], period: float, hold_time: float = HOLD_TIME) -> Stand:
     """Judge one record (T,) of :func:`is_upright`, sampled at the end of every ``period``.
 
     The stand that counts is the one that lasts to the end of the record: a robot
-    that stood and fell again did not rise. Only a search that checks what it finds may
-    ask for a shorter ``hold_time`` [s].
+    that stood and fell again did not rise. Only a search whose results are checked again may
+    use a shorter ``hold_time`` [s].
     """
     broken = np.flatnonzero(~upright)
     first = 0 if len(broken) == 0 else int(broken[-1]) + 1
@@ -57,6 +123,3 @@ def judge(upright: NDArray[np.bool_], period: float, hold_time: float = HOLD_TIM
     return Stand(
         stood=stood, start_time=(first + 1) * period if stood else math.nan, hold_time=hold
     )
-
-
-HOLD = HOLD_TIME + 1.5  # s after the motion; a robot may sway before its stand begins

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
+from humanoid_getup.evaluation.standing import HOLD_TIME, Stance, is_upright, judge, measure_stance
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_torque, compute_wish
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.planning.smoothing import Trajectory
-from humanoid_getup.simulation.randomization import Disturbance, disturb
-from humanoid_getup.simulation.rollout import Conditions, Observation, Rehearsal, Trace
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
+from humanoid_getup.simulation.rollout import Feedback, Rollout, Trace
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place
@@ -22,7 +23,7 @@ FADE_CYCLES = 40  # in which the virtual actuator lets go before the targets sta
 FIRST_HOLD = 1.0  # s of stand that a rehearsal must show to be checked
 FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
 CHECKS = 16  # disturbed rehearsals of a motion before it is handed out
-CHECK_DISTURBANCE = Disturbance(
+CHECK_DISTURBANCE = RolloutRandomization(
     joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
 )
 
@@ -81,7 +82,7 @@ class DynamicsFilter:
         self.count = 0
         self._threads = threads
         self._limbs = LimbMap.of(world)
-        self._rehearsals: dict[int, Rehearsal] = {}
+        self._rehearsals: dict[int, Rollout] = {}
 
     def rehearse(self, start: Posture, candidates: list[Candidate]) -> list[Rehearsed]:
         """Track every candidate from the start posture, at rest."""
@@ -99,9 +100,11 @@ class DynamicsFilter:
             np.array([c.assistance for c in candidates]),
         )
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
-        limits = Conditions.nominal(world, len(candidates), torque_limit=self.torque_limit.value)
+        limit = self.torque_limit.value
+        limits = DomainParameters.nominal(world, len(candidates), torque_limit=limit)
         trace = self._play(starts, target, limits, steering)
-        return [self._read(trace, i, c, moving[i]) for i, c in enumerate(candidates)]
+        stance = measure_stance(world, trace)
+        return [self._read(trace, stance, i, c, moving[i]) for i, c in enumerate(candidates)]
 
     def _refer(self, c: Candidate) -> Reference:
         reference = compose(self.world, c.path, c.connection.motion, c.connection.frame, c.tempo)
@@ -114,31 +117,32 @@ class DynamicsFilter:
         """
         world, robot = self.world, self.world.robot
         limit = self.torque_limit.largest(robot)
-        starts, conditions = disturb(
+        starts, conditions = randomize_rollouts(
             world, place(robot, world.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
         )
         longer = _extend(
             target, len(target) + round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
         )
         trace = self._play(starts, np.tile(longer, (CHECKS, 1, 1)), conditions, None)
-        upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+        upright = is_upright(measure_stance(world, trace), robot)
         stood = [judge(u, trace.period).stood for u in upright]
         return float(np.mean(stood)) if stood[0] else 0.0
 
     def _play(
-        self, starts: Array, target: Array, conditions: Conditions, steering: _Steering | None
+        self, starts: Array, target: Array, conditions: DomainParameters, steering: _Steering | None
     ) -> Trace:
         n = len(starts)
-        conditions = replace(conditions, pwm_limited=self.torque_limit.by_pwm)
+        pwm_limited = np.full(n, self.torque_limit.by_pwm)
+        conditions = replace(conditions, pwm_limited=pwm_limited)
         self.count += n
         if n not in self._rehearsals:
-            self._rehearsals[n] = Rehearsal(self.world, n, threads=self._threads)
-        return self._rehearsals[n].play(starts, target, conditions, steering=steering)
+            self._rehearsals[n] = Rollout(self.world, n, threads=self._threads)
+        return self._rehearsals[n].play(starts, target, conditions, feedback=steering)
 
-    def _read(self, trace: Trace, i: int, candidate: Candidate, moving: int) -> Rehearsed:
-        upright = is_upright(
-            trace.neck_height[i], trace.tilt[i], trace.foreign[i], self.world.robot
-        )
+    def _read(
+        self, trace: Trace, stance: Stance, i: int, candidate: Candidate, moving: int
+    ) -> Rehearsed:
+        upright = is_upright(stance, self.world.robot)[i]
         stand = judge(upright, trace.period, hold_time=FIRST_HOLD - 0.1)
         return Rehearsed(
             candidate=candidate,
@@ -146,7 +150,7 @@ class DynamicsFilter:
             stand_time=stand.start_time,
             target=trace.target[i],
             qpos=trace.qpos[i],
-            peak_neck=float(trace.neck_height[i].max()),
+            peak_neck=float(stance.neck_height[i].max()),
             moving=moving,
         )
 
@@ -177,7 +181,7 @@ class _Steering:
         self._last_com: Array | None = None
         self._shift = np.zeros((len(references), 3))
 
-    def __call__(self, seen: Observation, planned: Array) -> Array:
+    def __call__(self, seen: Feedback, planned: Array) -> Array:
         com = seen.com[:, self._torso]
         velocity = np.zeros_like(com)
         if self._last_com is not None:
@@ -189,7 +193,7 @@ class _Steering:
         self._last = np.clip(target, self._last - reach, self._last + reach)
         return self._last
 
-    def _assist(self, seen: Observation, com: Array, velocity: Array) -> Array:
+    def _assist(self, seen: Feedback, com: Array, velocity: Array) -> Array:
         k = seen.step
         anchored = (k == self._begins) | (
             k == self._joined

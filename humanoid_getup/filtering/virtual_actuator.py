@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.simulation.rollout import Observation
+from humanoid_getup.simulation.rollout import Feedback
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
@@ -62,7 +62,7 @@ def compute_wish(
     return force * np.minimum(1.0, largest / np.maximum(size, 1e-9))
 
 
-def compute_torque(seen: Observation, force: Array, limbs: LimbMap) -> Array:
+def compute_torque(seen: Feedback, force: Array, limbs: LimbMap) -> Array:
     """Turn a force on the center of mass into joint torques [N·m], (N, n).
 
     With its point of touch p held by the world and the torso's attitude kept, turning

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes, load_keyframes
 from humanoid_getup.motions.motion import Motion, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal, Trace
+from humanoid_getup.simulation.rollout import Rollout, Trace
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
@@ -82,8 +83,8 @@ def record(
     """
     robot, period = world.robot, world.robot.control_period
     targets = keyframes.targets(robot, HOLD_TIME + 1.0)
-    trace = Rehearsal(world, 1).play(start[None], targets[None], Conditions.nominal(world, 1))
-    stand = judge(is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)[0], period)
+    trace = Rollout(world, 1).play(start[None], targets[None], DomainParameters.nominal(world, 1))
+    stand = judge(is_upright(measure_stance(world, trace), robot)[0], period)
     if not stand.stood:
         raise RuntimeError(f"motion '{keyframes.name}' does not end in a held stand")
     moving = len(targets) - round((HOLD_TIME + 0.5) / period)
@@ -123,9 +124,9 @@ def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray
     length = max(map(len, plays)) + round(HOLD_TIME / period)
     targets = np.array([np.concatenate([p, np.repeat(p[-1:], length - len(p), 0)]) for p in plays])
     starts = np.array([place(robot, world.model, motion.posture(int(f))) for f in frames])
-    limits = Conditions.nominal(world, len(frames))
-    trace: Trace = Rehearsal(world, len(frames)).play(starts, targets, limits)
-    upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+    limits = DomainParameters.nominal(world, len(frames))
+    trace: Trace = Rollout(world, len(frames)).play(starts, targets, limits)
+    upright = is_upright(measure_stance(world, trace), robot)
     return np.array([judge(u, period).stood for u in upright])
 
 

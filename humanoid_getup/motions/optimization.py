@@ -9,10 +9,10 @@ from dataclasses import replace
 import cma
 import numpy as np
 
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.simulation.randomization import Disturbance, disturb
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal, Trace
+from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
+from humanoid_getup.simulation.rollout import Rollout, Trace
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
@@ -35,12 +35,17 @@ def score(
 ) -> tuple[Array, np.ndarray]:
     """Compute the cost of each rehearsal, (N,), and whether it ended standing, (N,)."""
     robot, period = world.robot, trace.period
-    upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+    stance = measure_stance(world, trace)
+    upright = is_upright(stance, robot)
     last = round(hold / period)
     stood = np.asarray(upright[:, -last:].all(axis=1))
     begin = (upright.shape[1] - np.argmax(~upright[:, ::-1], axis=1)) * period
-    height = np.clip(trace.neck_height / robot.standing_neck_height, 0.0, 1.0)
-    quality = height * np.clip(np.cos(trace.tilt), 0.0, 1.0) * np.where(trace.foreign, 0.8, 1.0)
+    height = np.clip(stance.neck_height / robot.standing_neck_height, 0.0, 1.0)
+    quality = (
+        height
+        * np.clip(np.cos(stance.tilt), 0.0, 1.0)
+        * np.where(stance.non_foot_contact, 0.8, 1.0)
+    )
     best = np.array([np.convolve(q, np.full(25, 1 / 25), "valid").max() for q in quality])
     progress = 0.6 * quality[:, -last:].mean(axis=1) + 0.4 * best
     held = upright[:, -last:].mean(axis=1)
@@ -61,8 +66,8 @@ class TrajectoryOptimizer:
         self.world, self.start = world, start
         coarse = replace(world, model=copy.copy(world.model))
         coarse.model.opt.timestep = _coarse_step(world)
-        self._search = Rehearsal(coarse, POPULATION * SCENARIOS, threads=threads)
-        self._final = Rehearsal(world, FINAL_SCENARIOS, threads=threads)
+        self._search = Rollout(coarse, POPULATION * SCENARIOS, threads=threads)
+        self._final = Rollout(world, FINAL_SCENARIOS, threads=threads)
 
     def improve(
         self,
@@ -112,7 +117,7 @@ class TrajectoryOptimizer:
 
     def _rehearse(
         self,
-        rehearsal: Rehearsal,
+        rehearsal: Rollout,
         candidates: list[Keyframes],
         each: int,
         rng: np.random.Generator,
@@ -134,8 +139,8 @@ class TrajectoryOptimizer:
                 for p in plays
             ]
         )
-        starts, conditions = disturb(
-            world, self.start, each, Disturbance(), candidates[0].torque_limit, rng
+        starts, conditions = randomize_rollouts(
+            world, self.start, each, RolloutRandomization(), candidates[0].torque_limit, rng
         )
         full = float(robot.max_torque.max())
         # The second is undisturbed, too: it must also stand with all the torque there is.
@@ -146,11 +151,7 @@ class TrajectoryOptimizer:
         trace = rehearsal.play(
             np.tile(starts, (n, 1)),
             np.repeat(targets, each, axis=0),
-            Conditions(
-                friction=np.tile(conditions.friction, n),
-                voltage=np.tile(conditions.voltage, n),
-                torque_limit=np.tile(conditions.torque_limit, n),
-            ),
+            conditions.tile(n),
         )
         cost, stood = score(trace, world, candidates[0], hold)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.arrays import load_arrays, save_arrays, to_numbers, to_text
@@ -21,8 +24,6 @@ from robots.validation import shown
 
 CLASSES = ("supine", "prone", "left", "right")
 DROP_HEIGHT = 0.02  # m under the lowest point
-SETTLE_TIME = 3.0  # s
-STILL_SPEED = 0.02  # rad/s and m/s, over the last quarter of a second
 SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
 BATCH = 24
 MOST_BATCHES = 400
@@ -31,6 +32,25 @@ MOST_SAMPLES = 10_000
 
 class FallError(ValueError):
     """Falls do not make the postures that were asked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settling:
+    """When a dropped robot counts as settled."""
+
+    speed: float
+    """Bound of every coordinate's speed [rad/s, m/s]..."""
+    window: float = 0.25
+    """... over this time [s]."""
+    first_check: float = 3.0
+    """Time after the drop [s]."""
+    next_check: float = 1.0
+    """Time between checks of those that still move [s]."""
+    longest: float = 3.0
+    """Time after which a robot that still moves is left out [s]."""
+
+
+SETTLING = Settling(speed=0.02)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +88,7 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
     Raises:
         FallError: if a class does not come up.
     """
-    rehearsal = Rehearsal(world, BATCH)
+    sim = VecSim(world, BATCH)
     wanted = dict(counts)
     falls: list[Fall] = []
     for batch in itertools.count():
@@ -80,7 +100,8 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
                 f"robot '{world.robot.name}' does not come to lie in every class: "
                 f"{missing} missing after {batch * BATCH} falls"
             )
-        for posture in _drop(rehearsal, rng):
+        qpos, settled = drop(sim, SETTLING, rng)
+        for posture in (read_posture(world.robot, world.model, q) for q in qpos[settled]):
             found = classify(posture.orientation)
             if found is None:
                 continue
@@ -96,23 +117,44 @@ def _counted_as(start_class: str, counts: dict[str, int]) -> str:
     return start_class if start_class in counts else "lateral"
 
 
-def _drop(rehearsal: Rehearsal, rng: np.random.Generator) -> list[Posture]:
-    """Drop one batch of robots; return those that lie still."""
-    world = rehearsal.world
-    robot, model = world.robot, world.model
+def drop(
+    sim: VecSim, settling: Settling, rng: np.random.Generator
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Drop limp robots in random postures and let them settle.
+
+    Args:
+        sim: Simulation; its robots stay limp.
+        settling: What counts as settled.
+        rng: Random source of the postures.
+
+    Returns:
+        Where each robot came to rest, MuJoCo positions (N, nq), and which did, (N,).
+    """
+    robot, model = sim.robot, sim.model
     data = mujoco.MjData(model)
-    starts = np.array([sample_drop(robot, model, data, rng) for _ in range(BATCH)])
-    limp = Conditions.nominal(world, BATCH, torque_limit=0.0)
-    cycles = round(SETTLE_TIME / robot.control_period)
-    targets = np.zeros((BATCH, cycles, robot.n))
-    qpos = rehearsal.play(starts, targets, limp).qpos
-    recent = round(0.25 / robot.control_period)
-    moved = np.abs(np.diff(qpos[:, -recent:], axis=1)).max(axis=(1, 2)) / robot.control_period
-    return [
-        read_posture(robot, model, q)
-        for q, v in zip(qpos[:, -1], moved, strict=True)
-        if v < STILL_SPEED
-    ]
+    qpos = np.array([sample_drop(robot, model, data, rng) for _ in sim.everyone])
+    sim.set_parameters(sim.everyone, DomainParameters.nominal(sim.world, sim.n, torque_limit=0.0))
+    sim.place(sim.everyone, qpos)
+    hold = _count_sample_steps(sim)
+    sample_time = hold * model.opt.timestep
+    window = round(settling.window / sample_time)
+    settled = np.zeros(sim.n, dtype=bool)
+    time, duration = 0.0, settling.first_check
+    while time < settling.longest - 1e-9 and not settled.all():
+        targets = np.zeros((sim.n, round(duration / sample_time), robot.n))
+        went = sim.advance(targets, hold, ("qpos",))["qpos"]
+        time, duration = time + duration, settling.next_check
+        speed = np.abs(np.diff(went[:, -window:], axis=1)).max(axis=(1, 2)) / sample_time
+        new = ~settled & (speed < settling.speed) & ~sim.diverged
+        qpos[new] = went[new, -1]
+        settled |= new
+    return qpos, settled
+
+
+def _count_sample_steps(sim: VecSim) -> int:
+    """Count the physics steps of the fewest control periods that are a whole number of them."""
+    steps = Fraction(sim.robot.control_period / sim.model.opt.timestep).limit_denominator(1000)
+    return steps.numerator
 
 
 def sample_drop(
@@ -249,5 +291,5 @@ def settle_posture(world: World, posture: Posture) -> Array:
     qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
     cycles = round(HELD_TIME / robot.control_period)
     targets = np.tile(posture.joint_pos, (1, cycles, 1))
-    trace = Rehearsal(world, 1).play(qpos[None], targets, Conditions.nominal(world, 1))
+    trace = Rollout(world, 1).play(qpos[None], targets, DomainParameters.nominal(world, 1))
     return trace.qpos[0, -1]

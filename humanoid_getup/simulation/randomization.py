@@ -1,4 +1,4 @@
-"""Disturbances: how starts, friction and supply differ from the nominal."""
+"""Domain randomization of rollouts: starts, friction and supply differ from the nominal."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.simulation.rollout import Conditions
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.kinematics import lowest_point
@@ -14,54 +14,53 @@ from robots.quaternion import Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class Disturbance:
-    """How far rehearsals differ from the nominal one."""
+class RolloutRandomization:
+    """How far rollouts differ from the nominal one."""
 
     joints: float = np.radians(3.0)
     """Standard deviation of the start angles [rad]."""
     root: float = np.radians(5.0)
-    """Standard deviation of the root's turn about a random axis [rad]."""
+    """Standard deviation of the root's rotation about a random axis [rad]."""
     friction: tuple[float, float] = (0.4, 1.2)
     supply: tuple[float, float] = (11.0 / 12.0, 12.6 / 12.0)
     """Shares of the robot's nominal supply."""
 
 
-def disturb(
+def randomize_rollouts(
     world: World,
     start: Array,
     n: int,
-    disturbance: Disturbance,
+    randomization: RolloutRandomization,
     torque_limit: float,
     rng: np.random.Generator,
-) -> tuple[Array, Conditions]:
-    """Make the nominal start and conditions and ``n - 1`` disturbed ones.
+) -> tuple[Array, DomainParameters]:
+    """Make the nominal start and parameters and ``n - 1`` randomized ones.
 
     Args:
         world: Robot and scene.
         start: Nominal MuJoCo positions, (nq,).
-        n: How many in all.
-        disturbance: How far they differ.
-        torque_limit: Cap on every servo [N·m].
-        rng: Source of the disturbances.
+        n: Number of rollouts, the nominal one included.
+        randomization: How far they differ.
+        torque_limit: Torque limit of every servo [N·m].
+        rng: Random source.
     """
     robot = world.robot
     layout = robot.layout(world.model)
     starts = np.tile(start, (n, 1))
-    noise = rng.normal(scale=disturbance.joints, size=(n, robot.n))
+    noise = rng.normal(scale=randomization.joints, size=(n, robot.n))
     axis = rng.normal(size=(n, 3))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    turn = quaternion.from_axis_angle(axis, rng.normal(scale=disturbance.root, size=n))
-    friction = rng.uniform(*disturbance.friction, size=n)
-    supply = rng.uniform(*disturbance.supply, size=n)
+    turn = quaternion.from_axis_angle(axis, rng.normal(scale=randomization.root, size=n))
+    friction = rng.uniform(*randomization.friction, size=n)
+    supply = rng.uniform(*randomization.supply, size=n)
     noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, world.scene.friction, 1.0
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
     turned = slice(layout.root_qpos + 3, layout.root_qpos + 7)
     starts[:, turned] = quaternion.multiply(turn, starts[:, turned])
     rest = lowest_point(world.model, start)
-    for row in starts[1:]:  # the turn must neither lift it off the ground nor press it in
+    for row in starts[1:]:  # the rotation must neither lift it off the ground nor press it in
         row[layout.root_qpos + 2] += rest - lowest_point(world.model, row)
-    return starts, Conditions(
-        friction=friction,
-        voltage=supply * robot.supply_voltage,
-        torque_limit=np.full(n, torque_limit),
+    voltage = supply * robot.supply_voltage
+    return starts, DomainParameters.nominal(
+        world, n, friction=friction, voltage=voltage, torque_limit=torque_limit
     )

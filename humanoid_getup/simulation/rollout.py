@@ -1,75 +1,47 @@
-"""Rehearsals: many copies of a robot in simulation, each playing its own targets."""
+"""Rollouts: joint trajectories played in simulation, many at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from humanoid_getup.simulation.world import World, count_substeps, find_foreign
-from robots import quaternion
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.vectorized_simulation import VecSim
+from humanoid_getup.simulation.world import World, count_substeps
 from robots.quaternion import Array
 
 Bools = NDArray[np.bool_]
 
 RECORDED = ("qpos", "site_xpos", "sensordata", "actuator_force")
-CHUNK = 50  # cycles that are rolled out in one call
-
-
-@dataclass(frozen=True, kw_only=True)
-class Conditions:
-    """What differs between rehearsals besides the start: shape (N,) each."""
-
-    friction: Array
-    """Sliding friction of every contact."""
-    voltage: Array
-    """Supply [V]."""
-    torque_limit: Array
-    """Cap on every servo [N·m]."""
-    pwm_limited: bool = False
-    """The caps are PWM limits, as servos in position mode have them, for all alike."""
-
-    @staticmethod
-    def nominal(world: World, n: int, *, torque_limit: float | None = None) -> Conditions:
-        """Make ``n`` times the robot's nominal supply and the scene's own friction."""
-        robot = world.robot
-        limit = float(robot.max_torque.max()) if torque_limit is None else torque_limit
-        return Conditions(
-            friction=np.full(n, world.scene.friction),
-            voltage=np.full(n, robot.supply_voltage),
-            torque_limit=np.full(n, limit),
-        )
+CHUNK = 50  # control periods that are simulated in one call
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """What N rehearsals went through, sampled every control period, from the start on."""
+    """Record of N rollouts, sampled at the end of every control period."""
 
     period: float
     """[s]"""
     qpos: Array
     """MuJoCo positions, shape (N, T, nq)."""
-    neck_height: Array
-    """Height of the neck site over the ground [m], (N, T)."""
-    tilt: Array
-    """Angle between torso and vertical [rad], (N, T)."""
-    foreign: Bools
+    site_pos: Array
+    """Positions of all sites in the world [m], (N, T, nsite, 3)."""
+    non_foot_contact: Bools
     """Whether anything but the feet touched the world, (N, T)."""
     overlap: Array
-    """How deep the robot is in itself, at most [m], (N, T)."""
+    """Greatest depth of self-penetration [m], (N, T)."""
     torque: Array
     """Servo torques [N·m], (N, T, n)."""
     target: Array
-    """What the servos were sent [rad], (N, T, n)."""
+    """Targets that the servos were sent [rad], (N, T, n)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observation:
-    """What a steering function sees of the rehearsals at one cycle (first axis N)."""
+class Feedback:
+    """What a feedback law sees of N rollouts at the start of a control period."""
 
     step: int
     com: Array
@@ -81,105 +53,72 @@ class Observation:
     limb_touch: Bools
     """Whether a limb touches the world, (N, limbs)."""
     limb_point: Array
-    """Where it does [m], (N, limbs, 3)."""
+    """Point at which the net contact force of each limb acts [m], (N, limbs, 3)."""
 
 
-Steering = Callable[[Observation, Array], Array]
-"""Maps an observation and the planned targets (N, n) to the targets sent (N, n)."""
+FeedbackLaw = Callable[[Feedback, Array], Array]
+"""Maps feedback and the planned targets (N, n) to the targets that are sent (N, n)."""
 
 
-class Rehearsal:
-    """Steps ``n`` copies of a world side by side on a thread pool."""
+class Rollout:
+    """Plays ``n`` joint trajectories side by side in copies of a world."""
 
     def __init__(self, world: World, n: int, *, threads: int = 0) -> None:
-        self.world, self.n = world, n
-        self.batch = Batch(world.model, n, threads)
+        self.world, self.sim = world, VecSim(world, n, threads=threads)
+        self.sim.bind("sensordata", "subtree_com", "xaxis", "xanchor")
         model, robot = world.model, world.robot
-        self._substeps = count_substeps(model, robot.control_period)
-        self._limbs = [int(model.sensor(f"limb_{b}").adr[0]) for b in world.limbs]
+        self._hold = count_substeps(model, robot.control_period)
+        self._limbs = [int(self.world.model.sensor(f"limb_{b}").adr[0]) for b in world.limbs]
         self._joint_ids = [model.joint(name).id for name in robot.joint_names]
-        batch = self.batch
-        self._gains = batch.expand("actuator_gainprm")
-        self._range = batch.expand("actuator_forcerange")
-        self._friction = batch.expand("geom_friction")
-        self._fields = {name: batch.bind(name) for name in (*RECORDED, "qvel", "ctrl")}
 
     def play(
         self,
         starts: Array,
         targets: Array,
-        conditions: Conditions,
+        parameters: DomainParameters,
         *,
-        steering: Steering | None = None,
+        feedback: FeedbackLaw | None = None,
     ) -> Trace:
-        """Play targets from the start states, at rest, and record every cycle.
+        """Play targets from the start states, at rest, and record every control period.
 
         Args:
             starts: MuJoCo positions, shape (N, nq).
-            targets: Joint targets [rad], shape (N, T, n), one a control period.
-            conditions: Friction, supply and torque limit of each.
-            steering: Adds feedback to the targets; the result is what is recorded.
+            targets: Joint targets [rad], shape (N, T, n), one per control period.
+            parameters: Domain parameters of each.
+            feedback: Corrects the targets; the corrected ones are recorded.
         """
-        n, length, _ = targets.shape
-        self._prepare(starts, conditions)
-        record = {name: np.zeros((n, length, *self._fields[name].shape[1:])) for name in RECORDED}
-        if steering is None:
-            self._roll(targets, record)
-            return self._read(record, targets)
-        sent = np.zeros_like(targets)
-        self.batch.forward()
-        for k in range(length):
-            sent[:, k] = steering(self._observe(k), targets[:, k])
-            self._fields["ctrl"][:] = sent[:, k]
-            self.batch.step(nstep=self._substeps)
-            for name in RECORDED:
-                record[name][:, k] = self._fields[name]
-        return self._read(record, sent)
+        sim, length, sent = self.sim, targets.shape[1], targets.copy()
+        sim.set_parameters(sim.everyone, parameters)
+        sim.place(sim.everyone, starts)
+        parts: dict[str, list[Array]] = {name: [] for name in RECORDED}
+        chunk = CHUNK if feedback is None else 1
+        for first in range(0, length, chunk):
+            if feedback is not None:
+                sent[:, first] = feedback(self._observe(first), targets[:, first])
+            some = sent[:, first : first + chunk]
+            for name, values in sim.advance(some, self._hold, RECORDED).items():
+                parts[name].append(values)
+        return self._read({name: np.concatenate(parts[name], axis=1) for name in RECORDED}, sent)
 
-    def _prepare(self, starts: Array, conditions: Conditions) -> None:
-        robot = self.world.robot
-        self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self._fields["qpos"][:] = starts
-        self._fields["qvel"][:] = 0.0
-        limit = np.minimum(conditions.torque_limit[:, None], robot.max_torque)
-        share = robot.pwm_limit(limit) if conditions.pwm_limited else 1.0
-        self._gains[:] = robot.drive_gains(conditions.voltage, pwm_limit=share)
-        self._range[..., 0], self._range[..., 1] = -limit, limit
-        self._friction[:, :, 0] = conditions.friction[:, None]
-
-    def _roll(self, targets: Array, record: dict[str, Array]) -> None:
-        """Play targets that need no feedback, many cycles a call."""
-        for first in range(0, targets.shape[1], CHUNK):
-            some = slice(first, first + CHUNK)
-            control = np.repeat(targets[:, some], self._substeps, axis=1)
-            rolled = self.batch.rollout(control.shape[1], control, record=RECORDED)
-            for name in RECORDED:
-                record[name][:, some] = rolled[name][:, self._substeps - 1 :: self._substeps]
-
-    def _observe(self, k: int) -> Observation:
-        touch = self._fields["sensordata"]
-        return Observation(
-            step=k,
-            com=self.batch.bind("subtree_com"),
-            axis=self.batch.bind("xaxis")[:, self._joint_ids],
-            anchor=self.batch.bind("xanchor")[:, self._joint_ids],
-            limb_touch=touch[:, self._limbs] > 0,
-            limb_point=np.stack([touch[:, a + 1 : a + 4] for a in self._limbs], axis=1),
+    def _observe(self, step: int) -> Feedback:
+        contact = self.sim.read("sensordata")
+        return Feedback(
+            step=step,
+            com=self.sim.read("subtree_com"),
+            axis=self.sim.read("xaxis")[:, self._joint_ids],
+            anchor=self.sim.read("xanchor")[:, self._joint_ids],
+            limb_touch=contact[:, self._limbs] > 0,
+            limb_point=np.stack([contact[:, a + 1 : a + 4] for a in self._limbs], axis=1),
         )
 
     def _read(self, record: dict[str, Array], sent: Array) -> Trace:
-        robot, model = self.world.robot, self.world.model
-        touch, qpos = record["sensordata"], record["qpos"]
-        root = robot.layout(model).root_qpos
-        feet = [int(model.sensor(f"foot_{site}").adr[0]) for site in robot.sole_sites]
-        whole, overlap = (int(model.sensor(name).adr[0]) for name in ("whole", "overlap"))
+        contact = record["sensordata"]
         return Trace(
-            period=robot.control_period,
-            qpos=qpos,
-            neck_height=record["site_xpos"][:, :, model.site(robot.neck_site).id, 2],
-            tilt=quaternion.tilt(qpos[..., root + 3 : root + 7]),
-            foreign=find_foreign(touch, whole, feet),
-            overlap=-touch[..., overlap],
+            period=self.world.robot.control_period,
+            qpos=record["qpos"],
+            site_pos=record["site_xpos"],
+            non_foot_contact=self.world.find_non_foot_contact(contact),
+            overlap=-contact[..., int(self.world.model.sensor("overlap").adr[0])],
             torque=record["actuator_force"],
             target=sent,
         )

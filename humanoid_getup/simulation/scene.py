@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from robots import Robot
+from robots.ground import GROUND, GROUND_FRICTION, add_ground, add_world_geom
 from robots.quaternion import Array
 
-GROUND = "ground"
-SOLREF = (0.004, 1.0)  # as the robots' own geoms, so that friction alone differs
 PICTURE = (1920, 1440)  # largest off-screen picture, pixels
+
+GroundHeight = Callable[[Array, Array], Array]
+"""Maps x, y [m] in the world to the height of the ground there [m], all of one shape."""
+
+
+def flat_ground(x: Array, _y: Array) -> Array:
+    """Return the height of the plane z = 0."""
+    return np.zeros_like(x)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +51,11 @@ class Scene:
     """A place to get up in."""
 
     name: str
-    friction: float = 0.8
+    friction: float = GROUND_FRICTION
     """Sliding friction of the ground and the obstacles, whatever touches them."""
     obstacles: tuple[Obstacle, ...] = ()
+    ground: GroundHeight = flat_ground
+    """Height of the ground, over which standing is measured."""
 
     def __post_init__(self) -> None:
         if not self.friction > 0.0:
@@ -55,7 +65,7 @@ class Scene:
         """Put the robot's model into this place."""
         spec = robot.spec()
         _light(spec)
-        _add_ground(spec, self.friction)
+        _pave(spec, self.friction)
         for obstacle in self.obstacles:
             _add_obstacle(spec, obstacle, self.friction)
         return spec
@@ -79,17 +89,7 @@ def load_scene(name: str) -> Scene:
     return SCENES[name]
 
 
-def _add_world_geom(spec: mujoco.MjSpec, name: str, friction: float) -> mujoco.MjsGeom:
-    geom = spec.worldbody.add_geom(name=name)
-    # MuJoCo takes the larger friction of two geoms unless one has priority;
-    # a slippery floor must be slippery under every sole.
-    geom.priority = 1
-    geom.friction[0] = friction
-    geom.solref[:2] = SOLREF
-    return geom
-
-
-def _add_ground(spec: mujoco.MjSpec, friction: float) -> None:
+def _pave(spec: mujoco.MjSpec, friction: float) -> None:
     spec.add_texture(
         name=GROUND,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -103,15 +103,13 @@ def _add_ground(spec: mujoco.MjSpec, friction: float) -> None:
     )
     material = spec.add_material(name=GROUND, texrepeat=[5, 5], texuniform=True, reflectance=0.05)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = GROUND
-    geom = _add_world_geom(spec, GROUND, friction)
-    geom.type = mujoco.mjtGeom.mjGEOM_PLANE
-    geom.size[:] = [0, 0, 0.05]
+    geom = add_ground(spec, friction)
     geom.material = GROUND
     geom.rgba[:] = 1.0
 
 
 def _add_obstacle(spec: mujoco.MjSpec, obstacle: Obstacle, friction: float) -> None:
-    geom = _add_world_geom(spec, obstacle.name, friction)
+    geom = add_world_geom(spec, obstacle.name, friction)
     geom.rgba[:] = [0.62, 0.45, 0.30, 1.0]
     geom.size[0] = obstacle.radius
     if np.allclose(obstacle.start, obstacle.end):

@@ -1,8 +1,9 @@
-"""The world: a robot compiled into a scene, with the sensors that rehearsals read."""
+"""The world: a robot compiled into a scene, with the contact sensors that rollouts read."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -12,43 +13,69 @@ from humanoid_getup.simulation.scene import Scene
 from robots import Robot
 from robots.quaternion import Array
 
+ROBOT_CONTACT = "whole"
+"""Name of the sensor that counts the contacts of the whole robot with the world."""
+
 
 @dataclass(frozen=True)
 class World:
-    """A compiled scene with the robot and the touch sensors that rehearsals read."""
+    """A robot compiled into a scene, with the contact sensors that rollouts read."""
 
     robot: Robot
     scene: Scene
     model: mujoco.MjModel
-    limbs: tuple[str, ...]
-    """Bodies at the root of each limb."""
 
     @staticmethod
     def build(robot: Robot, scene: Scene) -> World:
         """Compile a robot in a scene with the sensors added."""
         spec = scene.build(robot)
-        torso = spec.body(robot.torso)
-        limbs = tuple(body.name for body in torso.bodies)
-        for limb in limbs:
-            add_touch(spec, f"limb_{limb}", limb, subtree=True, force=True)
-        add_touch(spec, "whole", robot.torso, subtree=True)
-        for site in robot.sole_sites:
-            add_touch(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
+        for limb in spec.body(robot.torso).bodies:
+            add_contact_sensor(spec, f"limb_{limb.name}", limb.name, subtree=True, force=True)
+        add_stance_sensors(spec, robot)
         _add_overlap(spec, robot.torso)
-        return World(robot, scene, spec.compile(), limbs)
+        return World(robot, scene, spec.compile())
+
+    @cached_property
+    def limbs(self) -> tuple[str, ...]:
+        """Return the bodies at the root of each limb."""
+        model = self.model
+        roots = np.flatnonzero(model.body_parentid == model.body(self.robot.torso).id)
+        return tuple(model.body(int(body)).name for body in roots)
+
+    def find_non_foot_contact(self, sensordata: Array) -> NDArray[np.bool_]:
+        """Find where anything but the feet touches the world, (...).
+
+        Args:
+            sensordata: MuJoCo sensor data, (..., nsensordata).
+        """
+        robot_address, *feet = self._contact_addresses
+        return sensordata[..., robot_address] > sensordata[..., feet].sum(axis=-1)
+
+    @cached_property
+    def _contact_addresses(self) -> list[int]:
+        names = [ROBOT_CONTACT, *(f"foot_{site}" for site in self.robot.sole_sites)]
+        return [int(self.model.sensor(name).adr[0]) for name in names]
 
 
-def add_touch(
+def add_stance_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Sense how often the robot, and each of its feet, touches the world."""
+    add_contact_sensor(spec, ROBOT_CONTACT, robot.torso, subtree=True)
+    for site in robot.sole_sites:
+        add_contact_sensor(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
+
+
+def add_contact_sensor(
     spec: mujoco.MjSpec, name: str, body: str, *, subtree: bool, force: bool = False
 ) -> None:
     """Sense contacts between a body (or its subtree) and the world.
 
     Args:
-        spec: World that gets the sensor.
-        name: Of the sensor.
-        body: Body that touches.
-        subtree: Whether all that hangs on it counts too.
-        force: Whether to sense where the contact force acts besides the number of contacts.
+        spec: Model to add the sensor to.
+        name: Name of the sensor.
+        body: Body whose contacts are sensed.
+        subtree: Whether the contacts of its descendants count, too.
+        force: Whether to add the point at which the net contact force acts to the number of
+            contacts.
     """
     found, point = 1 << 0, 1 << 4  # mjCONDATA_FOUND, mjCONDATA_POS
     net_force = 3
@@ -63,20 +90,9 @@ def add_touch(
     )
 
 
-def find_foreign(touch: Array, whole: int, feet: list[int]) -> NDArray[np.bool_]:
-    """Tell whether anything but the feet touches the world, (...).
-
-    Args:
-        touch: Sensor data, (..., nsensordata).
-        whole: Where the number of the whole robot's contacts is in it.
-        feet: Where those of its feet are.
-    """
-    return touch[..., whole] > touch[..., feet].sum(axis=-1)
-
-
 def _add_overlap(spec: mujoco.MjSpec, torso: str) -> None:
     """Sense the deepest contact of the robot with itself."""
-    distance, nearest = 1 << 3, 1  # mjCONDATA_DIST, reduction by least distance
+    distance, nearest = 1 << 3, 1  # mjCONDATA_DIST, reduction by smallest distance
     spec.add_sensor(
         name="overlap",
         type=mujoco.mjtSensor.mjSENS_CONTACT,

@@ -1,4 +1,4 @@
-"""The history buffers of a world, by which MuJoCo delays targets and sensors."""
+"""Delay buffers: MuJoCo's history of targets and sensors, by which it delays them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Ids = NDArray[np.int_]
 Whole = NDArray[np.integer[Any]]
 
 
-class DelayBuffer:
+class DelayBuffers:
     """Fills the buffers so that a robot's past is its present.
 
     A buffer is two numbers of bookkeeping, its sample times, then its samples
@@ -22,7 +22,7 @@ class DelayBuffer:
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        self.exists = model.nhistory > 0
+        self.exist = model.nhistory > 0
         data = mujoco.MjData(model)
         self._blank = data.history.copy()
         each, one = np.arange(model.nu), np.ones(model.nu, dtype=int)
@@ -32,7 +32,7 @@ class DelayBuffer:
         )
 
     def fill(self, history: Array, ids: Ids, ctrl: Array, sensordata: Array) -> None:
-        """Write what holds now as what always held, for some robots."""
+        """Fill the past of some robots with their present."""
         rows = np.tile(self._blank, (len(ids), 1))
         for (there, here), now in ((self._ctrl, ctrl), (self._sensors, sensordata)):
             rows[:, there] = now[ids[:, None], here]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import gymnasium
-import mujoco
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -23,14 +22,15 @@ from humanoid_getup.policy.observation import (
     observe,
 )
 from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.critic_observation import Known, list_critic_terms, observe_privileged
 from sim2real.environment.initial_states import StartPool, list_motion_starts, sample_stands
-from sim2real.environment.randomization import Randomization
+from sim2real.environment.randomization import DomainRandomization
 from sim2real.environment.rewards import QUICK, Reward, RewardInputs, score
-from sim2real.environment.training_world import LONGEST_DELAY, build_world
-from sim2real.environment.vectorized_simulation import Herd
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
 PHYSICS_STEP = 0.006  # s; judges take 0.002
 # s; the known motions rise in 1.6 to 4.6 s, so there is time for a second try and for a stand.
@@ -50,7 +50,7 @@ class EnvOptions:
 
     robots: int = 512
     """How many rise side by side."""
-    randomization: Randomization | None = None
+    randomization: DomainRandomization | None = None
     """``None`` for robots as described."""
     rewards: tuple[Reward, ...] = QUICK
     falls: float = 0.8
@@ -107,12 +107,10 @@ class _Help:
         self.ended = self.stood = 0
 
 
-def make_world(
-    robot: Robot, scene: str, delays: bool, physics_step: float = PHYSICS_STEP
-) -> mujoco.MjModel:
+def make_world(robot: Robot, scene: str, delays: bool, physics_step: float = PHYSICS_STEP) -> World:
     """Compile the world that training steps."""
     longest = LONGEST_DELAY if delays else 0.0
-    return build_world(robot, load_scene(scene), physics_step, longest)
+    return build_training_world(robot, load_scene(scene), physics_step, longest)
 
 
 class GetUpEnv(VectorEnv):
@@ -141,20 +139,19 @@ class GetUpEnv(VectorEnv):
         self.robot, self.action, self.options, self.pool = robot, action, options, pool
         randomization = options.randomization
         delays = randomization is not None and randomization.delay[1] > 0.0
-        model = make_world(robot, options.scene, delays, options.physics_step)
+        world = make_world(robot, options.scene, delays, options.physics_step)
         noise = randomization.noise if randomization else None
         n = self.num_envs = options.robots
-        self.herd = Herd(
-            model,
-            robot,
+        self.sim = TrainingSim(
+            world,
             n,
             cycles=action.cycles,
             pwm_limit=action.pwm_limit,
             threads=options.threads,
             noise=noise,
         )
-        self._motions = list_motion_starts(robot, model)
-        self._stands = sample_stands(robot, model, STANDS, np.random.default_rng(0))
+        self._motions = list_motion_starts(robot, world.model)
+        self._stands = sample_stands(robot, world.model, STANDS, np.random.default_rng(0))
         self.step_time = robot.control_period * action.cycles
         self.terms = list_terms(robot, action)
         self._critic_terms = list_critic_terms(robot)
@@ -208,18 +205,18 @@ class GetUpEnv(VectorEnv):
         action = np.clip(asked, -1.0, 1.0)
         measured, gravity = self._sensed.joint_pos, self._sensed.gravity
         following = next_target(self.action, self._target, measured, gravity, action)
-        self.herd.advance(self._target, following)
+        self.sim.follow(self._target, following)
         self._target = following
-        truth = self.herd.look()
-        self._sensed = self.herd.sense(self._rng if self.options.randomization else None)
-        moment = RewardInputs.of(
-            self.robot, truth, self._sensed.joint_pos, asked, self._last_action
+        state = self.sim.measure_privileged_state()
+        self._sensed = self.sim.sense(self._rng if self.options.randomization else None)
+        inputs = RewardInputs.of(
+            self.robot, state, self._sensed.joint_pos, asked, self._last_action
         )
         self._last_action = action
-        reward, parts = score(self.options.rewards, moment, self._help.cost_share)
-        reward[self.herd.diverged] = 0.0
+        reward, parts = score(self.options.rewards, inputs, self._help.cost_share)
+        reward[self.sim.diverged] = 0.0
         self._push()
-        ended, report = self._end(moment)
+        ended, report = self._end(inputs)
         truncated = np.zeros(self.num_envs, dtype=bool)
         truncated[ended] = True
         if len(ended):
@@ -242,16 +239,16 @@ class GetUpEnv(VectorEnv):
         pushed = self._rng.random(self.num_envs) < self.step_time / randomization.push_interval
         ids = np.flatnonzero(pushed)
         speed = randomization.push_speed
-        self.herd.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
+        self.sim.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
 
-    def _end(self, moment: RewardInputs) -> tuple[NDArray[np.int_], dict[str, Any]]:
+    def _end(self, inputs: RewardInputs) -> tuple[NDArray[np.int_], dict[str, Any]]:
         """Find whose episode is over, and count how those from falls went."""
         e = self._episodes
         e.age += 1
-        e.held = np.where(moment.standing, e.held + 1, 0)
+        e.held = np.where(inputs.standing, e.held + 1, 0)
         shown = e.held >= round(HELD / self.step_time)
-        shown &= ~self.herd.diverged
-        ended = np.flatnonzero((e.age >= e.length) | (shown & e.ends_early) | self.herd.diverged)
+        shown &= ~self.sim.diverged
+        ended = np.flatnonzero((e.age >= e.length) | (shown & e.ends_early) | self.sim.diverged)
         from_fall = ended[e.start[ended] >= 0]
         self.pool.note(e.start[from_fall], shown[from_fall])
         self._help.note(shown[from_fall])
@@ -267,21 +264,21 @@ class GetUpEnv(VectorEnv):
         along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
         qpos[along] = self._motions[rng.integers(0, max(len(self._motions), 1), along.sum())]
         if o.randomization:
-            drawn = o.randomization.sample(self.robot, self.herd.model, count, rng)
-            self.herd.set_conditions(ids, drawn)
-        self.herd.place(ids, qpos)
-        self.herd.lift(ids, rng.uniform(0.0, self._help.lift, count))
-        layout = self.robot.layout(self.herd.model)
-        self._target[ids] = qpos[:, layout.qpos] + self.herd.conditions.joint_offset[ids]
+            drawn = o.randomization.sample(self.sim.world, count, rng)
+            self.sim.set_parameters(ids, drawn)
+        self.sim.place(ids, qpos)
+        self.sim.set_assistive_force(ids, rng.uniform(0.0, self._help.lift, count))
+        layout = self.robot.layout(self.sim.model)
+        self._target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
         self._last_action[ids] = 0.0
         e = self._episodes
         e.age[ids] = e.held[ids] = 0
         e.start[ids] = start
         e.ends_early[ids] = rng.random(count) < o.ends_early
-        self._sensed = self.herd.sense(rng if o.randomization else None)
+        self._sensed = self.sim.sense(rng if o.randomization else None)
 
     def _observe(self) -> Floats:
-        share = compute_torque_share(self.robot, self.action, self.herd.conditions.torque_limit)
+        share = compute_torque_share(self.robot, self.action, self.sim.parameters.torque_limit)
         return observe(self.robot, self._sensed, self._target, self._last_action, share)
 
     def mirror_of_critic(self) -> Mirror:
@@ -293,7 +290,7 @@ class GetUpEnv(VectorEnv):
     def save_state(self) -> dict[str, Any]:
         """Return everything that the next steps depend on."""
         return {
-            "herd": self.herd.save_state(),
+            "sim": self.sim.save_state(),
             "rng": self._rng.bit_generator.state,
             "success": self.pool.success.copy(),
             "help": copy.copy(self._help),
@@ -305,7 +302,7 @@ class GetUpEnv(VectorEnv):
 
     def restore_state(self, state: dict[str, Any]) -> None:
         """Go on from where :meth:`save_state` was called."""
-        self.herd.restore_state(state["herd"])
+        self.sim.restore_state(state["sim"])
         self._rng.bit_generator.state = state["rng"]
         self.pool.success[:] = state["success"]
         self._help = copy.copy(state["help"])
@@ -315,8 +312,8 @@ class GetUpEnv(VectorEnv):
 
     def _observe_privileged(self, observation: Floats) -> Floats:
         known = Known(
-            truth=self.herd.look(),
-            conditions=self.herd.conditions,
+            state=self.sim.measure_privileged_state(),
+            parameters=self.sim.parameters,
             held=self._episodes.held * self.step_time,
         )
         return observe_privileged(self._critic_terms, observation, known)

@@ -12,20 +12,16 @@ from numpy.typing import NDArray
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.policy.action import CYCLES
-from humanoid_getup.simulation.falls import FallError, sample_drop
+from humanoid_getup.simulation.falls import FallError, Settling, drop
+from humanoid_getup.simulation.vectorized_simulation import VecSim
+from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
 from robots.kinematics import mirror_positions, place
 from robots.quaternion import Array
-from sim2real.environment.conditions import Conditions
-from sim2real.environment.vectorized_simulation import Herd
 
-# Policy steps that a dropped robot lies limp: after these 2.4 s, 98 of 100 OP3 lie still.
-SETTLE_STEPS = 50
-# rad/s and m/s; what still rolls or slides is faster, a still robot's contacts creep at 0.03.
-WORST_SPEED = 0.5
-MOST_ROUNDS = 50  # drops of the whole herd for each that is needed if everyone lies still
+SETTLING = Settling(speed=0.5, window=0.048, first_check=2.4, longest=2.4)
+MOST_ROUNDS = 50  # batches that are dropped for each that is needed if all lie still
 # Weight of the last episode in a start's share of success: three episodes tell most of it,
 # since a training that learns makes older ones worthless.
 MEMORY = 0.3
@@ -92,13 +88,11 @@ class StartPool:
         return StartPool.of(qpos)
 
 
-def make_pool(
-    robot: Robot, model: mujoco.MjModel, count: int, rng: np.random.Generator
-) -> StartPool:
+def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
     """Make a pool of ``count`` settled falls and their mirror images."""
-    herd = Herd(model, robot, min(count, MOST_AT_ONCE), cycles=CYCLES)
-    falls = drop_falls(herd, count, rng)
-    return StartPool.of(np.concatenate([falls, mirror_starts(robot, model, falls)]))
+    sim = VecSim(world, min(count, MOST_AT_ONCE))
+    falls = drop_falls(sim, count, rng)
+    return StartPool.of(np.concatenate([falls, mirror_starts(world.robot, world.model, falls)]))
 
 
 def pool_rng(seed: int) -> np.random.Generator:
@@ -106,32 +100,22 @@ def pool_rng(seed: int) -> np.random.Generator:
     return np.random.default_rng([seed, POOL_SEED])
 
 
-def drop_falls(herd: Herd, count: int, rng: np.random.Generator) -> Array:
-    """Drop limp robots in random postures until ``count`` lie still, (count, nq).
+def drop_falls(sim: VecSim, count: int, rng: np.random.Generator) -> Array:
+    """Drop limp robots in random postures until ``count`` have settled, (count, nq).
 
     Raises:
-        FallError: if too few come to lie still.
+        FallError: if too few settle.
     """
-    robot, model = herd.robot, herd.model
-    limp = Conditions.nominal(robot, model.nbody, herd.n, torque_limit=0.0)
-    everyone = np.arange(herd.n)
-    herd.set_conditions(everyone, limp)
-    data = mujoco.MjData(model)
-    target = np.zeros((herd.n, robot.n))
     found: list[Array] = []
-    rounds = MOST_ROUNDS * math.ceil(count / herd.n)
+    rounds = MOST_ROUNDS * math.ceil(count / sim.n)
     for _ in range(rounds):
-        starts = np.array([sample_drop(robot, model, data, rng) for _ in everyone])
-        herd.place(everyone, starts)
-        for _ in range(SETTLE_STEPS):
-            herd.advance(target, target)
-        still = np.abs(herd.qvel).max(axis=1) < WORST_SPEED
-        found.append(herd.qpos[still])
+        qpos, settled = drop(sim, SETTLING, rng)
+        found.append(qpos[settled])
         if sum(map(len, found)) >= count:
             return np.concatenate(found)[:count]
     raise FallError(
-        f"robot '{robot.name}' does not come to lie still: {sum(map(len, found))} of "
-        f"{rounds * herd.n} falls did, {count} are needed"
+        f"robot '{sim.robot.name}' does not come to lie still: {sum(map(len, found))} of "
+        f"{rounds * sim.n} falls did, {count} are needed"
     )
 
 

@@ -50,4 +50,4 @@ def make_get_up(
         rewards=REWARDS[rewards],
         threads=threads,
     )
-    return GetUpEnv(body, action, make_pool(body, world, falls, pool_rng(seed)), options)
+    return GetUpEnv(body, action, make_pool(world, falls, pool_rng(seed)), options)

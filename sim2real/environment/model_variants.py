@@ -1,4 +1,4 @@
-"""Other physics than a policy was trained in: what it must not lean on."""
+"""Model variants: physics other than a policy was trained in, on which it must not depend."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from robots import Robot, quaternion
 
 MENAGERIE = {"kp": 21.1, "damping": 1.084, "armature": 0.045, "frictionloss": 0.03, "torque": 5.0}
 """Servo figures of mujoco_menagerie's robotis_op3: N·m/rad, N·m·s/rad, kg·m², N·m, N·m."""
-PLAY_ARMATURE = 1e-4  # kg·m² of what lies behind a gear's free play, so that it has an inertia
-PLAY_DAMPING = 1e-3  # N·m·s/rad
+BACKLASH_ARMATURE = 1e-4  # kg·m² beyond a gear's backlash, so that it has an inertia
+BACKLASH_DAMPING = 1e-3  # N·m·s/rad
 
 MENAGERIE_SERVOS = "menagerie servos"
 
-Change = Callable[[mujoco.MjSpec, Robot], None]
-"""Changes a world before it is compiled."""
+ModelVariant = Callable[[mujoco.MjSpec, Robot], None]
+"""Changes a model before it is compiled."""
 
 
 def fine_steps(spec: mujoco.MjSpec, _robot: Robot) -> None:
@@ -26,7 +26,7 @@ def fine_steps(spec: mujoco.MjSpec, _robot: Robot) -> None:
 
 
 def elliptic_cones(spec: mujoco.MjSpec, _robot: Robot) -> None:
-    """Use elliptic friction cones, which slide alike in every direction."""
+    """Use elliptic friction cones, with the same friction in every direction."""
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0
 
@@ -40,7 +40,7 @@ def other_solver(spec: mujoco.MjSpec, _robot: Robot) -> None:
 
 
 def soft_contacts(spec: mujoco.MjSpec, _robot: Robot) -> None:
-    """Make contacts five times as soft as the robots' own."""
+    """Make contacts five times as soft as in the robots' models."""
     for geom in spec.geoms:
         geom.solref = [0.02, 1.0]
 
@@ -74,34 +74,34 @@ def menagerie_servos(spec: mujoco.MjSpec, robot: Robot) -> None:
         servo.forcerange[:] = [-figures["torque"], figures["torque"]]
 
 
-def free_play(angle: float) -> Change:
-    """Put free play between every gear and its link.
+def backlash(angle: float) -> ModelVariant:
+    """Put backlash between every gear and its link.
 
-    The play is a second hinge in each joint, free between two stops; the servo's encoder
+    It is a second hinge in each joint, free between two stops; the servo's encoder
     and motor are on the near side of it.
 
     Args:
-        angle: From one end to the other [rad].
+        angle: Backlash from one end to the other [rad].
     """
 
     def change(spec: mujoco.MjSpec, robot: Robot) -> None:
         half = np.degrees(angle / 2) if spec.compiler.degree else angle / 2
         for name in robot.joint_names:
             joint = spec.joint(name)
-            loose = joint.parent.add_joint(name=f"{name}_play", axis=list(joint.axis))
+            loose = joint.parent.add_joint(name=f"{name}_backlash", axis=list(joint.axis))
             loose.pos[:] = joint.pos
             loose.limited = True
             loose.range[:] = [-half, half]
-            # MuJoCo's own stops would give way by more than the play itself.
+            # MuJoCo's own stops would give way by more than the backlash itself.
             loose.solref_limit[:] = [0.004, 1.0]
             loose.solimp_limit[:2] = [0.999, 0.999]
-            loose.armature = PLAY_ARMATURE
-            loose.damping[0] = PLAY_DAMPING
+            loose.armature = BACKLASH_ARMATURE
+            loose.damping[0] = BACKLASH_DAMPING
 
     return change
 
 
-PHYSICS: dict[str, Change] = {
+MODEL_VARIANTS: dict[str, ModelVariant] = {
     "1 ms steps": fine_steps,
     "elliptic cones": elliptic_cones,
     "other solver": other_solver,

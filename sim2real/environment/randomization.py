@@ -1,27 +1,41 @@
-"""Randomization: how far the robots of a training differ from the robot's description."""
+"""Domain randomization of training: the ranges that domain parameters are drawn from."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.scene import Scene
-from robots import Robot
+from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
-from sim2real.environment.conditions import Conditions, Noise
 
 Range = tuple[float, float]
 
+
+@dataclass(frozen=True, kw_only=True)
+class ObservationNoise:
+    """Standard deviations of white noise on what a policy observes."""
+
+    joint_pos: float = 0.0
+    """[rad]"""
+    joint_vel: float = 0.0
+    """[rad/s]"""
+    gyro: float = 0.0
+    """[rad/s]"""
+    gravity: float = 0.0
+    """Of each component of the direction of gravity."""
+
+
 # A tick of the encoder is 0.0015 rad, a count of its speed 0.024 rad/s.
-NOISE = Noise(joint_pos=0.003, joint_vel=0.08, gyro=0.05, gravity=0.02)
+NOISE = ObservationNoise(joint_pos=0.003, joint_vel=0.08, gyro=0.05, gravity=0.02)
 MOST_DELAY = 0.04  # s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Randomization:
-    """Ranges that conditions are drawn from, uniformly, at every start of an episode."""
+class DomainRandomization:
+    """Ranges from which domain parameters are drawn, uniformly, at every start of an episode."""
 
     mass: Range = (0.85, 1.15)
     """Share of the whole mass."""
@@ -64,12 +78,11 @@ class Randomization:
     """Mean time between pushes [s]."""
     push_speed: float = 0.4
     """Largest change of the torso's speed by a push, each axis [m/s]."""
-    noise: Noise = NOISE
+    noise: ObservationNoise = NOISE
 
-    def sample(
-        self, robot: Robot, model: mujoco.MjModel, n: int, rng: np.random.Generator
-    ) -> Conditions:
-        """Draw the conditions of ``n`` robots."""
+    def sample(self, world: World, n: int, rng: np.random.Generator) -> DomainParameters:
+        """Draw the domain parameters of ``n`` robots."""
+        robot = world.robot
 
         def within(bounds: Range, *shape: int) -> Array:
             return rng.uniform(*bounds, shape)
@@ -85,8 +98,8 @@ class Randomization:
             heavy, np.exp(within(tuple(np.log(self.heavy_armature)), n)), within(self.armature, n)
         )
         delay, part = within(self.delay, n), rng.random(n)
-        body = within(self.mass, n, 1) * within(self.link_mass, n, model.nbody)
-        return Conditions(
+        body = within(self.mass, n, 1) * within(self.link_mass, n, world.model.nbody)
+        return DomainParameters(
             mass=body,
             com_shift=within((-self.com_shift, self.com_shift), n, 3),
             friction=within(self.friction, n),
@@ -106,7 +119,7 @@ class Randomization:
 
 
 ONE = (1.0, 1.0)
-TORQUE = Randomization(
+TORQUE = DomainRandomization(
     mass=ONE,
     link_mass=ONE,
     com_shift=0.0,
@@ -126,9 +139,9 @@ TORQUE = Randomization(
     imu_tilt=0.0,
     gyro_bias=0.0,
     push_speed=0.0,
-    noise=Noise(),
+    noise=ObservationNoise(),
 )
-MILD = Randomization(
+MILD = DomainRandomization(
     mass=(0.93, 1.07),
     com_shift=0.005,
     friction=(0.5, 1.0),
@@ -146,6 +159,6 @@ MILD = Randomization(
     push_speed=0.2,
 )
 """About half of each range: for robots that have no strength to spare."""
-RANDOMIZATIONS = {"none": None, "torque": TORQUE, "mild": MILD, "all": Randomization()}
+RANDOMIZATIONS = {"none": None, "torque": TORQUE, "mild": MILD, "all": DomainRandomization()}
 """What may differ, by name: nothing; torque limits, which a policy is told of; everything, by
 little or by much."""

@@ -55,23 +55,22 @@ class RewardInputs:
 
     @staticmethod
     def of(
-        robot: Robot, truth: PrivilegedState, joint_pos: Array, asked: Array, last_action: Array
+        robot: Robot, state: PrivilegedState, joint_pos: Array, asked: Array, last_action: Array
     ) -> RewardInputs:
-        """Normalize what the simulation knows."""
+        """Normalize the privileged state."""
         size = robot.standing_neck_height
-        soles = truth.sole_height.mean(axis=1)
-        tilt = np.arccos(np.clip(truth.upright, -1.0, 1.0))
+        soles, neck_height = state.sole_height.mean(axis=1), state.stance.neck_height
         return RewardInputs(
-            height=truth.neck_height / size,
-            stretch=(truth.neck_height - soles) / size,
+            height=neck_height / size,
+            stretch=(neck_height - soles) / size,
             sole_height=soles / size,
-            sole_distance=truth.sole_distance / size,
-            upright=truth.upright,
-            standing=is_upright(truth.neck_height, tilt, truth.foreign, robot),
-            joint_speed=truth.joint_vel / robot.max_velocity,
-            torque=truth.torque / robot.max_torque,
-            fall_speed=np.maximum(-truth.root_vel[:, 2], 0.0) / size,
-            head_fall=truth.head_fall / size,
+            sole_distance=state.sole_distance / size,
+            upright=state.upright,
+            standing=is_upright(state.stance, robot),
+            joint_speed=state.joint_vel / robot.max_velocity,
+            torque=state.torque / robot.max_torque,
+            fall_speed=np.maximum(-state.root_vel[:, 2], 0.0) / size,
+            head_fall=state.head_fall / size,
             asked=asked,
             action=np.clip(asked, -1.0, 1.0),
             last_action=last_action,
@@ -200,18 +199,18 @@ REWARDS = {"quick": QUICK, "robust": ROBUST, "gentle": GENTLE}
 
 
 def score(
-    rewards: tuple[Reward, ...], moment: RewardInputs, cost_share: float = 1.0
+    rewards: tuple[Reward, ...], inputs: RewardInputs, cost_share: float = 1.0
 ) -> tuple[Array, dict[str, Array]]:
     """Sum the weighted terms, (N,); return each of them, too.
 
     Args:
         rewards: Terms and weights.
-        moment: What they see.
+        inputs: What they are computed from.
         cost_share: Share of the costs that counts: all of them before a rise is found teach
             lying still.
     """
     parts = {
-        r.term.__name__: r.weight * (cost_share if r.weight < 0.0 else 1.0) * r.term(moment)
+        r.term.__name__: r.weight * (cost_share if r.weight < 0.0 else 1.0) * r.term(inputs)
         for r in rewards
     }
     return np.sum(list(parts.values()), axis=0), parts

@@ -153,5 +153,5 @@ def load_pool(robot: Robot, recipe: Recipe, seed: int, file: Path) -> StartPool:
     """
     world = make_world(robot, "flat", False)
     if not file.exists():
-        make_pool(robot, world, recipe.falls, pool_rng(seed)).save(file, robot)
-    return StartPool.load(file, robot, world.nq)
+        make_pool(world, recipe.falls, pool_rng(seed)).save(file, robot)
+    return StartPool.load(file, robot, world.model.nq)

@@ -100,10 +100,10 @@ def test_each_cycle_can_be_seen(tiny):
         Hold(tiny, cycles=5),
         SafetyGuard(twin),
         max_time=1.0,
-        on_cycle=lambda cycle: heights.append((cycle.state.time, twin.truth.neck_height)),
+        on_cycle=lambda cycle: heights.append((cycle.state.time, twin.truth.posture.position[2])),
     )
     assert [instant for instant, _ in heights] == pytest.approx([0.0, 0.008, 0.016, 0.024, 0.032])
-    assert [height for _, height in heights] == pytest.approx([0.15] * 5, abs=1e-3)
+    assert [height for _, height in heights] == pytest.approx([0.1] * 5, abs=1e-3)
 
 
 class Clock:

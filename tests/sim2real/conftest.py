@@ -1,15 +1,15 @@
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import World
 from robots import Robot
 from sim2real.environment.initial_states import StartPool, drop_falls, mirror_starts
-from sim2real.environment.training_world import LONGEST_DELAY, build_world
-from sim2real.environment.vectorized_simulation import Herd
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
 PHYSICS_STEP = 0.004  # s
 
@@ -27,21 +27,21 @@ def action(op3: Robot) -> ActionSpec:
 
 
 @pytest.fixture(scope="session")
-def world(op3: Robot) -> mujoco.MjModel:
-    return build_world(op3, load_scene("flat"), PHYSICS_STEP)
+def world(op3: Robot) -> World:
+    return build_training_world(op3, load_scene("flat"), PHYSICS_STEP)
 
 
 @pytest.fixture(scope="session")
-def delayed_world(op3: Robot) -> mujoco.MjModel:
-    return build_world(op3, load_scene("flat"), PHYSICS_STEP, LONGEST_DELAY)
+def delayed_world(op3: Robot) -> World:
+    return build_training_world(op3, load_scene("flat"), PHYSICS_STEP, LONGEST_DELAY)
 
 
 @pytest.fixture(scope="session")
-def falls(op3: Robot, world: mujoco.MjModel) -> np.ndarray:
+def falls(op3: Robot, world: World) -> np.ndarray:
     """Eight settled falls and their mirror images, (16, nq)."""
-    herd = Herd(world, op3, 8, cycles=6, threads=1)
-    fallen = drop_falls(herd, 8, np.random.default_rng(0))
-    return np.concatenate([fallen, mirror_starts(op3, world, fallen)])
+    sim = TrainingSim(world, 8, cycles=6, threads=1)
+    fallen = drop_falls(sim, 8, np.random.default_rng(0))
+    return np.concatenate([fallen, mirror_starts(op3, world.model, fallen)])
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Trials: a policy's evaluation under other conditions and in other physics."""
+"""Perturbations: a policy evaluated on other robots and in other physics."""
 
 import mujoco
 import numpy as np
@@ -8,11 +8,16 @@ from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.simulation.falls import Fall
 from humanoid_getup.simulation.scene import load_scene
 from robots import Robot, load_robot
-from sim2real.environment.model_variants import PHYSICS, free_play
-from sim2real.environment.training_world import build_world
-from sim2real.environment.vectorized_simulation import Herd
-from sim2real.perturbations import Perturbation, make_conditions, run_trial, summarize_trial
-from sim2real.policy_evaluation import Rises
+from sim2real.environment.model_variants import MODEL_VARIANTS, backlash
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import build_training_world
+from sim2real.perturbations import (
+    Perturbation,
+    evaluate_policy,
+    make_parameters,
+    summarize_rollouts,
+)
+from sim2real.policy_evaluation import PolicyRollouts
 
 SHORT = 3.5  # s: a held stand and a little
 SIZE = choose_actions(load_robot("op3"), wide=True).size
@@ -22,13 +27,15 @@ def idle(observations: np.ndarray) -> np.ndarray:
     return np.zeros((len(observations), SIZE))
 
 
-def hold_still(op3: Robot, action: ActionSpec, trial: Perturbation, robots: int = 2) -> Rises:
+def hold_still(
+    op3: Robot, action: ActionSpec, trial: Perturbation, robots: int = 2
+) -> PolicyRollouts:
     starts = [op3.standing] * robots
-    (record,) = run_trial(op3, action, idle, starts, trial, 0, duration=SHORT, threads=1)
+    (record,) = evaluate_policy(op3, action, idle, starts, trial, 0, duration=SHORT, threads=1)
     return record
 
 
-@pytest.mark.parametrize("physics", [None, *PHYSICS])
+@pytest.mark.parametrize("physics", [None, *MODEL_VARIANTS])
 def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
     op3: Robot, action: ActionSpec, physics: str | None
 ):
@@ -39,23 +46,25 @@ def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
     assert (record.head_impact == 0.0).all()
 
 
-def test_free_play_lets_a_link_move_that_far_and_no_further(op3: Robot):
+def test_backlash_lets_a_link_move_that_far_and_no_further(op3: Robot):
     angle = 0.03
-    model = build_world(op3, load_scene("flat"), 0.002, changes=[free_play(angle)])
+    model = build_training_world(op3, load_scene("flat"), 0.002, variants=[backlash(angle)]).model
     data = mujoco.MjData(model)
-    joint = model.joint("l_knee_play")
+    joint = model.joint("l_knee_backlash")
     data.qpos[2] = 2.0  # in the air
     data.ctrl[:] = 0.0
     for push in (1.0, -1.0):
         data.qfrc_applied[joint.dofadr[0]] = push
         mujoco.mj_step(model, data, 500)
-        play = data.joint("l_knee_play").qpos[0]
+        play = data.joint("l_knee_backlash").qpos[0]
         assert play * push == pytest.approx(angle / 2, abs=0.003)
 
 
 def test_capsules_reach_as_far_as_the_boxes_did(op3: Robot):
-    boxes = build_world(op3, load_scene("flat"), 0.002)
-    changed = build_world(op3, load_scene("flat"), 0.002, changes=[PHYSICS["capsules"]])
+    boxes = build_training_world(op3, load_scene("flat"), 0.002).model
+    changed = build_training_world(
+        op3, load_scene("flat"), 0.002, variants=[MODEL_VARIANTS["capsules"]]
+    ).model
     soles = {op3.spec().site(site).parent.name for site in op3.sole_sites}
     count = 0
     for i in range(boxes.ngeom):
@@ -78,24 +87,24 @@ def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
         return np.sin(np.arange(SIZE) + observations[:, :1] * 20.0)
 
     for trial in (Perturbation(torque_limit=1.5), Perturbation(torque_limit=1.5, pwm_limited=True)):
-        (record,) = run_trial(
+        (record,) = evaluate_policy(
             op3, action, thrash, [op3.standing] * 2, trial, 0, duration=1.0, threads=1
         )
         assert 1.0 < record.peak_torque().max() <= 1.5 + 1e-9
 
 
-def test_what_a_trial_says_is_in_the_model(op3: Robot, action: ActionSpec):
-    """One servo at 60 %, another in every robot: that one alone gives less."""
-    model = build_world(op3, load_scene("flat"), 0.002)
-    herd = Herd(model, op3, 8, cycles=action.cycles, threads=1)
+def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
+    """One servo at 60 %, a random one in every robot."""
+    world = build_training_world(op3, load_scene("flat"), 0.002)
+    sim = TrainingSim(world, 8, cycles=action.cycles, threads=1)
     trial = Perturbation(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=0.1)
-    conditions = make_conditions(herd, trial, 0.8, np.random.default_rng(0))
-    assert (np.sort(conditions.strength, axis=1)[:, :2] == [0.6, 1.0]).all()
-    assert len(set(conditions.strength.argmin(axis=1))) > 2
-    herd.set_conditions(np.arange(8), conditions)
-    mass = herd.batch.expand("body_mass").sum(axis=1)
-    assert mass == pytest.approx(1.15 * model.body_mass.sum())
-    assert np.linalg.norm(conditions.imu_tilt, axis=1) == pytest.approx(0.1)
+    parameters = make_parameters(world, 8, trial, np.random.default_rng(0))
+    assert (np.sort(parameters.strength, axis=1)[:, :2] == [0.6, 1.0]).all()
+    assert len(set(parameters.strength.argmin(axis=1))) > 2
+    sim.set_parameters(np.arange(8), parameters)
+    mass = sim.batch.expand("body_mass").sum(axis=1)
+    assert mass == pytest.approx(1.15 * world.model.body_mass.sum())
+    assert np.linalg.norm(parameters.imu_tilt, axis=1) == pytest.approx(0.1)
 
 
 def test_pushes_come_from_the_seed(op3: Robot, action: ActionSpec):
@@ -103,7 +112,7 @@ def test_pushes_come_from_the_seed(op3: Robot, action: ActionSpec):
 
     def push(seed: int) -> np.ndarray:
         trial = Perturbation(push=0.5)
-        (record,) = run_trial(op3, action, idle, starts, trial, seed, duration=1.0, threads=1)
+        (record,) = evaluate_policy(op3, action, idle, starts, trial, seed, duration=1.0, threads=1)
         return record.qpos
 
     assert np.array_equal(push(1), push(1))
@@ -116,7 +125,7 @@ def test_figures_count_by_class(op3: Robot):
     upright = np.array([[0, 1, 1, 1, 1, 1, 1, 1], [1] * 7 + [0], [0] * 8], dtype=bool)
     torque = np.full((3, 8, 2), 2.0)
     torque[0, 3:] = 100.0  # after its stand began
-    record = Rises(
+    record = PolicyRollouts(
         period=0.5,
         upright=upright,
         qpos=np.zeros((3, 1, 27)),
@@ -125,7 +134,7 @@ def test_figures_count_by_class(op3: Robot):
         head_impact=np.array([0.0, 1.5, 0.5]),
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
-    figures = summarize_trial(falls, [record], ("prone", "left"))
+    figures = summarize_rollouts(falls, [record], ("prone", "left"))
     assert [figures["classes"][kind]["stood"] for kind in ("prone", "left")] == [1, 0]
     assert figures["all"]["n"] == 3
     assert figures["all"]["stand_time_s"]["median"] == 1.0  # end of the first good sample

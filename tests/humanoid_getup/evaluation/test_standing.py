@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge
-from robots import load_robot
+from drivers import Twin
+from humanoid_getup.evaluation.standing import HOLD_TIME, Stance, StanceMeter, is_upright, judge
+from humanoid_getup.simulation.vectorized_simulation import VecSim
+from robots import Posture, load_robot, quaternion
 
 PERIOD = 0.01
 
@@ -41,7 +43,7 @@ def test_hold_time_is_the_shared_definition():
 
 
 @pytest.mark.parametrize(
-    ("neck_share", "tilt_deg", "foreign", "expected"),
+    ("neck_share", "tilt_deg", "contact", "expected"),
     [
         (1.0, 0.0, False, True),
         (0.91, 14.0, False, True),
@@ -51,11 +53,52 @@ def test_hold_time_is_the_shared_definition():
         (0.66, 0.0, False, False),  # sitting
     ],
 )
-def test_only_an_upright_robot_on_its_feet_stands(robot, neck_share, tilt_deg, foreign, expected):
-    upright = is_upright(
-        np.array([neck_share * robot.standing_neck_height]),
-        np.array([np.radians(tilt_deg)]),
-        np.array([foreign]),
-        robot,
+def test_only_an_upright_robot_on_its_feet_stands(robot, neck_share, tilt_deg, contact, expected):
+    stance = Stance(
+        neck_height=np.array([neck_share * robot.standing_neck_height]),
+        tilt=np.array([np.radians(tilt_deg)]),
+        non_foot_contact=np.array([contact]),
     )
+    upright = is_upright(stance, robot)
     assert upright.tolist() == [expected]
+
+
+def test_the_neck_is_measured_over_the_ground_under_the_middle_of_the_feet(tiny):
+    """Of `tiny`, standing at 0.149 m, the neck is 0.05 m higher and the feet at y = ±0.07 m."""
+    twin = Twin(tiny)
+    twin.place(
+        Posture(
+            position=np.array([0.0, 0.0, 0.149]),
+            orientation=quaternion.IDENTITY,
+            joint_pos=np.zeros(tiny.n),
+        )
+    )
+
+    def step(_x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(y > 0.05, 0.1, 0.02)
+
+    meter = StanceMeter(tiny, twin.model, step)
+    stance = meter.measure(twin.truth.qpos, twin.truth.site_pos, np.array(False))
+    assert stance.neck_height == pytest.approx(0.199 - 0.02)
+    assert stance.tilt == pytest.approx(0.0)
+
+
+def test_twin_rollout_and_sensors_measure_the_same_stance(op3, world):
+    """One standing robot, measured by all three paths."""
+    twin = Twin(op3, world.model)
+    twin.place(op3.standing)
+    truth, meter = twin.truth, StanceMeter(op3, world.model)
+    feet = np.array([world.model.body(f"{side}_ank_roll_link").id for side in "lr"])
+    contact = np.array(not np.isin(truth.touching_bodies, feet).all())
+    by_truth = meter.measure(truth.qpos, truth.site_pos, contact)
+    sim = VecSim(world, 1)
+    sim.bind("site_xpos", "sensordata")
+    sim.place(sim.everyone, truth.qpos[None])
+    vectorized = meter.measure(
+        sim.qpos, sim.read("site_xpos"), world.find_non_foot_contact(sim.read("sensordata"))
+    )
+    by_sensors = meter.estimate(op3.standing.orientation[None], op3.standing.joint_pos[None])
+    assert vectorized.neck_height[0] == by_truth.neck_height
+    assert vectorized.tilt[0] == by_truth.tilt == by_sensors.tilt[0]
+    assert vectorized.non_foot_contact[0] == by_truth.non_foot_contact == False  # noqa: E712
+    assert by_sensors.neck_height[0] == pytest.approx(by_truth.neck_height, abs=1e-6)

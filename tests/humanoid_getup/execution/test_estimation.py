@@ -49,7 +49,7 @@ def test_a_robot_that_falls_is_waited_for(world: World, op3: Robot):
     twin = lie_down(world, op3.standing)  # limp, it collapses
     state = settle(SafetyGuard(twin))
     assert state.time > REST_TIME + 0.3
-    assert twin.truth.neck_height < 0.8 * op3.standing_neck_height
+    assert twin.truth.posture.position[2] < 0.8 * op3.standing.position[2]
 
 
 def test_a_robot_that_is_shaken_is_refused_after_a_while(

@@ -6,8 +6,9 @@ from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.motions.motion import join
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from humanoid_getup.simulation.rollout import Rollout
 from robots.kinematics import place
 
 
@@ -54,7 +55,7 @@ def test_targets_obey_the_guards_rules(world, fall, rehearsed):
 def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fall, rehearsed):
     starts = place(world.robot, world.model, fall)[None]
     for one in rehearsed[2][:2]:
-        trace = Rehearsal(world, 1).play(starts, one.target[None], Conditions.nominal(world, 1))
+        trace = Rollout(world, 1).play(starts, one.target[None], DomainParameters.nominal(world, 1))
         np.testing.assert_array_equal(trace.qpos[0], one.qpos)
 
 

@@ -3,12 +3,12 @@ import numpy as np
 import pytest
 
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_torque, compute_wish
-from humanoid_getup.simulation.rollout import Observation
+from humanoid_getup.simulation.rollout import Feedback
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place
 
 
-def _observe(world: World, joint_pos: np.ndarray, touching: list[str]) -> Observation:
+def _observe(world: World, joint_pos: np.ndarray, touching: list[str]) -> Feedback:
     """Look at a standing robot whose named limbs hold the world at their soles."""
     robot, model = world.robot, world.model
     data = mujoco.MjData(model)
@@ -24,7 +24,7 @@ def _observe(world: World, joint_pos: np.ndarray, touching: list[str]) -> Observ
         if limb in touching:
             touch[0, i] = True
             point[0, i] = data.site(f"{limb[0]}_sole").xpos
-    return Observation(
+    return Feedback(
         step=0,
         com=data.subtree_com[None].copy(),
         axis=data.xaxis[None, ids].copy(),

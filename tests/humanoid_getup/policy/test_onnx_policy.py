@@ -21,8 +21,8 @@ from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
-from sim2real.environment.training_world import build_world
-from sim2real.environment.vectorized_simulation import Herd
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import build_training_world
 
 PERIOD = 0.008
 
@@ -151,25 +151,23 @@ def askew_robot(folder: Path) -> Robot:
 
 @pytest.mark.parametrize("askew", [False, True])
 def test_one_log_gives_training_and_robot_the_same_numbers(tmp_path: Path, askew: bool):
-    """Six robots in other postures, seen by the herd's sensors and as measurements of one."""
+    """Six robots in other postures, seen by the sim's sensors and as measurements of one."""
     robot = askew_robot(tmp_path) if askew else load_robot("op3")
     action = actions_of(robot)
-    herd = Herd(
-        build_world(robot, load_scene("flat"), 0.004), robot, 6, cycles=action.cycles, threads=1
+    sim = TrainingSim(
+        build_training_world(robot, load_scene("flat"), 0.004), 6, cycles=action.cycles, threads=1
     )
     rng = np.random.default_rng(4)
-    qpos, qvel = herd.qpos, rng.normal(size=herd.qvel.shape)
+    qpos, qvel = sim.qpos, rng.normal(size=sim.qvel.shape)
     qpos[:, 2] = 1.0
     qpos[:, 3:7] = quaternion.normalize(rng.normal(size=(6, 4)))
     qpos[:, 7:] = rng.uniform(-0.5, 0.5, size=qpos[:, 7:].shape)
-    herd.place(np.arange(6), qpos, qvel)
-    sensed = herd.sense()
+    sim.place(np.arange(6), qpos, qvel)
+    sensed = sim.sense()
     last, share = np.zeros((6, action.size)), np.ones((6, 1))
     seen = observe(robot, sensed, sensed.joint_pos, last, share)
-    raw = herd.batch.bind("sensordata")
-    gyro, orientation = (
-        herd.model.sensor(f"imu_{name}").adr[0] for name in ("gyro", "orientation")
-    )
+    raw = sim.batch.bind("sensordata")
+    gyro, orientation = (sim.model.sensor(f"imu_{name}").adr[0] for name in ("gyro", "orientation"))
     policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", robot), robot, PERIOD)
     for i in range(6):
         state = state_of(
@@ -184,23 +182,23 @@ def test_one_log_gives_training_and_robot_the_same_numbers(tmp_path: Path, askew
 
 
 def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_path: Path):
-    """What the herd's servos were told at the end of each cycle of two policy steps."""
+    """What the sim's servos were told at the end of each cycle of two policy steps."""
     action = actions_of(op3)
-    herd = Herd(
-        build_world(op3, load_scene("flat"), 0.004), op3, 1, cycles=action.cycles, threads=1
+    sim = TrainingSim(
+        build_training_world(op3, load_scene("flat"), 0.004), 1, cycles=action.cycles, threads=1
     )
-    qpos = herd.qpos
+    qpos = sim.qpos
     qpos[:, 2] += 1.0  # in the air
-    herd.place(np.array([0]), qpos)
+    sim.place(np.array([0]), qpos)
     bias = np.linspace(-1.5, 1.5, action.size)
     file = save_policy(tmp_path / "p.onnx", op3, bias=bias)
-    target = measured = herd.sense().joint_pos
+    target = measured = sim.sense().joint_pos
     policy = begin(file, op3, state_of(op3, joint_pos=measured[0]))
     for step in range(2):
-        sensed = herd.sense()
+        sensed = sim.sense()
         measured = sensed.joint_pos
         following = next_target(action, target, measured, sensed.gravity, np.float32(bias))
-        told = herd.advance(target, following, record=("ctrl",))["ctrl"]
+        told = sim.follow(target, following, record=("ctrl",))["ctrl"]
         target = following
         for cycle in range(action.cycles):
             time = (step * action.cycles + cycle) * PERIOD

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import classify, sample_falls
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from humanoid_getup.simulation.rollout import Rollout
 from robots import quaternion
 from robots.kinematics import lowest_point, place
 
@@ -54,8 +55,8 @@ def test_a_fallen_robot_rests_on_the_ground_within_its_limits(falls, world):
 def test_a_fallen_robot_stays_where_it_is(falls, world):
     robot = world.robot
     starts = np.array([place(robot, world.model, fall.posture) for fall in falls])
-    limp = Conditions.nominal(world, len(falls), torque_limit=0.0)
-    trace = Rehearsal(world, len(falls)).play(starts, np.zeros((len(falls), 125, robot.n)), limp)
+    limp = DomainParameters.nominal(world, len(falls), torque_limit=0.0)
+    trace = Rollout(world, len(falls)).play(starts, np.zeros((len(falls), 125, robot.n)), limp)
     turned = quaternion.angle_between(trace.qpos[:, -1, 3:7], starts[:, 3:7])
     assert np.all(turned < np.radians(3.0))
 

@@ -2,11 +2,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.standing import is_upright
-from humanoid_getup.simulation.rollout import Conditions, Rehearsal
+from humanoid_getup.evaluation.standing import is_upright, measure_stance
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
-from robots.kinematics import place
+from robots.kinematics import center_of_mass, place
 
 
 def _stand(world: World, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
@@ -15,10 +16,10 @@ def _stand(world: World, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
     return starts, np.tile(robot.standing.joint_pos, (n, cycles, 1))
 
 
-def test_a_rehearsal_is_bit_equal_to_bare_physics(world):
+def test_a_rollout_is_bit_equal_to_bare_physics(world):
     starts, targets = _stand(world, 1, 40)
     targets[0, :, :6] += np.linspace(0.0, 0.4, 40)[:, None]
-    trace = Rehearsal(world, 1).play(starts, targets, Conditions.nominal(world, 1))
+    trace = Rollout(world, 1).play(starts, targets, DomainParameters.nominal(world, 1))
     model = world.model
     data = mujoco.MjData(model)
     data.qpos[:] = starts[0]
@@ -28,12 +29,12 @@ def test_a_rehearsal_is_bit_equal_to_bare_physics(world):
     np.testing.assert_array_equal(trace.qpos[0, -1], data.qpos)
 
 
-def test_rehearsals_do_not_disturb_each_other(world):
+def test_rollouts_do_not_disturb_each_other(world):
     starts, targets = _stand(world, 3, 60)
     targets[1] += 0.2
-    conditions = Conditions.nominal(world, 3)
-    together = Rehearsal(world, 3).play(starts, targets, conditions)
-    alone = Rehearsal(world, 1).play(starts[:1], targets[:1], Conditions.nominal(world, 1))
+    parameters = DomainParameters.nominal(world, 3)
+    together = Rollout(world, 3).play(starts, targets, parameters)
+    alone = Rollout(world, 1).play(starts[:1], targets[:1], DomainParameters.nominal(world, 1))
     np.testing.assert_array_equal(together.qpos[0], alone.qpos[0])
     np.testing.assert_array_equal(together.qpos[2], alone.qpos[0])
     assert not np.allclose(together.qpos[1], together.qpos[0])
@@ -48,20 +49,18 @@ def test_a_standing_robot_stands_and_a_lying_one_does_not(world):
         joint_pos=robot.standing.joint_pos,
     )
     starts[1] = place(robot, world.model, prone)
-    trace = Rehearsal(world, 2).play(starts, targets, Conditions.nominal(world, 2))
-    upright = is_upright(trace.neck_height, trace.tilt, trace.foreign, robot)
+    trace = Rollout(world, 2).play(starts, targets, DomainParameters.nominal(world, 2))
+    upright = is_upright(measure_stance(world, trace), robot)
     assert upright[0].all()
     assert not upright[1].any()
-    assert trace.foreign[1, -20:].all()
+    assert trace.non_foot_contact[1, -20:].all()
 
 
-def test_torque_limits_hold_for_each_rehearsal(world):
+def test_torque_limits_hold_for_each_rollout(world):
     starts, targets = _stand(world, 2, 30)
     targets += 0.8
-    conditions = Conditions(
-        friction=np.full(2, 0.8), voltage=np.full(2, 12.0), torque_limit=np.array([4.1, 1.0])
-    )
-    trace = Rehearsal(world, 2).play(starts, targets, conditions)
+    parameters = DomainParameters.nominal(world, 2, torque_limit=np.array([4.1, 1.0]))
+    trace = Rollout(world, 2).play(starts, targets, parameters)
     peak = np.abs(trace.torque).max(axis=(1, 2))
     assert peak[1] <= 1.0
     assert peak[0] > 2.0
@@ -71,26 +70,33 @@ def test_a_lower_supply_makes_slower_servos(world):
     robot = world.robot
     starts, targets = _stand(world, 2, 12)
     targets[:, :, robot.joint_names.index("head_pan")] = 1.5
-    conditions = Conditions(
-        friction=np.full(2, 0.8), voltage=np.array([12.0, 9.0]), torque_limit=np.full(2, 4.1)
-    )
-    trace = Rehearsal(world, 2).play(starts, targets, conditions)
+    parameters = DomainParameters.nominal(world, 2, voltage=np.array([12.0, 9.0]))
+    trace = Rollout(world, 2).play(starts, targets, parameters)
     pan = robot.layout(world.model).qpos[robot.joint_names.index("head_pan")]
     turned = trace.qpos[:, -1, pan]
     # At no load the speed follows the supply: 9 / 12 of it.
     assert turned[1] / turned[0] == pytest.approx(0.75, abs=0.03)
 
 
-def test_steering_sees_the_robot_and_its_answer_is_recorded(world):
+def test_feedback_sees_the_robot_and_its_targets_are_recorded(world):
     starts, targets = _stand(world, 1, 5)
-    seen = []
+    robot, seen = world.robot, []
+    torso = robot.layout(world.model).torso
+    p = robot.standing
+    expected = center_of_mass(
+        robot, world.model, p.position[None], p.orientation[None], p.joint_pos[None]
+    )[0]
 
     def steer(observation, planned):
-        seen.append((observation.step, observation.limb_touch.sum()))
+        seen.append(
+            (observation.step, observation.limb_touch.sum(), observation.com[0, torso].copy())
+        )
         return planned + 0.01
 
-    rehearsal = Rehearsal(world, 1)
-    trace = rehearsal.play(starts, targets, Conditions.nominal(world, 1), steering=steer)
-    assert [step for step, _ in seen] == [0, 1, 2, 3, 4]
+    rollout = Rollout(world, 1)
+    trace = rollout.play(starts, targets, DomainParameters.nominal(world, 1), feedback=steer)
+    assert [step for step, *_ in seen] == [0, 1, 2, 3, 4]
+    for _, _, com in seen:  # the first time, too
+        np.testing.assert_allclose(com, expected, atol=1e-3)
     assert seen[-1][1] == 2  # both legs touch the ground, no other limb
     np.testing.assert_allclose(trace.target, targets + 0.01)

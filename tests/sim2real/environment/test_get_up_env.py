@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode
 from robots.kinematics import place
 from sim2real.environment.get_up_env import HELD, EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
-from sim2real.environment.randomization import Randomization
+from sim2real.environment.randomization import DomainRandomization
 from sim2real.environment.rewards import Reward, stands
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
 STANDING = replace(FALLEN, falls=0.0, motions=0.0)
-RANDOM = EnvOptions(robots=8, randomization=Randomization(), threads=2)
+RANDOM = EnvOptions(robots=8, randomization=DomainRandomization(), threads=2)
 
 
 def roll(op3, action, pool, options, seed, steps=8):
@@ -73,7 +73,7 @@ def test_an_episode_ends_by_time_and_the_next_begins_in_the_same_step(op3, actio
     assert env.ages.tolist() == [0] * 4 + [2] * 4
     start = (env.terms[0].size + env.terms[1].size) + np.arange(op3.n)
     seen = observation[:4, start] + op3.standing.joint_pos
-    known = pool.qpos[:, op3.layout(env.herd.model).qpos]
+    known = pool.qpos[:, op3.layout(env.sim.model).qpos]
     for row in seen:
         assert np.abs(known - row).max(axis=1).min() < 1e-5
 
@@ -104,7 +104,7 @@ def test_who_diverges_earns_nothing_and_begins_anew(op3, action, pool, tmp_path,
     env.reset(seed=0)
     idle = np.zeros((8, action.size))
     env.step(idle)
-    env.herd.push(np.array([2]), np.full((1, 3), np.nan))
+    env.sim.push(np.array([2]), np.full((1, 3), np.nan))
     observation, reward, _, cut, info = env.step(idle)
     assert reward.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]
     assert np.flatnonzero(cut).tolist() == [2]
@@ -116,7 +116,7 @@ def test_who_diverges_earns_nothing_and_begins_anew(op3, action, pool, tmp_path,
 
 
 def test_a_success_makes_its_start_rarer(op3, action, pool):
-    model = GetUpEnv(op3, action, pool, FALLEN).herd.model
+    model = GetUpEnv(op3, action, pool, FALLEN).sim.model
     standing = StartPool.of(np.tile(place(op3, model, op3.standing), (2, 1)))
     env = GetUpEnv(op3, action, standing, replace(FALLEN, ends_early=1.0))
     env.reset(seed=0)

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.simulation.falls import FallError
+from humanoid_getup.simulation.falls import FallError, Settling
 from robots import load_robot, quaternion
 from robots.kinematics import lowest_point, place
 from sim2real.environment import initial_states as starts_module
@@ -22,7 +22,7 @@ from sim2real.environment.initial_states import (
     mirror_starts,
     sample_stands,
 )
-from sim2real.environment.vectorized_simulation import Herd
+from sim2real.environment.training_simulation import TrainingSim
 
 
 def test_what_fails_is_drawn_more_often():
@@ -72,81 +72,83 @@ def test_a_file_that_tells_no_robot_holds_no_starts(tmp_path: Path, op3, falls):
 
 
 def test_mirroring_a_start_twice_changes_nothing(op3, world, falls):
-    twice = mirror_starts(op3, world, mirror_starts(op3, world, falls))
+    twice = mirror_starts(op3, world.model, mirror_starts(op3, world.model, falls))
     assert twice == pytest.approx(falls)
-    assert not np.allclose(mirror_starts(op3, world, falls), falls)
+    assert not np.allclose(mirror_starts(op3, world.model, falls), falls)
 
 
 def test_mirrored_starts_lie_on_the_ground_as_the_others_do(op3, world, falls):
-    heights = [lowest_point(world, qpos) for qpos in falls]
-    mirrored = [lowest_point(world, qpos) for qpos in mirror_starts(op3, world, falls)]
+    heights = [lowest_point(world.model, qpos) for qpos in falls]
+    mirrored = [lowest_point(world.model, qpos) for qpos in mirror_starts(op3, world.model, falls)]
     assert mirrored == pytest.approx(heights, abs=1e-3)  # the head is not quite symmetric
     assert np.all(np.abs(heights) < 0.005)
 
 
 def test_falls_lie_still_within_their_limits(op3, world, falls):
-    herd = Herd(world, op3, len(falls), cycles=6, threads=1)
-    herd.place(np.arange(len(falls)), falls)
-    target = falls[:, op3.layout(world).qpos]
-    before = herd.look().neck_height
+    sim = TrainingSim(world, len(falls), cycles=6, threads=1)
+    sim.place(np.arange(len(falls)), falls)
+    target = falls[:, op3.layout(world.model).qpos]
+    before = sim.measure_privileged_state().stance.neck_height
     for _ in range(4):
-        herd.advance(target, target)
-    assert herd.look().neck_height == pytest.approx(before, abs=0.03)
-    assert np.all(herd.look().foreign)
+        sim.follow(target, target)
+    assert sim.measure_privileged_state().stance.neck_height == pytest.approx(before, abs=0.03)
+    assert np.all(sim.measure_privileged_state().stance.non_foot_contact)
     slack = 0.05  # limits are soft
     assert np.all((target > op3.lower - slack) & (target < op3.upper + slack))
 
 
-def test_one_seed_makes_one_set_of_falls(op3, world):
+def test_one_seed_makes_one_set_of_falls(world):
     def drop(seed: int, threads: int) -> np.ndarray:
-        herd = Herd(world, op3, 4, cycles=6, threads=threads)
-        return drop_falls(herd, 6, np.random.default_rng(seed))
+        sim = TrainingSim(world, 4, cycles=6, threads=threads)
+        return drop_falls(sim, 6, np.random.default_rng(seed))
 
     assert np.array_equal(drop(1, 1), drop(1, 2))
     assert not np.array_equal(drop(1, 1), drop(2, 1))
 
 
-def test_a_robot_that_never_lies_still_is_named(op3, world, monkeypatch):
-    monkeypatch.setattr(starts_module, "WORST_SPEED", 0.0)
+def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
+    monkeypatch.setattr(starts_module, "SETTLING", Settling(speed=0.0))
     monkeypatch.setattr(starts_module, "MOST_ROUNDS", 2)
-    herd = Herd(world, op3, 2, cycles=6, threads=1)
+    sim = TrainingSim(world, 2, cycles=6, threads=1)
     told = "robot 'op3' does not come to lie still: 0 of 8 falls did, 3 are needed"
     with pytest.raises(FallError, match=told):
-        drop_falls(herd, 3, np.random.default_rng(0))
+        drop_falls(sim, 3, np.random.default_rng(0))
 
 
 def test_frames_of_the_known_motions_are_starts(op3, world):
-    starts = list_motion_starts(op3, world)
+    starts = list_motion_starts(op3, world.model)
     assert len(starts) > 100
-    assert starts.shape[1] == world.nq
-    root = op3.layout(world).root_qpos
+    assert starts.shape[1] == world.model.nq
+    root = op3.layout(world.model).root_qpos
     tilt = quaternion.tilt(starts[:, root + 3 : root + 7])
     assert tilt.min() < 0.1
     assert tilt.max() > 1.0
 
 
 def test_op3s_arms_are_what_no_foot_hangs_on(op3, world):
-    arms = {name for name, arm in zip(op3.joint_names, find_arms(op3, world), strict=True) if arm}
+    arms = {
+        name for name, arm in zip(op3.joint_names, find_arms(op3, world.model), strict=True) if arm
+    }
     assert arms == {f"{side}_{name}" for side in "lr" for name in ("sho_pitch", "sho_roll", "el")}
 
 
 def test_stands_have_their_feet_at_home_and_their_arms_anywhere_but_in_the_robot(op3, world):
-    stands = sample_stands(op3, world, 32, np.random.default_rng(0))
-    joints = stands[:, op3.layout(world).qpos]
-    arms = find_arms(op3, world)
+    stands = sample_stands(op3, world.model, 32, np.random.default_rng(0))
+    joints = stands[:, op3.layout(world.model).qpos]
+    arms = find_arms(op3, world.model)
     assert np.array_equal(joints[:, ~arms], np.tile(op3.standing.joint_pos[~arms], (32, 1)))
     assert np.ptp(joints[:, arms], axis=0).min() > 1.0
     assert np.all((joints >= op3.lower) & (joints <= op3.upper))
     assert len({tuple(row) for row in joints}) > 25  # where an arm met the body, it is at home
-    data = mujoco.MjData(world)
+    data = mujoco.MjData(world.model)
     for qpos in stands:
         data.qpos[:] = qpos
-        mujoco.mj_forward(world, data)
-        assert (world.geom_bodyid[data.contact.geom] == 0).any(axis=1).all()
+        mujoco.mj_forward(world.model, data)
+        assert (world.model.geom_bodyid[data.contact.geom] == 0).any(axis=1).all()
 
 
 def test_who_has_no_arms_stands_as_described():
     tiny = load_robot("tests/robots/tiny")
-    model = make_world(tiny, "flat", delays=False)
+    model = make_world(tiny, "flat", delays=False).model
     stands = sample_stands(tiny, model, 4, np.random.default_rng(0))
     assert np.array_equal(stands, np.tile(place(tiny, model, tiny.standing), (4, 1)))

@@ -45,7 +45,7 @@ def test_mirrored_actions_have_mirrored_consequences(op3, action, world, falls):
     spread = op3.standing.joint_pos.copy()
     left, right = (op3.joint_names.index(f"{side}_hip_roll") for side in "lr")
     spread[[left, right]] += (-0.4, 0.4)  # the soles 0.28 m apart
-    flying[:, op3.layout(world).qpos] = spread
+    flying[:, op3.layout(world.model).qpos] = spread
     env, _, _ = make_pairs(op3, action, flying)
     mirror, critic = mirror_of_observation(op3, action), env.mirror_of_critic()
     sign, rng = action.mirror_sign(op3), np.random.default_rng(0)

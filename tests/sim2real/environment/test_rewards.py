@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanoid_getup.evaluation.standing import Stance
 from sim2real.environment.rewards import (
     MOST_ASKED,
     NECK_LOW,
@@ -28,7 +29,7 @@ from sim2real.environment.rewards import (
     torque,
     way_up,
 )
-from sim2real.environment.vectorized_simulation import Herd
+from sim2real.environment.training_simulation import TrainingSim
 
 STANDING = RewardInputs(
     height=np.array([1.0]),
@@ -127,18 +128,21 @@ def test_the_parts_of_a_score_are_named_and_sum_up():
 
 
 def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
-    herd = Herd(world, op3, 1, cycles=6, threads=1)
-    herd.place(np.array([0]), falls[:1])
-    truth, size = herd.look(), op3.standing_neck_height
-    velocity = np.array([[0.0, 0.0, -0.3, 0.0, 0.0, 0.0]])
-    truth = replace(
-        truth, neck_height=np.array([0.9 * size]), upright=np.array([1.0]), root_vel=velocity
+    sim = TrainingSim(world, 1, cycles=6, threads=1)
+    sim.place(np.array([0]), falls[:1])
+    state, size = sim.measure_privileged_state(), op3.standing_neck_height
+    tall = Stance(
+        neck_height=np.array([0.9 * size]),
+        tilt=np.array([0.0]),
+        non_foot_contact=np.array([False]),
     )
-    truth = replace(truth, foreign=np.array([False]), sole_height=np.full((1, 2), 0.1 * size))
-    truth = replace(truth, head_fall=np.array([0.6]))
-    truth = replace(truth, joint_vel=np.tile(op3.max_velocity, (1, 1)))
+    velocity = np.array([[0.0, 0.0, -0.3, 0.0, 0.0, 0.0]])
+    state = replace(state, stance=tall, upright=np.array([1.0]), root_vel=velocity)
+    state = replace(state, sole_height=np.full((1, 2), 0.1 * size))
+    state = replace(state, head_fall=np.array([0.6]))
+    state = replace(state, joint_vel=np.tile(op3.max_velocity, (1, 1)))
     moment = RewardInputs.of(
-        op3, truth, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1))
+        op3, state, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1))
     )
     assert moment.height == pytest.approx([0.9])
     assert moment.stretch == pytest.approx([0.8])

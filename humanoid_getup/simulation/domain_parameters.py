@@ -1,0 +1,113 @@
+"""Domain parameters: what differs between simulated robots besides where they start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.simulation.world import World
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DomainParameters:
+    """Body, servos, sensors and ground of each of N robots.
+
+    :class:`VecSim` applies what acts in physics. Delays, encoder offsets, backlash and IMU
+    errors act in :class:`sim2real.environment.training_simulation.TrainingSim` alone.
+    """
+
+    mass: Array
+    """Scale of each link's mass and inertia, (N, bodies)."""
+    com_shift: Array
+    """Shift of the torso's center of mass [m], (N, 3)."""
+    friction: Array
+    """Sliding friction of every contact, (N,)."""
+    voltage: Array
+    """Supply [V], (N,)."""
+    torque_limit: Array
+    """Torque limit of every servo [N·m], (N,)."""
+    pwm_limited: NDArray[np.bool_]
+    """Whether the torque limit is a PWM limit, as in a servo's position mode, (N,)."""
+    strength: Array
+    """Scale of each servo's torque and gain, (N, n)."""
+    armature: Array
+    """Scale of the rotors' inertia, (N,)."""
+    friction_loss: Array
+    """Scale of the servos' dry friction, (N,)."""
+    action_delay: Array
+    """Age of targets when they reach the servos [s], (N,)."""
+    sensor_delay: Array
+    """Age of measurements when they are used [s], (N,)."""
+    joint_offset: Array
+    """Error of the encoders: measured minus true angle [rad], (N, n)."""
+    backlash: Array
+    """Backlash of each gear, from end to end [rad], (N,)."""
+    imu_tilt: Array
+    """Mounting error of the IMU, a small rotation vector [rad], (N, 3)."""
+    gyro_bias: Array
+    """[rad/s], (N, 3)"""
+
+    @property
+    def n(self) -> int:
+        """Return the number of robots."""
+        return len(self.friction)
+
+    @staticmethod
+    def nominal(
+        world: World,
+        n: int,
+        *,
+        friction: Array | float | None = None,
+        voltage: Array | float | None = None,
+        torque_limit: Array | float | None = None,
+        pwm_limited: bool = False,
+    ) -> DomainParameters:
+        """Make the parameters of ``n`` robots as their description says.
+
+        Args:
+            world: Robot and scene.
+            n: Number of robots.
+            friction: Sliding friction, (N,) or a number; ``None`` for the scene's.
+            voltage: Supply [V], (N,) or a number; ``None`` for the robot's nominal one.
+            torque_limit: Torque limit of every servo [N·m], (N,) or a number; ``None`` for
+                the servos' own.
+            pwm_limited: Whether it is a PWM limit.
+        """
+        robot = world.robot
+        friction = world.scene.friction if friction is None else friction
+        voltage = robot.supply_voltage if voltage is None else voltage
+        limit = float(robot.max_torque.max()) if torque_limit is None else torque_limit
+        return DomainParameters(
+            mass=np.ones((n, world.model.nbody)),
+            com_shift=np.zeros((n, 3)),
+            friction=np.full(n, friction),
+            voltage=np.full(n, voltage),
+            torque_limit=np.full(n, limit),
+            pwm_limited=np.full(n, pwm_limited),
+            strength=np.ones((n, robot.n)),
+            armature=np.ones(n),
+            friction_loss=np.ones(n),
+            action_delay=np.zeros(n),
+            sensor_delay=np.zeros(n),
+            joint_offset=np.zeros((n, robot.n)),
+            backlash=np.zeros(n),
+            imu_tilt=np.zeros((n, 3)),
+            gyro_bias=np.zeros((n, 3)),
+        )
+
+    def put(self, ids: NDArray[np.int_], others: DomainParameters) -> None:
+        """Overwrite the parameters of some robots, in place."""
+        for field in fields(self):
+            getattr(self, field.name)[ids] = getattr(others, field.name)
+
+    def tile(self, times: int) -> DomainParameters:
+        """Repeat all robots a number of times."""
+        return DomainParameters(
+            **{
+                field.name: np.concatenate([getattr(self, field.name)] * times)
+                for field in fields(self)
+            }
+        )

@@ -1,0 +1,156 @@
+"""Vectorized simulation: N worlds stepped side by side on a thread pool."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.world import World
+from robots.quaternion import Array
+from robots.servo import round_pwm
+
+Ids = NDArray[np.int_]
+
+BODY_PARAMETERS = ("mass", "com_shift", "armature", "friction_loss")
+BODY_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "dof_frictionloss")
+DRIVE_FIELDS = ("geom_friction", "actuator_gainprm", "actuator_forcerange")
+
+
+class VecSim:
+    """Steps N copies of a world, each under its own domain parameters.
+
+    Every copy moves bit for bit as it would alone in a loop of ``mj_step``.
+    """
+
+    def __init__(self, world: World, n: int, *, pwm_limit: float = 1.0, threads: int = 0) -> None:
+        """Build N copies under nominal domain parameters.
+
+        Args:
+            world: Robot in its scene.
+            n: Number of copies.
+            pwm_limit: Largest share of the supply that drives the motors.
+            threads: Threads that step physics; 0 for one per processor.
+        """
+        self.world, self.n = world, n
+        self.robot, self.model = world.robot, world.model
+        self.batch = Batch(world.model, n, threads)
+        self.parameters = DomainParameters.nominal(world, n)
+        self.diverged = np.zeros(n, dtype=bool)
+        """Worlds whose physics diverged in the last advance; their state is invalid, (N,)."""
+        self.everyone = np.arange(n)
+        self._layout = world.robot.layout(world.model)
+        self._pwm_limit = round_pwm(pwm_limit)
+        self._servos = np.array([self.model.actuator(name).id for name in self.robot.joint_names])
+        dcmotor = mujoco.mjtGain.mjGAIN_DCMOTOR
+        self._has_motors = bool(np.all(self.model.actuator_gaintype[self._servos] == dcmotor))
+        self._data: dict[str, Array] = {}
+        self.bind("qpos", "qvel", "ctrl", "actuator_force")
+        self._fields = {name: self.batch.expand(name) for name in DRIVE_FIELDS}
+        self._set_drives(self.everyone, self.parameters)
+
+    def read(self, name: str) -> Array:
+        """Return a live view of an MjData field that was bound, (N, ...).
+
+        State fields may be written; outputs are those of the last call that computed them.
+        """
+        return self._data[name]
+
+    def bind(self, *names: str) -> None:
+        """Make MjData fields readable, from the next call that computes them on."""
+        self._data |= {name: self.batch.bind(name) for name in names}
+
+    @property
+    def qpos(self) -> Array:
+        """Return a copy of the MuJoCo positions, (N, nq)."""
+        return self.read("qpos").copy()
+
+    @property
+    def qvel(self) -> Array:
+        """Return a copy of the MuJoCo velocities, (N, nv)."""
+        return self.read("qvel").copy()
+
+    @property
+    def torque(self) -> Array:
+        """Return a copy of the servos' torques [N·m], (N, n)."""
+        return self.read("actuator_force")[:, self._servos]
+
+    def set_parameters(self, ids: Ids, parameters: DomainParameters) -> None:
+        """Set the domain parameters of some worlds, in rising order of ``ids``."""
+        changed = any(
+            not np.array_equal(getattr(self.parameters, name)[ids], getattr(parameters, name))
+            for name in BODY_PARAMETERS
+        )
+        self.parameters.put(ids, parameters)
+        self._set_drives(ids, parameters)
+        if changed:
+            self._set_bodies(ids, parameters)
+
+    def place(self, ids: Ids, qpos: Array, qvel: Array | None = None) -> None:
+        """Place some robots, with targets equal to their joint angles.
+
+        Args:
+            ids: Which, in rising order.
+            qpos: MuJoCo positions, (len(ids), nq).
+            qvel: MuJoCo velocities, (len(ids), nv); ``None`` for rest.
+        """
+        self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self.read("qpos")[ids] = qpos
+        self.read("qvel")[ids] = 0.0 if qvel is None else qvel
+        self.read("ctrl")[ids] = qpos[:, self._layout.qpos]
+        self._compute_sensors(ids)
+
+    def advance(self, targets: Array, hold: int, record: tuple[str, ...] = ()) -> dict[str, Array]:
+        """Send joint targets one after another.
+
+        Args:
+            targets: Joint targets [rad], (N, T, n).
+            hold: Physics steps that each of them is held.
+            record: MjData fields to return.
+
+        Returns:
+            Each field at the end of every target, (N, T, ...).
+        """
+        # After a warning of NaN or Inf, MuJoCo resets a world and counts from one again.
+        warnings = self.batch.warning[..., 1]
+        warnings[:] = 0
+        control = np.repeat(targets, hold, axis=1)
+        rolled = self.batch.rollout(control.shape[1], control, record=record)
+        self.diverged = np.any(warnings > 0, axis=1)
+        return {name: rolled[name][:, hold - 1 :: hold] for name in record}
+
+    def _compute_sensors(self, ids: Ids) -> None:
+        """Bring the outputs of robots just placed up to date."""
+        self.batch.forward(ids)
+
+    def _set_drives(self, ids: Ids, parameters: DomainParameters) -> None:
+        """Set contact friction and what the servos can do."""
+        robot, model, p, fields = self.robot, self.model, parameters, self._fields
+        fields["geom_friction"][ids, :, 0] = p.friction[:, None]
+        if not self._has_motors:
+            return
+        limit = np.minimum(p.torque_limit[:, None], robot.max_torque) * p.strength
+        pwm = np.where(p.pwm_limited[:, None], robot.pwm_limit(limit), 1.0)
+        gains = robot.drive_gains(p.voltage, p.strength, np.minimum(pwm, self._pwm_limit))
+        gainprm = np.tile(model.actuator_gainprm, (p.n, 1, 1))
+        gainprm[:, self._servos] = gains
+        fields["actuator_gainprm"][ids] = gainprm
+        force = np.tile(model.actuator_forcerange, (p.n, 1, 1))
+        force[:, self._servos, 0], force[:, self._servos, 1] = -limit, limit
+        fields["actuator_forcerange"][ids] = force
+
+    def _set_bodies(self, ids: Ids, parameters: DomainParameters) -> None:
+        """Set masses and rotors, and the constants that MuJoCo derives from them."""
+        model, p, fields = self.model, parameters, self._fields
+        for name in BODY_FIELDS:
+            if name not in fields:
+                fields[name] = self.batch.expand(name)
+        fields["body_mass"][ids] = model.body_mass * p.mass
+        fields["body_inertia"][ids] = model.body_inertia * p.mass[:, :, None]
+        fields["body_ipos"][ids] = model.body_ipos
+        fields["body_ipos"][ids, self._layout.torso] += p.com_shift
+        fields["dof_armature"][ids] = model.dof_armature * p.armature[:, None]
+        fields["dof_frictionloss"][ids] = model.dof_frictionloss * p.friction_loss[:, None]
+        self.batch.set_const(ids)

@@ -1,0 +1,227 @@
+"""The vectorized simulation of training: delayed, imperfect sensors and privileged state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.evaluation.standing import Stance, StanceMeter
+from humanoid_getup.policy.action import between
+from humanoid_getup.policy.observation import Sensed
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
+from humanoid_getup.simulation.world import World, count_substeps
+from robots import quaternion
+from robots.quaternion import Array
+from sim2real.environment.delay_buffers import DelayBuffers
+from sim2real.environment.privileged_state import PrivilegedState
+from sim2real.environment.randomization import ObservationNoise
+from sim2real.environment.training_world import SensorAddresses
+
+BACKLASH_TORQUE = 0.3  # N·m that hold a gear at the end of its backlash
+RECORDED = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepRecord:
+    """What judges need of N robots in a policy step, a sample per control period."""
+
+    qpos: Array
+    """MuJoCo positions, (N, cycles, nq)."""
+    stance: Stance
+    """(N, cycles)"""
+    torque: Array
+    """Servo torques [N·m], (N, cycles, n)."""
+    joint_vel: Array
+    """[rad/s], (N, cycles, n)"""
+    head_contact: NDArray[np.bool_]
+    """Whether the head touches the world, (N, cycles)."""
+    head_speed: Array
+    """[m/s], (N, cycles)"""
+
+
+class TrainingSim(VecSim):
+    """Steps N robots a policy step at a time and reads them as a policy and its critic do."""
+
+    def __init__(
+        self,
+        world: World,
+        n: int,
+        *,
+        cycles: int,
+        pwm_limit: float = 1.0,
+        threads: int = 0,
+        noise: ObservationNoise | None = None,
+    ) -> None:
+        """Build N robots as their description says.
+
+        Args:
+            world: Made by :func:`sim2real.environment.training_world.build_training_world`.
+            n: Number of robots.
+            cycles: Control periods per policy step.
+            pwm_limit: Largest share of the supply that drives the motors.
+            threads: Threads that step physics; 0 for one per processor.
+            noise: Noise of the sensors.
+        """
+        super().__init__(world, n, pwm_limit=pwm_limit, threads=threads)
+        self.cycles, self.noise = cycles, noise or ObservationNoise()
+        self.step_time = self.robot.control_period * cycles
+        """Duration of a policy step [s]."""
+        substeps = count_substeps(self.model, self.step_time)
+        # Targets change once a control period, as on the robot; where a coarse physics step
+        # does not divide a control period, once a physics step.
+        self._changes = substeps if substeps % cycles else cycles
+        self._hold = substeps // self._changes
+        self._soles = [self.model.site(site).id for site in self.robot.sole_sites]
+        self._neck = self.model.site(self.robot.neck_site).id
+        self._addresses = SensorAddresses(world)
+        self._meter = StanceMeter(self.robot, self.model, world.scene.ground)
+        self._delays = DelayBuffers(self.model)
+        if self._delays.exist:
+            self._fields |= {
+                name: self.batch.expand(name) for name in ("actuator_delay", "sensor_delay")
+            }
+        self.bind("xfrc_applied", "history", "site_xpos", "sensordata")
+        self._backlash = np.zeros((n, self.robot.n))  # encoder minus link angle by it [rad]
+        self._torque = np.zeros((n, self.robot.n))  # of the servos after the last step [N·m]
+        self.set_parameters(self.everyone, self.parameters)
+
+    def set_parameters(self, ids: Ids, parameters: DomainParameters) -> None:
+        """Set the domain parameters of some robots, in rising order of ``ids``."""
+        super().set_parameters(ids, parameters)
+        if self._delays.exist:
+            self._fields["actuator_delay"][ids] = parameters.action_delay[:, None]
+            self._fields["sensor_delay"][ids] = np.where(
+                self._addresses.is_delayed, parameters.sensor_delay[:, None], 0.0
+            )
+
+    def place(self, ids: Ids, qpos: Array, qvel: Array | None = None) -> None:
+        """Place some robots whose past is their present; see :meth:`VecSim.place`."""
+        super().place(ids, qpos, qvel)
+        self._backlash[ids] = 0.0
+        self._torque[ids] = self.torque[ids]
+
+    def follow(
+        self, target: Array, following: Array, record: tuple[str, ...] = ()
+    ) -> dict[str, Array]:
+        """Let a policy step pass while targets move at constant speed.
+
+        Args:
+            target: Targets at its start [rad], (N, n).
+            following: Targets at its end [rad], (N, n).
+            record: MjData fields to return; the physics step must divide a control period.
+
+        Returns:
+            Each field at the end of every control period, (N, cycles, ...).
+        """
+        p, change = self.parameters, np.arange(self._changes)[:, None]
+        offset = p.joint_offset
+        if p.backlash.any():
+            # The servo's torque pushes each gear to one end: the encoder leads the link.
+            share = np.clip(self._torque / BACKLASH_TORQUE, -1.0, 1.0)
+            self._backlash = 0.5 * p.backlash[:, None] * share
+            offset = offset + self._backlash
+        moving = between(target[:, None], following[:, None], change, self._changes)
+        recorded = self.advance(moving - offset[:, None], self._hold, record)
+        self._torque = self.torque
+        return recorded
+
+    def follow_recorded(self, target: Array, following: Array) -> StepRecord:
+        """Let a policy step pass as :meth:`follow` does; return what judges need of it."""
+        record = self.follow(target, following, RECORDED)
+        sensors, at = record["sensordata"], self._addresses
+        contact = self.world.find_non_foot_contact(sensors)
+        return StepRecord(
+            qpos=record["qpos"],
+            stance=self._meter.measure(record["qpos"], record["site_xpos"], contact),
+            torque=record["actuator_force"][..., self._servos],
+            joint_vel=record["qvel"][..., self._layout.dof],
+            head_contact=sensors[..., at.head_contact].sum(axis=-1) > 0,
+            head_speed=np.linalg.norm(sensors[..., at.head_velocity], axis=-1),
+        )
+
+    def set_assistive_force(self, ids: Ids, share: Array) -> None:
+        """Pull some robots up by a share of their weight, (len(ids),)."""
+        mass = (self.model.body_mass * self.parameters.mass[ids]).sum(axis=1)
+        weight = mass * -self.model.opt.gravity[2]
+        self.read("xfrc_applied")[ids, self._layout.torso, 2] = share * weight
+
+    def push(self, ids: Ids, velocity: Array) -> None:
+        """Change the torso's velocity by a push [m/s], (len(ids), 3)."""
+        root = self._layout.root_dof
+        self.read("qvel")[ids, root : root + 3] += velocity
+
+    def sense(self, rng: np.random.Generator | None = None) -> Sensed:
+        """Read the sensors with the errors of the domain parameters.
+
+        Args:
+            rng: Random source of the noise; ``None`` for none.
+        """
+        p, at, data = self.parameters, self._addresses, self.read("sensordata")
+        angle = np.linalg.norm(p.imu_tilt, axis=1)
+        axis = p.imu_tilt / np.maximum(angle, 1e-12)[:, None]
+        mounted = quaternion.multiply(at.imu_in_torso, quaternion.from_axis_angle(axis, angle))
+        gravity = quaternion.rotate(mounted, quaternion.gravity_in_body(data[:, at.orientation]))
+        gyro = quaternion.rotate(mounted, data[:, at.gyro] + p.gyro_bias)
+        joint_pos = data[:, at.joint_pos] + p.joint_offset + self._backlash
+        joint_vel = data[:, at.joint_vel]
+        if rng is not None:
+            noise = self.noise
+            gravity = gravity + rng.normal(0.0, noise.gravity, gravity.shape)
+            gyro = gyro + rng.normal(0.0, noise.gyro, gyro.shape)
+            joint_pos = joint_pos + rng.normal(0.0, noise.joint_pos, joint_pos.shape)
+            joint_vel = joint_vel + rng.normal(0.0, noise.joint_vel, joint_vel.shape)
+        gravity /= np.linalg.norm(gravity, axis=-1, keepdims=True)
+        return Sensed(gravity=gravity, gyro=gyro, joint_pos=joint_pos, joint_vel=joint_vel)
+
+    def measure_privileged_state(self) -> PrivilegedState:
+        """Measure what no sensor of the robot does."""
+        layout, sites, sensors = self._layout, self.read("site_xpos"), self.read("sensordata")
+        qpos, qvel = self.read("qpos"), self.read("qvel")
+        soles = sites[:, self._soles]  # (N, soles, 3)
+        from_neck = soles[..., :2].mean(axis=1) - sites[:, self._neck, :2]
+        root = qpos[:, layout.root_qpos + 3 : layout.root_qpos + 7]
+        head_velocity = sensors[:, self._addresses.head_velocity]
+        contact = self.world.find_non_foot_contact(sensors)
+        return PrivilegedState(
+            stance=self._meter.measure(qpos, sites, contact),
+            sole_height=soles[..., 2],
+            sole_distance=np.linalg.norm(from_neck, axis=-1),
+            upright=-quaternion.gravity_in_body(root)[:, 2],
+            head_fall=np.maximum(-head_velocity[:, 2:].sum(axis=1), 0.0),
+            root_vel=qvel[:, layout.root_dof : layout.root_dof + 6],
+            joint_vel=qvel[:, layout.dof],
+            torque=self.torque,
+        )
+
+    def save_state(self) -> dict[str, Any]:
+        """Return everything that the next steps depend on."""
+        parameters = {f.name: getattr(self.parameters, f.name) for f in fields(self.parameters)}
+        return {
+            "state": self.batch.state.copy(),
+            "parameters": {name: values.copy() for name, values in parameters.items()},
+            "backlash": self._backlash.copy(),
+            "torque": self._torque.copy(),
+        }
+
+    def restore_state(self, state: dict[str, Any]) -> None:
+        """Go on from where :meth:`save_state` was called."""
+        self.set_parameters(self.everyone, DomainParameters(**state["parameters"]))
+        self.batch.state[:] = state["state"]
+        self._backlash = state["backlash"].copy()
+        self._torque = state["torque"].copy()
+
+    def _compute_sensors(self, ids: Ids) -> None:
+        """Sense without delay, since the past is still blank, then fill it with the present."""
+        if not self._delays.exist:
+            super()._compute_sensors(ids)
+            return
+        delay = self._fields["sensor_delay"]
+        kept = delay[ids]
+        delay[ids] = 0.0
+        super()._compute_sensors(ids)
+        delay[ids] = kept
+        self._delays.fill(self.read("history"), ids, self.read("ctrl"), self.read("sensordata"))

@@ -1,0 +1,91 @@
+"""The twin is the vectorized simulation of one world: the same bits, whatever limits servos."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers import Command, Twin
+from drivers.servo_units import ServoUnits
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.vectorized_simulation import VecSim
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot
+from robots.kinematics import place
+
+
+def load_motion(robot: Robot, name: str) -> Motion:
+    return Motion.load(Path(robot.folder) / "motions" / f"{name}.npz")
+
+
+def sample_targets(robot: Robot, motion: Motion) -> np.ndarray:
+    """Sample a motion's targets once a control period, in whole ticks as servos take them."""
+    times = np.arange(motion.time[0], motion.time[-1], robot.control_period)
+    return ServoUnits(robot).round_goal(motion.sample(times))
+
+
+def play_on_twin(twin: Twin, start: Posture, targets: np.ndarray, limit: float) -> np.ndarray:
+    twin.place(start)
+    went = []
+    with twin:
+        for target in targets:
+            twin.write(Command.position(twin.robot, target, torque_limit=limit))
+            went.append(twin.truth.qpos)
+    return np.array(went)
+
+
+@pytest.mark.parametrize("name", ["supine_sit_up_gentle", "prone_push_up_fast"])
+@pytest.mark.parametrize(
+    ("limit", "pwm_limited"),
+    [(4.1, False), (2.0, False), (2.0, True)],
+    ids=["unlimited", "torque limit", "PWM limit"],
+)
+def test_twin_and_vectorized_simulation_agree_to_the_bit(
+    world: World, op3: Robot, name: str, limit: float, pwm_limited: bool
+):
+    """Joint by joint, over a whole stored motion, also on the twin's own ground."""
+    motion = load_motion(op3, name)
+    start, targets = motion.posture(0), sample_targets(op3, motion)
+    qpos = place(op3, world.model, start)
+    parameters = DomainParameters.nominal(world, 1, torque_limit=limit, pwm_limited=pwm_limited)
+    trace = Rollout(world, 1).play(qpos[None], targets[None], parameters)
+    for model in (world.model, None):
+        twin = Twin(op3, model, pwm_limited=pwm_limited)
+        went = play_on_twin(twin, start, targets, limit)
+        assert len(went) > 150
+        assert np.array_equal(trace.qpos[0], went)
+
+
+def test_limits_are_told_apart(world: World, op3: Robot):
+    """A torque limit, a PWM limit and none: three different ways."""
+    motion = load_motion(op3, "prone_push_up_fast")
+    targets = np.tile(sample_targets(op3, motion), (3, 1, 1))
+    starts = np.tile(place(op3, world.model, motion.posture(0)), (3, 1))
+    parameters = DomainParameters.nominal(world, 3, torque_limit=np.array([4.1, 2.0, 2.0]))
+    parameters.pwm_limited[2] = True
+    qpos = Rollout(world, 3).play(starts, targets, parameters).qpos
+    for one, other in ((0, 1), (1, 2), (2, 0)):
+        assert not np.array_equal(qpos[one], qpos[other])
+
+
+def test_limits_of_one_world_leave_the_others_as_they_are(world: World, op3: Robot):
+    """Set after the others, in a batch of three, a world moves as it does alone."""
+    motion = load_motion(op3, "supine_sit_up_gentle")
+    targets = sample_targets(op3, motion)[None, :60]
+    start = place(op3, world.model, motion.posture(0))[None]
+    parameters = DomainParameters.nominal(world, 1, torque_limit=1.5, pwm_limited=True)
+    parameters.mass[:] = 1.2
+    together, alone = VecSim(world, 3), VecSim(world, 1)
+    together.set_parameters(np.array([1]), parameters)
+    alone.set_parameters(np.array([0]), parameters)
+    for sim in (together, alone):
+        sim.place(sim.everyone, np.repeat(start, sim.n, axis=0))
+        sim.advance(np.repeat(targets, sim.n, axis=0), 4)
+    plain = VecSim(world, 1)
+    plain.place(plain.everyone, start)
+    plain.advance(targets, 4)
+    assert np.array_equal(together.qpos[1], alone.qpos[0])
+    assert np.array_equal(together.qpos[[0, 2]], np.repeat(plain.qpos, 2, axis=0))
+    assert not np.array_equal(alone.qpos, plain.qpos)

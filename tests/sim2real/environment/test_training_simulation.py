@@ -1,0 +1,337 @@
+"""Training's simulation: physics to the bit, delays to the step, parameters in effect."""
+
+from dataclasses import fields, replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from humanoid_getup.policy.action import between
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import World
+from robots import Robot
+from robots.kinematics import place
+from robots.robot import GAIN_KP, GAIN_VMAX
+from sim2real.environment.model_variants import backlash
+from sim2real.environment.randomization import DomainRandomization, ObservationNoise
+from sim2real.environment.training_simulation import BACKLASH_TORQUE, TrainingSim
+from sim2real.environment.training_world import build_training_world
+
+CYCLES = 6
+
+
+def make_sim(world: World, n: int, **parameters: float | np.ndarray) -> TrainingSim:
+    """Make a simulation on one thread; domain parameters are arrays with a row per robot."""
+    sim = TrainingSim(world, n, cycles=CYCLES, threads=1)
+    nominal = DomainParameters.nominal(world, n)
+    arrays = {
+        name: np.broadcast_to(value, getattr(nominal, name).shape).copy()
+        for name, value in parameters.items()
+    }
+    sim.set_parameters(np.arange(n), replace(nominal, **arrays))
+    return sim
+
+
+def in_the_air(robot: Robot, model: mujoco.MjModel, n: int) -> np.ndarray:
+    qpos = np.tile(place(robot, model, robot.standing), (n, 1))
+    qpos[:, robot.layout(model).root_qpos + 2] += 5.0
+    return qpos
+
+
+def angles(robot: Robot, sim: TrainingSim) -> np.ndarray:
+    return sim.qpos[:, robot.layout(sim.model).qpos]
+
+
+def test_a_robot_moves_as_in_a_plain_loop(op3, world, falls):
+    sim = TrainingSim(world, 3, cycles=CYCLES, threads=2)
+    starts, layout = falls[:3], op3.layout(world.model)
+    sim.place(np.arange(3), starts)
+    target = starts[:, layout.qpos]
+    following = target + np.random.default_rng(0).uniform(-0.4, 0.4, target.shape)
+    sim.follow(target, following)
+    sim.follow(following, target)
+
+    data = mujoco.MjData(world.model)
+    data.qpos, data.ctrl = starts[1], target[1]
+    mujoco.mj_forward(world.model, data)
+    for begin, end in ((target[1], following[1]), (following[1], target[1])):
+        for cycle in range(CYCLES):
+            data.ctrl = between(begin, end, cycle, CYCLES)
+            mujoco.mj_step(world.model, data, round(op3.control_period / world.model.opt.timestep))
+    assert np.array_equal(sim.qpos[1], data.qpos)
+    assert np.array_equal(sim.qvel[1], data.qvel)
+    assert np.array_equal(sim.sense().gyro[1], data.sensor("imu_gyro").data)
+
+
+@pytest.mark.parametrize("cycles_late", [1, 2, 5])
+def test_a_target_reaches_the_servos_as_late_as_the_delay(op3, delayed_world, cycles_late):
+    late = cycles_late * op3.control_period
+    sim = make_sim(delayed_world, 2, action_delay=np.array([0.0, late]))
+    start = in_the_air(op3, delayed_world.model, 2)  # falling freely, nothing else moves the joints
+    sim.place(np.arange(2), start)
+    layout = op3.layout(delayed_world.model)
+    target = start[:, layout.qpos]
+    first = sim.follow(target, target + 0.3, record=("qpos",))["qpos"]
+    second = sim.follow(target + 0.3, target + 0.3, record=("qpos",))["qpos"]
+    on_time, delayed = np.concatenate([first, second], axis=1)[..., layout.qpos]
+    assert delayed[cycles_late:] == pytest.approx(on_time[:-cycles_late], abs=1e-6)
+    assert np.abs(on_time[CYCLES - 1] - target[0]).max() > 0.1
+    assert delayed[cycles_late - 1] == pytest.approx(target[1], abs=1e-4)
+
+
+@pytest.mark.parametrize("cycles_late", [1, 2, 5])
+def test_what_is_sensed_was_true_as_long_ago_as_the_delay(op3, delayed_world, falls, cycles_late):
+    late = cycles_late * op3.control_period
+    sim = make_sim(delayed_world, 2, sensor_delay=np.array([0.0, late]))
+    start = np.tile(falls[0], (2, 1))
+    sim.place(np.arange(2), start)
+    target = start[:, op3.layout(delayed_world.model).qpos]
+    sim.follow(target, target + 0.3)
+    sensed = sim.follow(target + 0.3, target, record=("sensordata",))["sensordata"]
+    assert np.array_equal(sim.qpos[0], sim.qpos[1])
+    for name in ("imu_gyro", "imu_orientation", "pos_l_knee", "vel_l_knee"):
+        sensor = delayed_world.model.sensor(name)
+        now, old = sensed[..., sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+        assert np.array_equal(old[cycles_late:], now[:-cycles_late])
+        assert not np.array_equal(old, now)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.02, 0.04])
+def test_a_robot_just_placed_senses_the_present(op3, delayed_world, falls, delay):
+    sim = make_sim(delayed_world, 2, sensor_delay=delay, action_delay=delay)
+    sim.place(np.arange(2), in_the_air(op3, delayed_world.model, 2))
+    target = angles(op3, sim)
+    sim.follow(target, target + 0.3)
+    sim.place(np.array([1]), falls[:1])
+    plain = TrainingSim(delayed_world, 1, cycles=CYCLES, threads=1)
+    plain.place(np.array([0]), falls[:1])
+    for name in ("gravity", "gyro", "joint_pos", "joint_vel"):
+        assert np.array_equal(getattr(sim.sense(), name)[1], getattr(plain.sense(), name)[0])
+
+
+def test_the_past_of_a_robot_just_placed_is_its_present(op3, delayed_world, falls):
+    sim = make_sim(delayed_world, 1, sensor_delay=0.04, action_delay=0.04)
+    sim.place(np.array([0]), falls[:1])
+    target = falls[:1, op3.layout(delayed_world.model).qpos]
+    known = sim.sense()
+    recorded = sim.follow(target, target + 0.3, record=("sensordata", "qpos"))
+    knee = delayed_world.model.sensor("pos_l_knee").adr[0]
+    within = round(0.04 / op3.control_period) - 1
+    assert recorded["sensordata"][0, :within, knee] == pytest.approx(
+        known.joint_pos[0, op3.joint_names.index("l_knee")]
+    )
+    moved = recorded["qpos"][0, within - 1, op3.layout(delayed_world.model).qpos] - target[0]
+    assert np.abs(moved).max() < 0.02  # what it was placed with still holds
+
+
+def test_a_policys_pwm_limit_and_a_users_torque_limit_both_hold(op3, world):
+    sim = TrainingSim(world, 3, cycles=CYCLES, pwm_limit=0.55, threads=1)
+    nominal = DomainParameters.nominal(world, 2)
+    pwm = np.array([True, True])
+    caps = replace(nominal, torque_limit=np.array([1.0, 4.0]), pwm_limited=pwm)
+    sim.set_parameters(np.array([1, 2]), caps)
+    # Whole counts of 885 for 12 V: 0.55 of them, or 1.0 N·m of the 4.1 that the servos have.
+    for i, counts in enumerate((486, 215, 486)):
+        volts = sim.batch.get_model(i).actuator_gainprm[:, GAIN_VMAX]
+        assert volts == pytest.approx(np.full(op3.n, 12.0 * counts / 885))
+
+
+def test_masses_gains_and_friction_are_in_the_physics(op3, world):
+    mass = np.ones((2, world.model.nbody))
+    mass[1] *= np.linspace(0.8, 1.2, world.model.nbody)
+    sim = make_sim(
+        world,
+        2,
+        mass=mass,
+        voltage=np.array([12.0, 10.5]),
+        friction=np.array([0.8, 0.3]),
+        armature=np.array([1.0, 1.4]),
+        friction_loss=np.array([1.0, 0.5]),
+        com_shift=np.array([[0.0, 0.0, 0.0], [0.01, -0.02, 0.005]]),
+    )
+    plain, changed = sim.batch.get_model(0), sim.batch.get_model(1)
+    assert plain.body_mass == pytest.approx(world.model.body_mass)
+    assert changed.body_mass == pytest.approx(world.model.body_mass * mass[1])
+    assert changed.body_inertia == pytest.approx(world.model.body_inertia * mass[1][:, None])
+    torso = world.model.body(op3.torso).id
+    assert changed.body_subtreemass[torso] == pytest.approx(world.model.body_mass @ mass[1])
+    assert changed.body_ipos[torso] - world.model.body_ipos[torso] == pytest.approx(
+        [0.01, -0.02, 0.005]
+    )
+    # Position mode sets a share of the supply: 10.5 V of 12 are 87.5 %.
+    gain = changed.actuator_gainprm[:, GAIN_KP] / plain.actuator_gainprm[:, GAIN_KP]
+    assert gain == pytest.approx(np.full(op3.n, 0.875))
+    assert changed.actuator_gainprm[:, GAIN_VMAX] == pytest.approx(np.full(op3.n, 10.5))
+    assert changed.geom_friction[:, 0] == pytest.approx(np.full(world.model.ngeom, 0.3))
+    dofs = op3.layout(world.model).dof
+    assert changed.dof_armature[dofs] == pytest.approx(1.4 * world.model.dof_armature[dofs])
+    assert changed.dof_frictionloss[dofs] == pytest.approx(0.5 * world.model.dof_frictionloss[dofs])
+
+
+def test_nominal_parameters_are_the_world_as_it_was_compiled(world):
+    sim = make_sim(world, 1)
+    model = sim.batch.get_model(0)
+    for name in ("body_mass", "body_inertia", "dof_armature", "dof_invweight0", "body_ipos"):
+        assert getattr(model, name) == pytest.approx(getattr(world.model, name))
+    assert model.actuator_gainprm == pytest.approx(world.model.actuator_gainprm)
+
+
+def test_no_servo_gives_more_than_its_torque_limit_and_strength(op3, world):
+    strength = np.ones((2, op3.n))
+    strength[1, 4] = 0.5
+    sim = make_sim(world, 2, torque_limit=np.array([1.0, 2.0]), strength=strength)
+    start = in_the_air(op3, world.model, 2)
+    sim.place(np.arange(2), start)
+    target = start[:, op3.layout(world.model).qpos]
+    torque = sim.follow(target, target + 0.6, record=("actuator_force",))["actuator_force"]
+    peak = np.abs(torque).max(axis=1)
+    assert peak[0].max() == pytest.approx(1.0)
+    assert np.delete(peak[1], 4).max() == pytest.approx(2.0)
+    assert peak[1, 4] <= 1.0
+    assert sim.batch.get_model(1).actuator_forcerange[4] == pytest.approx([-1.0, 1.0])
+
+
+def test_parameters_of_some_leave_the_others_as_they_are(op3, delayed_world, falls):
+    some, rng = np.array([1]), np.random.default_rng(0)
+    sims = [make_sim(delayed_world, 3) for _ in range(2)]
+    target = falls[:3, op3.layout(delayed_world.model).qpos]
+    for sim in sims:
+        sim.place(np.arange(3), falls[:3])
+        sim.follow(target, target + 0.2)
+    sims[1].set_parameters(some, DomainRandomization().sample(delayed_world, 1, rng))
+    for sim in sims:
+        sim.follow(target + 0.2, target)
+    others = [0, 2]
+    assert np.array_equal(sims[0].qpos[others], sims[1].qpos[others])
+    assert not np.array_equal(sims[0].qpos[some], sims[1].qpos[some])
+    for field in fields(DomainParameters):
+        kept, changed = (getattr(sim.parameters, field.name)[others] for sim in sims)
+        assert np.array_equal(kept, changed)
+
+
+def test_an_encoder_offset_shifts_targets_and_measurements_alike(op3, world, falls):
+    offset = np.zeros((2, op3.n))
+    offset[1] = np.random.default_rng(0).uniform(-0.05, 0.05, op3.n)
+    sim = make_sim(world, 2, joint_offset=offset)
+    start = np.tile(falls[0], (2, 1))
+    sim.place(np.arange(2), start)
+    target = start[:, op3.layout(world.model).qpos] + offset  # as the encoders measure
+    sim.follow(target, target + 0.2)
+    sensed = sim.sense().joint_pos
+    assert sim.qpos[1] == pytest.approx(sim.qpos[0], abs=1e-6)
+    assert sensed[1] - sensed[0] == pytest.approx(offset[1], abs=1e-6)
+
+
+def test_a_loaded_gear_is_at_the_end_of_its_backlash_as_with_a_loose_hinge(op3):
+    play, leads, torques = 0.02, [], []
+    knees = [op3.joint_names.index(name) for name in ("l_knee", "r_knee")]  # of contrary signs
+    for parameter, variants in ((play, []), (0.0, [backlash(play)])):
+        world = build_training_world(op3, load_scene("flat"), 0.002, variants=variants)
+        model, sim = world.model, make_sim(world, 1, backlash=parameter)
+        sim.place(np.array([0]), place(op3, model, op3.standing)[None])
+        target = angles(op3, sim)
+        assert sim.sense().joint_pos == pytest.approx(target)
+        for _ in range(30):  # until the robot is still, its weight on its bent knees
+            sim.follow(target, target)
+        link = angles(op3, sim)
+        if variants:
+            link += sim.qpos[:, [model.joint(f"{n}_backlash").qposadr[0] for n in op3.joint_names]]
+        leads.append((sim.sense().joint_pos - link)[0, knees])
+        torques.append(sim.measure_privileged_state().torque[0, knees])
+    assert np.abs(torques).min() > BACKLASH_TORQUE
+    assert np.prod(np.sign(torques[0])) < 0.0
+    assert leads[0] == pytest.approx(0.5 * play * np.sign(torques[0]), abs=1e-4)
+    assert leads[0] == pytest.approx(leads[1], abs=5e-4)
+
+
+def test_a_tilted_imu_measures_rotated_gravity_and_a_biased_rate(world, falls):
+    tilt = np.array([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]])
+    bias = np.array([[0.0, 0.0, 0.0], [0.01, 0.02, 0.03]])
+    sim = make_sim(world, 2, imu_tilt=tilt, gyro_bias=bias)
+    sim.place(np.arange(2), np.tile(falls[0], (2, 1)))
+    sensed = sim.sense()
+    cosine = sensed.gravity[0] @ sensed.gravity[1]
+    assert np.linalg.norm(sensed.gravity, axis=1) == pytest.approx([1.0, 1.0])
+    assert np.arccos(cosine) <= 0.1 + 1e-6
+    assert np.arccos(cosine) > 0.01
+    assert np.linalg.norm(sensed.gyro[1] - sensed.gyro[0]) == pytest.approx(np.linalg.norm(bias[1]))
+
+
+def test_noise_comes_from_the_seed_and_has_its_standard_deviation(world, falls):
+    noise = ObservationNoise(joint_pos=0.01, joint_vel=0.1, gyro=0.05, gravity=0.02)
+    sim = TrainingSim(world, 16, cycles=CYCLES, threads=1, noise=noise)
+    sim.place(np.arange(16), falls)
+    exact = sim.sense()
+    one, again, other = (sim.sense(np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert np.array_equal(one.joint_pos, again.joint_pos)
+    assert not np.array_equal(one.joint_pos, other.joint_pos)
+    assert np.std(one.joint_pos - exact.joint_pos) == pytest.approx(0.01, rel=0.2)
+    assert np.std(one.joint_vel - exact.joint_vel) == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_push_changes_the_torsos_velocity_alone(world, falls):
+    sim = TrainingSim(world, 2, cycles=CYCLES, threads=1)
+    sim.place(np.arange(2), falls[:2])
+    before = sim.qvel
+    sim.push(np.array([1]), np.array([[0.1, -0.2, 0.3]]))
+    change = sim.qvel - before
+    assert change[1, :3] == pytest.approx([0.1, -0.2, 0.3])
+    assert np.count_nonzero(change) == 3
+
+
+def test_a_standing_robot_is_seen_to_stand_and_a_fallen_one_to_lie(op3, world, falls):
+    sim = TrainingSim(world, 2, cycles=CYCLES, threads=1)
+    starts = np.stack([place(op3, world.model, op3.standing), falls[0]])
+    sim.place(np.arange(2), starts)
+    target = starts[:, op3.layout(world.model).qpos]
+    sim.follow(target, target)
+    truth = sim.measure_privileged_state()
+    assert truth.stance.neck_height[0] == pytest.approx(op3.standing_neck_height, abs=0.01)
+    assert truth.upright[0] == pytest.approx(1.0, abs=0.02)
+    assert truth.stance.non_foot_contact.tolist() == [False, True]
+    assert truth.sole_height[0] == pytest.approx([0.0, 0.0], abs=0.005)
+
+
+def test_a_falling_head_is_seen_to_fall_and_a_rising_one_not_to(op3, world, falls):
+    sim = make_sim(world, 3)
+    qvel = np.zeros((3, world.model.nv))
+    qvel[:, op3.layout(world.model).root_dof + 2] = (-0.5, 0.0, 0.5)
+    sim.place(np.arange(3), np.tile(falls[0], (3, 1)), qvel)
+    assert sim.measure_privileged_state().head_fall == pytest.approx([0.5, 0.0, 0.0], abs=1e-9)
+
+
+def test_a_restored_simulation_goes_on_to_the_bit(op3, delayed_world, falls):
+    everyone, rng = np.arange(8), np.random.default_rng(0)
+    parameters = DomainRandomization().sample(delayed_world, 8, rng)
+    sim = TrainingSim(delayed_world, 8, cycles=CYCLES, threads=2)
+    sim.set_parameters(everyone, parameters)
+    sim.place(everyone, falls[:8])
+    target = falls[:8, op3.layout(delayed_world.model).qpos]
+    sim.follow(target, target + 0.3)
+    state = sim.save_state()
+
+    other = TrainingSim(delayed_world, 8, cycles=CYCLES, threads=1)
+    other.restore_state(state)
+    for one in (sim, other):
+        one.follow(target + 0.3, target)
+        one.follow(target, target - 0.2)
+    assert np.array_equal(sim.qpos, other.qpos)
+    assert np.array_equal(sim.qvel, other.qvel)
+    assert np.array_equal(sim.sense().joint_pos, other.sense().joint_pos)
+    assert np.array_equal(sim.sense().gravity, other.sense().gravity)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e12])
+def test_only_a_robot_whose_physics_fails_has_diverged(op3, world, bad, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+    sim = TrainingSim(world, 3, cycles=CYCLES, threads=1)
+    target = op3.standing.joint_pos[None].repeat(3, axis=0)
+    sim.place(np.arange(3), in_the_air(op3, world.model, 3))
+    for _ in range(2):  # the second time MuJoCo has already reset it
+        sim.follow(target, target)
+        assert not sim.diverged.any()
+        sim.push(np.array([1]), np.array([[0.0, bad, 0.0]]))
+        sim.follow(target, target)
+        assert sim.diverged.tolist() == [False, True, False]
+        assert np.isfinite(sim.qpos).all()

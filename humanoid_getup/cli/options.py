@@ -21,7 +21,7 @@ from humanoid_getup.cli.backends import (
 )
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
-from humanoid_getup.execution.estimation import check_start
+from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy
 from humanoid_getup.simulation.falls import CLASSES, Fall, classify, sample_falls
 from humanoid_getup.simulation.scene import load_scene

@@ -5,9 +5,11 @@ import pytest
 
 from drivers import SafetyGuard, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.execution.get_up import play
+from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import classify, settle_posture
 from robots import load_robot
 from robots.kinematics import read_posture
@@ -33,8 +35,9 @@ def test_a_stored_motion_ends_in_a_held_stand(name, op3, world):
     start = read_posture(op3, world.model, settle_posture(world, motion.posture(0)))
     twin = Twin(op3, world.model)
     twin.place(start)
-    guard = SafetyGuard(twin)
-    report, outcome = play(guard, GroundTruthJudge(twin.simulation, None), motion, None)
+    player = MotionPlayer(op3, motion, hold=HOLD)
+    judge = GroundTruthJudge(twin.simulation, None)
+    report, outcome = play(player, SafetyGuard(twin), judge)
     assert outcome.stand.stood, report.reason
     assert report.clips.total == 0
     assert outcome.limit_violations == 0

@@ -189,7 +189,7 @@ def bench_faults(
         seed: Seed of the moments, the servos and the damage.
         each: Rises of each case.
         cases: Faults by name.
-        report: Told after each case.
+        report: Called after each case.
     """
     table = {}
     for name, case in cases.items():
@@ -287,7 +287,7 @@ def bench_kill(
         motion: Rise that the client plays, from its own start.
         seed: Seed of the moments.
         each: Kills.
-        report: Told after each.
+        report: Called after each.
     """
     rng = np.random.default_rng(seed)
     trials: list[dict[str, Any]] = []

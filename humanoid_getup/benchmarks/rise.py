@@ -94,7 +94,7 @@ def _fall_and_rise(
 
 
 IN_A_ROW = 10  # rises whose heat adds up
-REST = 5.0  # s between them, lying limp
+REST = 5.0  # s between them, torque off
 
 
 def bench_methods(

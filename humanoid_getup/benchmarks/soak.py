@@ -81,7 +81,7 @@ class Lead:
 
     @property
     def done(self) -> bool:
-        """Tell whether way and hold are over."""
+        """Return whether way and hold are over."""
         return self._now - self._begin >= self._duration + self._hold - 1e-9
 
     def reset(self, state: State) -> None:
@@ -126,7 +126,7 @@ def bench_soak(
         scene: Where.
         seed: Of the first fall, the tumbles and the plans.
         duration: Time on the bus to go on for [s].
-        report: Told the bus time after each round [s].
+        report: Called after each round with the bus time [s].
     """
     world = World.build(robot, scene)
     planner = PlannedRise(world, load_database(robot), RiseOptions())

@@ -40,7 +40,7 @@ class Play(RunOptions):
     """Play only what the preflight passes; never without it on a real robot."""
 
     def find_faults(self) -> list[str]:
-        """Tell all that is wrong with the options' values."""
+        """Return every problem of the options' values."""
         faults = super().find_faults()
         if self.is_real and not self.preflight:
             faults.append("no-preflight is given, expected only for a simulated robot")

@@ -63,7 +63,7 @@ def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
     ("voltage", "told"),
     [
         (9.9, "the supply is 9.9 V, expected 10.0 to 14.8 V: charge the battery"),
-        (16.8, "the supply is 16.8 V, expected 10.0 to 14.8 V: use a battery of that voltage"),
+        (16.8, "the supply is 16.8 V, expected 10.0 to 14.8 V: use a battery that"),
     ],
 )
 def test_a_supply_that_the_servos_are_not_made_for_is_refused(

@@ -48,7 +48,13 @@ def test_a_stored_motion_starts_lying_as_it_says(name):
     assert classify(MOTIONS[name].orientation[0]) == MOTIONS[name].start_class
 
 
-def test_entries_are_frames_of_rest_to_stand_and_not_few():
-    for motion in MOTIONS.values():
-        assert 0 in motion.entry_frames or len(motion.entry_frames) > 3
-        assert np.all(motion.entry_frames < len(motion.time))
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_motion_can_be_entered_at_its_start_and_all_along(name: str):
+    motion = MOTIONS[name]
+    entries = motion.time[motion.entry_frames]
+    assert motion.entry_frames[0] == 0
+    assert len(entries) >= 16
+    assert motion.time[-1] - entries[-1] <= 0.1  # s before its end
+    assert np.diff(entries).max() < 0.5 * motion.duration  # no half of it is left out
+    original = MOTIONS[name.removesuffix(MIRRORED_SUFFIX)]
+    np.testing.assert_array_equal(motion.entry_frames, original.entry_frames)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.execution.get_up import rise
+from humanoid_getup.execution.get_up import get_up, lay_down
+from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
@@ -19,8 +20,12 @@ def main() -> bool:
     rng = np.random.default_rng(1)
     fall = sample_falls(world, {"prone": 1}, rng)[0]
 
-    planner = PlannedRise(world, load_database(robot), RiseOptions(torque_limit=TorqueLimit(3.0)))
-    result = rise(Twin(robot, world.model), planner, fall.posture, fall.start_class, rng)
+    limit = TorqueLimit(3.0)
+    planner = PlannedRise(world, load_database(robot), RiseOptions(torque_limit=limit))
+    twin = Twin(robot, world.model)
+    lay_down(world, fall, twin.place)
+    options = AttemptOptions(max_attempts=1, torque_limit=limit)
+    result = get_up(RiseSession.on_twin(twin, world, planner, options), rng)
 
     connection = result.plan.connection
     if connection:

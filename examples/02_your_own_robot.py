@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.execution.get_up import rise
+from humanoid_getup.execution.get_up import get_up, lay_down
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
@@ -29,7 +30,9 @@ def main() -> bool:
         rng = np.random.default_rng(2)
         fall = sample_falls(world, {"supine": 1}, rng)[0]
         planner = PlannedRise(world, load_database(robot), RiseOptions())
-        result = rise(Twin(robot, world.model), planner, fall.posture, fall.start_class, rng)
+        twin = Twin(robot, world.model)
+        lay_down(world, fall, twin.place)
+        result = get_up(RiseSession.on_twin(twin, world, planner), rng)
         print(f"{robot.name} of {world.model.body_mass.sum():.2f} kg: {result.reason}")
         return result.stood
 

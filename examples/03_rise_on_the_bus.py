@@ -14,8 +14,9 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.execution.attempt_manager import AttemptOptions
-from humanoid_getup.execution.get_up import Rise, get_up
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import load_scene
@@ -25,11 +26,16 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import load_robot
 
 
-def rise(world: World, backend: DynamixelBackend, *, realtime: bool) -> Rise:
+def rise(world: World, backend: DynamixelBackend, *, realtime: bool) -> RiseResult:
     planner = PlannedRise(world, load_database(world.robot), RiseOptions())
-    options = AttemptOptions(realtime=realtime)
-    rng = np.random.default_rng(0)
-    return get_up(SafetyGuard(backend), world, planner, rng, options, services=backend)
+    session = RiseSession(
+        guard=SafetyGuard(backend),
+        world=world,
+        strategy=planner,
+        options=AttemptOptions(realtime=realtime),
+        services=backend,
+    )
+    return get_up(session, np.random.default_rng(0))
 
 
 def main(port: str | None = None) -> bool:

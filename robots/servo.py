@@ -73,7 +73,7 @@ class Servo:
 
     id: int
     model: ServoModel
-    sign: int
+    sign: Sign
     """+1 when more ticks turn the joint in its positive direction, else -1."""
     zero_ticks: int
     """Ticks at joint angle 0."""

@@ -1,4 +1,4 @@
-"""The fault table: everything that can break on a bus, in the middle of a rise."""
+"""Fault injection: everything that can break on a bus, in the middle of a rise."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers import Command, Controller, Ending, GuardLimits, RunReport, SafetyGuard, State, run
+from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import HardwareError
@@ -22,12 +22,13 @@ from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.benchmarks.witness import Sights, Witness
+from humanoid_getup.benchmarks.witness import ServoTrace, Witness
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.evaluation.statistics import summarize
-from humanoid_getup.execution.motion_player import MotionPlayer
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import TimedController, play
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Robot
@@ -39,20 +40,20 @@ MARGIN = 0.03  # s of waiting for an answer: nothing is timed here
 
 
 class FaultyError(Exception):
-    """A controller's own bug, made on purpose."""
+    """A bug of a controller, injected on purpose."""
 
 
 @dataclass(frozen=True)
 class FaultTrial:
-    """One rise into which a fault comes."""
+    """One rise with an injected fault."""
 
     ending: str
     """How the run ended."""
     reason: str
     stood: bool
     safe: float | None
-    """From the fault to the moment in which the robot was limp or held [s]; None where it
-    never was, or where the rise went on."""
+    """From the fault until torque was off or the servos held [s]; None where that never
+    happened, or where the rise went on."""
     beyond_limits: int
     believed_wrong: int
     holds: int
@@ -60,48 +61,48 @@ class FaultTrial:
 
 
 @dataclass
-class Moment:
-    """What a fault may break."""
+class FaultTarget:
+    """What a fault can break."""
 
     faults: FaultInjector
     guard: SafetyGuard
     servo: int
-    """Id of a servo, drawn by chance."""
+    """Id of a servo, drawn at random."""
     board: int
 
 
 @dataclass(frozen=True)
-class Case:
+class FaultCase:
     """One kind of fault."""
 
-    strike: Callable[[Moment], object] = lambda _: None
-    """Break something, once."""
-    spoil: Callable[[Command], Command] = lambda command: command
-    """What the controller sends from then on."""
+    inject: Callable[[FaultTarget], object] = lambda _: None
+    """Injects the fault, once."""
+    corrupt: Callable[[Command], Command] = lambda command: command
+    """Changes what the controller sends from then on."""
 
 
 def _raise(_command: Command) -> Command:
     raise FaultyError("a bug in the controller")
 
 
-def _rate(fault: LineFault, rate: float) -> Case:
-    return Case(lambda m: m.faults.set_rate(fault, rate))
+def _rate(fault: LineFault, rate: float) -> FaultCase:
+    return FaultCase(lambda m: m.faults.set_rate(fault, rate))
 
 
-def _order(fault: LineFault, count: int = 1) -> Case:
-    return Case(lambda m: m.faults.order(fault, None, count))
+def _order(fault: LineFault, count: int = 1) -> FaultCase:
+    return FaultCase(lambda m: m.faults.order(fault, None, count))
 
 
-def _trip(error: HardwareError) -> Case:
-    return Case(lambda m: m.faults.trip(m.servo, error))
+def _trip(error: HardwareError) -> FaultCase:
+    return FaultCase(lambda m: m.faults.trip(m.servo, error))
 
 
 def _everywhere(value: float) -> Callable[[Command], Command]:
     return lambda c: replace(c, joint_pos=np.full(c.n, value))
 
 
-CASES: Mapping[str, Case] = {
-    "none": Case(),
+CASES: Mapping[str, FaultCase] = {
+    "none": FaultCase(),
     "one answer lost": _order(LineFault.LOSE),
     "one answer damaged": _order(LineFault.FLIP),
     "one answer late": _order(LineFault.LATE),
@@ -119,39 +120,42 @@ CASES: Mapping[str, Case] = {
     "noise before answers, 1 %": _rate(LineFault.NOISE, 0.01),
     "requests echoed": _rate(LineFault.ECHO, 1.0),
     "answers of a wrong id, 1 %": _rate(LineFault.WRONG_ID, 0.01),
-    "servo dead": Case(lambda m: m.faults.kill(m.servo)),
-    "servo reboots": Case(lambda m: m.faults.reboot(m.servo)),
+    "servo dead": FaultCase(lambda m: m.faults.kill(m.servo)),
+    "servo reboots": FaultCase(lambda m: m.faults.reboot(m.servo)),
     "overload latch": _trip(HardwareError.OVERLOAD),
     "overheating latch": _trip(HardwareError.OVERHEATING),
     "encoder error": _trip(HardwareError.ENCODER),
     "electrical shock": _trip(HardwareError.SHOCK),
-    "servo at 78 °C": Case(lambda m: m.faults.heat(m.servo, 78.0)),
-    "servo at 85 °C": Case(lambda m: m.faults.heat(m.servo, 85.0)),
-    "battery sags to 9 V": Case(lambda m: m.faults.sag(9.0)),
-    "IMU frozen": Case(lambda m: m.faults.freeze_imu()),
-    "board dead": Case(lambda m: m.faults.kill(m.board)),
-    "bus silent": Case(lambda m: m.faults.silence()),
-    "unplugged": Case(lambda m: m.faults.unplug()),
-    "unplugged and back": Case(lambda m: (m.faults.unplug(), m.faults.replug())),
-    "command of NaN": Case(spoil=_everywhere(np.nan)),
-    "command of 1e9 rad": Case(spoil=_everywhere(1e9)),
-    "command a step of 1 rad": Case(spoil=lambda c: replace(c, joint_pos=c.joint_pos + 1.0)),
-    "controller raises": Case(spoil=_raise),
-    "operator's stop key": Case(lambda m: m.guard.stop("the operator pressed a key")),
+    "servo at 78 °C": FaultCase(lambda m: m.faults.heat(m.servo, 78.0)),
+    "servo at 85 °C": FaultCase(lambda m: m.faults.heat(m.servo, 85.0)),
+    "battery sags to 9 V": FaultCase(lambda m: m.faults.sag(9.0)),
+    "IMU frozen": FaultCase(lambda m: m.faults.freeze_imu()),
+    "board dead": FaultCase(lambda m: m.faults.kill(m.board)),
+    "bus silent": FaultCase(lambda m: m.faults.silence()),
+    "unplugged": FaultCase(lambda m: m.faults.unplug()),
+    "unplugged and back": FaultCase(lambda m: (m.faults.unplug(), m.faults.replug())),
+    "command of NaN": FaultCase(corrupt=_everywhere(np.nan)),
+    "command of 1e9 rad": FaultCase(corrupt=_everywhere(1e9)),
+    "command a step of 1 rad": FaultCase(corrupt=lambda c: replace(c, joint_pos=c.joint_pos + 1.0)),
+    "controller raises": FaultCase(corrupt=_raise),
+    "operator's stop key": FaultCase(lambda m: m.guard.stop("the operator pressed a key")),
 }
 
 
-class Spoiled:
-    """A player into whose cycle a fault comes."""
+class FaultyController:
+    """A controller that injects a fault in one of its cycles."""
 
-    def __init__(self, player: Controller, case: Case, moment: Moment, at: float) -> None:
-        self._player, self._case, self._moment, self._at = player, case, moment, at
+    def __init__(
+        self, player: TimedController, case: FaultCase, target: FaultTarget, at: float
+    ) -> None:
+        self._player, self._case, self._target, self._at = player, case, target, at
+        self.longest = player.longest
         self._begin = 0.0
-        self.struck = False
+        self.injected = False
 
     @property
     def done(self) -> bool:
-        """Tell whether the player has done its work."""
+        """Return whether the controller is done."""
         return self._player.done
 
     def reset(self, state: State) -> None:
@@ -160,12 +164,12 @@ class Spoiled:
         self._player.reset(state)
 
     def step(self, state: State) -> Command:
-        """Play; break something when its time has come."""
+        """Step the controller; inject the fault when it is due."""
         command = self._player.step(state)
-        if state.time - self._begin >= self._at and not self.struck:
-            self._case.strike(self._moment)
-            self.struck = True
-        return self._case.spoil(command) if self.struck else command
+        if state.time - self._begin >= self._at and not self.injected:
+            self._case.inject(self._target)
+            self.injected = True
+        return self._case.corrupt(command) if self.injected else command
 
 
 def bench_faults(
@@ -174,18 +178,18 @@ def bench_faults(
     *,
     seed: int,
     each: int,
-    cases: Mapping[str, Case] = CASES,
+    cases: Mapping[str, FaultCase] = CASES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Break each thing some times during a rise on the virtual bus; say what came of it.
+    """Inject each fault some times during a rise on the virtual bus.
 
     Args:
         world: Robot and scene.
         motion: Rise to play, from its own start.
         seed: Seed of the moments, the servos and the damage.
         each: Rises of each case.
-        cases: What breaks, by name.
-        report: Told after each case.
+        cases: Faults by name.
+        report: Called after each case.
     """
     table = {}
     for name, case in cases.items():
@@ -195,7 +199,7 @@ def bench_faults(
     return {"name": "faults", "seed": seed, "n": each, "motion": motion.name, "cases": table}
 
 
-def _try(world: World, motion: Motion, case: Case, rng: np.random.Generator) -> FaultTrial:
+def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator) -> FaultTrial:
     robot = world.robot
     virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, rng=rng) as ports:
@@ -208,32 +212,30 @@ def _try(world: World, motion: Motion, case: Case, rng: np.random.Generator) -> 
         witness = Witness(backend, virtual, ports)
         guard = SafetyGuard(witness, GuardLimits.of(robot))
         at = motion.duration * rng.uniform(*WINDOW)
-        moment = Moment(ports.main.faults, guard, _draw_servo(robot, rng), _board_id(robot))
-        player, watch = (
-            MotionPlayer(robot, motion, hold=HOLD),
-            GroundTruthJudge(virtual.simulation, None),
-        )
-        controller = Spoiled(player, case, moment, at)
-        struck_at: list[float] = []
+        target = FaultTarget(ports.main.faults, guard, _draw_servo(robot, rng), _board_id(robot))
+        player = MotionPlayer(robot, motion, hold=HOLD)
+        judge = GroundTruthJudge(virtual.simulation, None)
+        controller = FaultyController(player, case, target, at)
+        injected_at: list[float] = []
 
         def look(_cycle: object) -> None:
-            if controller.struck and not struck_at:
-                struck_at.append(ports.main.time)
+            if controller.injected and not injected_at:
+                injected_at.append(ports.main.time)
 
         try:
-            report = run(controller, guard, max_time=motion.duration + HOLD + 5.0, on_cycle=look)
+            report, outcome = play(controller, guard, judge, on_cycle=look)
+            stood = report.ending is Ending.DONE and outcome.stand.stood
         except FaultyError as error:
-            report = str(error)
-        stood = ports.main.call(watch.conclude).stand.stood
-        since = struck_at[0] - robot.control_period if struck_at else ports.main.time
+            report, stood = str(error), False
+        since = injected_at[0] - robot.control_period if injected_at else ports.main.time
         ports.main.call(lambda: virtual.physics.advance(virtual.physics.time + AFTERMATH))
     went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
     return FaultTrial(
         ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
         reason=report.reason if isinstance(report, RunReport) else report,
-        stood=went_on and stood,
-        safe=None if went_on else witness.sights.find_safe_time(since),
-        beyond_limits=witness.sights.count_beyond_limits() + witness.too_fast,
+        stood=stood,
+        safe=None if went_on else witness.trace.find_safe_time(since),
+        beyond_limits=witness.trace.count_beyond_limits() + witness.too_fast,
         believed_wrong=len(witness.believed_wrong),
         holds=guard.holds,
     )
@@ -264,10 +266,10 @@ def _summarize(trials: list[FaultTrial]) -> dict[str, Any]:
     }
 
 
-LONGEST_START = 30.0  # s until the client has its robot under torque
+LONGEST_START = 30.0  # s until the client has turned torque on
 KILL_WINDOW = (0.3, 0.8)  # share of the motion in which the client is killed
 KILL_AFTERMATH = 0.6  # s watched after the kill
-LOOK = 0.01  # s between two looks for torque
+POLL = 0.01  # s between two looks for torque
 
 
 def bench_kill(
@@ -285,7 +287,7 @@ def bench_kill(
         motion: Rise that the client plays, from its own start.
         seed: Seed of the moments.
         each: Kills.
-        report: Told after each.
+        report: Called after each.
     """
     rng = np.random.default_rng(seed)
     trials: list[dict[str, Any]] = []
@@ -298,7 +300,7 @@ def bench_kill(
             continue
         refused += 1
         if refused > each:
-            raise RuntimeError("the client does not bring its robot under torque")
+            raise RuntimeError("the client does not turn its robot's torque on")
     stops = [trial["stop_s"] for trial in trials]
     case = {
         "n": each,
@@ -316,11 +318,11 @@ def bench_kill(
 
 
 def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | None:
-    """Kill a client; ``None`` when it never began, on a machine too busy for it."""
+    """Kill a client; ``None`` when it never began, on an overloaded machine."""
     robot = world.robot
     virtual = VirtualRobot(Simulation(robot, world.model))
     virtual.place(read_posture(robot, world.model, settle_posture(world, motion.posture(0))))
-    sights = Sights(virtual)
+    trace = ServoTrace(virtual)
     with VirtualPorts(virtual, time_mode=TimeMode.REAL_TIME) as ports:
         command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
         command += ["--robot", str(robot.folder)]
@@ -337,9 +339,9 @@ def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | N
             lambda: all(servo.peek("bus_watchdog") < 0 for servo in virtual.servos)
         )
     return {
-        "stop_s": sights.find_safe_time(killed),
+        "stop_s": trace.find_safe_time(killed),
         "tripped": tripped,
-        "beyond_limits": sights.count_beyond_limits(),
+        "beyond_limits": trace.count_beyond_limits(),
     }
 
 
@@ -349,7 +351,7 @@ def _await_torque(virtual: VirtualRobot, client: subprocess.Popen[bytes]) -> boo
         if time.monotonic() > until or client.poll() is not None:
             client.kill()
             return False
-        time.sleep(LOOK)
+        time.sleep(POLL)
     return True
 
 

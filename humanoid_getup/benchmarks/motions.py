@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from drivers import GuardLimits, SafetyGuard, Twin
-from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
+from drivers import RunReport, SafetyGuard, Twin
+from humanoid_getup.evaluation.judge import GroundTruthJudge, RunOutcome
+from humanoid_getup.evaluation.standing import HOLD, HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.execution.get_up import play
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
@@ -65,7 +66,7 @@ def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
     robot = world.robot
     twin = Twin(robot, world.model)
     twin.place(read_posture(robot, world.model, start))
-    run, outcome = play(SafetyGuard(twin), GroundTruthJudge(twin.simulation, None), motion, None)
+    run, outcome = _play(twin, motion)
     return {
         "start_class": motion.start_class,
         "strategy": motion.strategy,
@@ -108,8 +109,11 @@ def _play_disturbed(
         model.geom_friction[model.geom(GROUND).id, 0] = conditions.friction[i]
         twin = Twin(robot, model, voltage=float(conditions.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
-        guard = SafetyGuard(twin, GuardLimits.of(robot))
-        stood.append(
-            play(guard, GroundTruthJudge(twin.simulation, None), motion, None)[1].stand.stood
-        )
+        stood.append(_play(twin, motion)[1].stand.stood)
     return stood
+
+
+def _play(twin: Twin, motion: Motion) -> tuple[RunReport, RunOutcome]:
+    """Play a motion without supervision: what it is worth by itself is measured."""
+    player = MotionPlayer(twin.robot, motion, hold=HOLD)
+    return play(player, SafetyGuard(twin), GroundTruthJudge(twin.simulation, None))

@@ -1,4 +1,4 @@
-"""Ways of getting up side by side: plans and policies, from the same falls."""
+"""Rises from many falls: one strategy by class, or several strategies on the same falls."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from drivers import Twin
 from humanoid_getup.evaluation.statistics import summarize, summarize_records
-from humanoid_getup.execution.attempt_manager import AttemptOptions
-from humanoid_getup.execution.get_up import lay_down_and_get_up, rise
+from humanoid_getup.execution.get_up import get_up, lay_down
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import Fall, sample_falls
 from humanoid_getup.simulation.scene import Scene
@@ -18,6 +19,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import FULL_TORQUE, Robot, TorqueLimit
+from robots.quaternion import Array
 
 CLASSES = ("supine", "prone", "lateral")
 
@@ -45,11 +47,16 @@ def bench_rise(
     world = World.build(robot, scene)
     planner = PlannedRise(world, load_database(robot), options)
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
+    attempt_options = AttemptOptions(
+        max_attempts=1,
+        torque_limit=options.torque_limit,
+        preflight=options.filtering,  # an unfiltered path is played to see it fail or stand
+    )
     records = []
     for number, fall in enumerate(falls):
         twin = Twin(robot, world.model, pwm_limited=options.torque_limit.by_pwm)
-        rng = np.random.default_rng([seed, number])
-        record = rise(twin, planner, fall.posture, fall.start_class, rng).record()
+        session = RiseSession.on_twin(twin, world, planner, attempt_options)
+        record = _fall_and_rise(session, twin, fall, [seed, number]).record()
         record["bench_class"] = CLASSES[number // each]
         records.append(record)
         report(record)
@@ -72,24 +79,38 @@ def bench_rise(
     }
 
 
+def _fall_and_rise(
+    session: RiseSession,
+    twin: Twin,
+    fall: Fall,
+    seed: list[int],
+    temperature: Array | None = None,
+) -> RiseResult:
+    """Put a twin where it fell, its servos at given temperatures [°C], and get it up."""
+    lay_down(session.world, fall, twin.place)
+    if temperature is not None:
+        twin.simulation.temperature[:] = temperature
+    return get_up(session, np.random.default_rng(seed), start_class=fall.start_class)
+
+
 IN_A_ROW = 10  # rises whose heat adds up
-REST = 5.0  # s between them, lying limp
+REST = 5.0  # s between them, torque off
 
 
 def bench_methods(
     world: World,
-    ways: Mapping[str, Strategy],
+    strategies: Mapping[str, Strategy],
     *,
     seed: int,
     each: int,
     torque_limit: TorqueLimit = FULL_TORQUE,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Get up from the same settled falls in several ways, through the whole loop on the twin.
+    """Get up from the same settled falls by several strategies, on the twin.
 
     Args:
         world: Robot and scene.
-        ways: Finds what to play, by the way's name.
+        strategies: What is compared, by name.
         seed: Of the falls and the plans.
         each: Falls of each class: supine, prone, lateral.
         torque_limit: Of the servos.
@@ -98,17 +119,17 @@ def bench_methods(
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     options = AttemptOptions(max_attempts=1, torque_limit=torque_limit)
     cases = {}
-    for name, plans in ways.items():
+    for name, strategy in strategies.items():
         records, heat = [], []
         for number, fall in enumerate(falls):
             twin = Twin(world.robot, world.model, pwm_limited=torque_limit.by_pwm)
-            rng = np.random.default_rng([seed, number])
-            rise = lay_down_and_get_up(twin, world, plans, fall, rng, options)
-            record = rise.record() | {"way": name}
+            session = RiseSession.on_twin(twin, world, strategy, options)
+            record = _fall_and_rise(session, twin, fall, [seed, number]).record() | {"way": name}
             records.append(record)
             report(record)
         for first in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW):
-            heat.append(_heat_up(world, plans, falls[first : first + IN_A_ROW], options, seed))
+            some = falls[first : first + IN_A_ROW]
+            heat.append(_heat_up(world, strategy, some, options, seed))
         cases[name] = summarize_records(records) | {
             "hottest_after_ten_rises_c": summarize(heat),
         }
@@ -125,15 +146,15 @@ def bench_methods(
 
 
 def _heat_up(
-    world: World, plans: Strategy, falls: list[Fall], options: AttemptOptions, seed: int
+    world: World, strategy: Strategy, falls: list[Fall], options: AttemptOptions, seed: int
 ) -> float:
     """Rise, rest, rise again; return the hottest servo's temperature at the end [°C]."""
     twin = Twin(world.robot, world.model, pwm_limited=options.torque_limit.by_pwm)
     body = twin.simulation
     warm = body.temperature.copy()
     for number, fall in enumerate(falls):
-        rng = np.random.default_rng([seed, number])
-        lay_down_and_get_up(twin, world, plans, fall, rng, options, temperature=warm)
+        session = RiseSession.on_twin(twin, world, strategy, options)
+        _fall_and_rise(session, twin, fall, [seed, number], warm)
         body.release()
         for _ in range(round(REST / twin.period)):
             body.step(body.steps_per_period)

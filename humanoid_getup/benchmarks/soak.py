@@ -1,4 +1,4 @@
-"""The soak: rise, sit, tumble and rise again on the virtual bus, for as long as it takes."""
+"""The soak test: rise, sit, tumble and rise again on the virtual bus, for hours."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import ObservingBackend
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.execution.attempt_manager import AttemptOptions
 from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import Scene
@@ -81,7 +81,7 @@ class Lead:
 
     @property
     def done(self) -> bool:
-        """Tell whether way and hold are over."""
+        """Return whether way and hold are over."""
         return self._now - self._begin >= self._duration + self._hold - 1e-9
 
     def reset(self, state: State) -> None:
@@ -97,8 +97,8 @@ class Lead:
 
 
 @dataclass
-class Tally:
-    """What came of the soak so far."""
+class SoakCounts:
+    """Counts of the soak so far."""
 
     rises: int = 0
     stood: int = 0
@@ -126,13 +126,13 @@ def bench_soak(
         scene: Where.
         seed: Of the first fall, the tumbles and the plans.
         duration: Time on the bus to go on for [s].
-        report: Told the bus time after each round [s].
+        report: Called after each round with the bus time [s].
     """
     world = World.build(robot, scene)
     planner = PlannedRise(world, load_database(robot), RiseOptions())
     rng = np.random.default_rng(seed)
     virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
-    tally, began = Tally(), time.perf_counter()
+    counts, began = SoakCounts(), time.perf_counter()
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
         backend = Counted(driver)
@@ -141,30 +141,30 @@ def bench_soak(
         ports.main.call(lambda: virtual.place(start))
         time_before = ports.main.time
         while ports.main.time - time_before < duration:
-            _go_round(world, planner, virtual, guard, driver, tally, rng)
+            _go_round(world, planner, virtual, guard, driver, counts, rng)
             gc.collect()
-            tally.memory.append(_resident_memory())
+            counts.memory.append(_resident_memory())
             report(ports.main.time - time_before)
         line, passed = ports.main.statistics, ports.main.time - time_before
     wall = time.perf_counter() - began
     explained = backend.writes * robot.control_period + line.unanswered * QUIET
-    low, high = wilson_interval(tally.stood, tally.rises)
-    settled = tally.memory[len(tally.memory) // 5 :]  # caches fill in the first rounds
+    low, high = wilson_interval(counts.stood, counts.rises)
+    settled = counts.memory[len(counts.memory) // 5 :]  # caches fill in the first rounds
     return {
         "name": "soak",
         "seed": seed,
-        "n": tally.rises,
+        "n": counts.rises,
         "cases": {
             "soak": {
-                "n": tally.rises,
+                "n": counts.rises,
                 "bus_s": passed,
                 "wall_s": wall,
                 "faster_than_real_time": passed / wall,
-                "stood": tally.stood,
+                "stood": counts.stood,
                 "stood_interval_95": [low, high],
-                "attempts": tally.attempts,
-                "sat": tally.sat,
-                "failures": tally.reasons,
+                "attempts": counts.attempts,
+                "sat": counts.sat,
+                "failures": counts.reasons,
                 "cycles": backend.writes,
                 "unexplained_s": passed - explained,
                 "packets": line.packets,
@@ -173,8 +173,8 @@ def bench_soak(
                 "driver_damaged": driver.statistics["main"].damaged,
                 "driver_stale": driver.statistics["main"].stale,
                 "oldest_value_s": backend.oldest,
-                "holds": tally.holds,
-                "clips": tally.clips,
+                "holds": counts.holds,
+                "clips": counts.clips,
                 "eeprom_writes": driver.eeprom_writes,
                 "memory_mib": [settled[0], settled[-1]],
                 "memory_mib_per_hour": _slope(settled) * 3600.0 * len(settled) / passed,
@@ -189,33 +189,32 @@ def _go_round(
     virtual: VirtualRobot,
     guard: SafetyGuard,
     driver: DynamixelBackend,
-    tally: Tally,
+    counts: SoakCounts,
     rng: np.random.Generator,
 ) -> None:
     """Rise, then sit down if it stands, then tumble."""
     robot, simulation = world.robot, virtual.simulation
-    rise = get_up(
-        guard,
-        world,
-        planner,
-        rng,
-        AttemptOptions(),
-        judge=lambda: GroundTruthJudge(simulation, None),
+    session = RiseSession(
+        guard=guard,
+        world=world,
+        strategy=planner,
+        make_judge=lambda: GroundTruthJudge(simulation, None),
         services=driver,
     )
-    tally.rises += 1
-    tally.stood += rise.stood
-    tally.attempts += rise.attempts
+    rise = get_up(session, rng)
+    counts.rises += 1
+    counts.stood += rise.stood
+    counts.attempts += rise.times_played
     if not rise.stood:
-        tally.reasons.append(rise.reason)
+        counts.reasons.append(rise.reason)
         guard.clear()
     if rise.run is not None:
-        tally.holds += rise.run.holds
-        tally.clips += rise.run.clips.total
+        counts.holds += rise.run.holds
+        counts.clips += rise.run.clips.total
     squat = next(m for m in planner.database.motions if m.start_class == "squat").joint_pos[0]
     sit = robot.standing.joint_pos + SIT_DEPTH * (squat - robot.standing.joint_pos)
     sitting = run(Lead(robot, sit, SIT_TIME, SIT_HOLD), guard, max_time=10.0)
-    tally.sat += sitting.ending is Ending.DONE
+    counts.sat += sitting.ending is Ending.DONE
     anywhere = rng.uniform(robot.lower, robot.upper)
     run(Lead(robot, anywhere, TUMBLE_TIME, TUMBLE_HOLD), guard, max_time=10.0)
 

@@ -58,12 +58,12 @@ def _compare(world: World, connections: list, start: Posture, threads: int) -> f
         for c in connections
     ]
     dynamics_filter = DynamicsFilter(world, threads=threads)
-    dynamics_filter.rehearse(start, candidates)  # builds what later calls find ready
+    dynamics_filter.roll_out(start, candidates)  # builds what later calls reuse
     began = time.perf_counter()
-    rehearsed = dynamics_filter.rehearse(start, candidates)
+    rollouts = dynamics_filter.roll_out(start, candidates)
     filter_s = time.perf_counter() - began
     began = time.perf_counter()
-    for one in rehearsed:
+    for one in rollouts:
         _step_bare(world, start, one.target)
     bare_s = time.perf_counter() - began
     return bare_s / filter_s

@@ -1,4 +1,4 @@
-"""A backend around a backend, for benchmarks that look on."""
+"""Backends that observe what a backend of a virtual robot does, for benchmarks."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from robots.servo import RAD_PER_TICK
 
 
 class ObservingBackend(ClosesItself):
-    """Hands everything through; who looks on overrides what it wants to see."""
+    """Forwards every call; subclasses override what they observe."""
 
     def __init__(self, backend: Backend) -> None:
-        """Look on at a backend."""
+        """Observe a backend."""
         self._backend = backend
 
     @property
@@ -51,33 +51,33 @@ class ObservingBackend(ClosesItself):
 
 
 @dataclass(frozen=True)
-class Sight:
-    """The end of a stretch of physics, as the servos live it."""
+class ServoSnapshot:
+    """The servos of a virtual robot after one pass of its physics."""
 
     time: float
     """Bus time [s]."""
     torque_on: np.ndarray
     """Which servos drive, (n,)."""
     target: Array
-    """Where they aim [rad], (n,)."""
+    """Their targets [rad], (n,)."""
     ticks: Array
-    """What their encoders tell, as angles [rad], (n,)."""
+    """Their encoder counts, as angles [rad], (n,)."""
 
 
-class Sights:
-    """Every stretch of a virtual robot's life, seen where physics is."""
+class ServoTrace:
+    """The servos of a virtual robot after every pass of its physics."""
 
     def __init__(self, virtual: VirtualRobot) -> None:
-        """Watch a virtual robot from now on."""
+        """Record a virtual robot from now on."""
         self._virtual = virtual
         self._units = ServoUnits(virtual.robot)
-        self.seen: list[Sight] = []
-        virtual.physics.on_advance.append(self._look)
+        self.snapshots: list[ServoSnapshot] = []
+        virtual.physics.on_advance.append(self._record)
 
-    def _look(self) -> None:
+    def _record(self) -> None:
         drives = [servo.motor_command() for servo in self._virtual.servos]
-        self.seen.append(
-            Sight(
+        self.snapshots.append(
+            ServoSnapshot(
                 time=self._virtual.physics.time,
                 torque_on=np.array([drive.torque_on for drive in drives]),
                 target=self._units.to_rad(np.array([drive.target_ticks for drive in drives])),
@@ -88,21 +88,21 @@ class Sights:
     def count_beyond_limits(self) -> int:
         """Count the targets of driven servos outside their ranges.
 
-        A joint that lay outside may aim where it lies, or back.
+        A joint that was outside may have its target where it is, or further inside.
         """
         robot, beyond = self._virtual.robot, 0
-        for before, now in pairwise(self.seen):
+        for before, now in pairwise(self.snapshots):
             lower = np.minimum(robot.lower, before.ticks) - RAD_PER_TICK
             upper = np.maximum(robot.upper, before.ticks) + RAD_PER_TICK
             beyond += int(np.sum(now.torque_on & ((now.target < lower) | (now.target > upper))))
         return beyond
 
     def find_safe_time(self, since: float) -> float | None:
-        """Find when the robot was limp or held for good, after a bus time [s]; None for never.
+        """Find when torque was off or the servos held for good, after a bus time [s]; None: never.
 
-        A servo that nobody reaches any more and that holds its last target is safe as well.
+        A servo that cannot be reached any more and that holds its last target is safe as well.
         """
-        later = [sight for sight in self.seen if sight.time > since]
+        later = [s for s in self.snapshots if s.time > since]
         safe: float | None = None
         for before, now in pairwise(later):
             moves = now.torque_on & before.torque_on & (now.target != before.target)
@@ -115,10 +115,10 @@ class Sights:
 
 
 class Witness(ObservingBackend):
-    """A backend around a backend of a virtual robot in lock-step, that compares.
+    """Compares what a backend reports with the virtual robot behind it, in lock-step.
 
     In lock-step nothing happens between an answer and the next request, so what the
-    driver calls fresh must be what the encoders tell, tick for tick.
+    driver calls fresh must equal the encoder counts, tick for tick.
     """
 
     def __init__(self, backend: Backend, robot: VirtualRobot, ports: VirtualPorts) -> None:
@@ -126,19 +126,23 @@ class Witness(ObservingBackend):
         super().__init__(backend)
         self._virtual, self._ports = robot, ports
         self._units = ServoUnits(robot.robot)
-        self.sights = Sights(robot)
+        self.trace = ServoTrace(robot)
         self.too_fast = 0
         """Targets sent that moved further in a period than the joint's top speed allows."""
         self._sent: Command | None = None
         self.believed_wrong: list[str] = []
-        """Each value that the driver called fresh and that was not true."""
+        """Each value that the driver called fresh and that was wrong."""
 
     def read(self) -> State:
         """Measure, and compare with the truth."""
-        seen, before = len(self.sights.seen), self._measure()
+        seen, before = len(self.trace.snapshots), self._measure()
         state = super().read()
         # Waiting for what never comes lets time pass: any moment of the reading is true.
-        moments = [before, *(sight.ticks for sight in self.sights.seen[seen:]), self._measure()]
+        moments = [
+            before,
+            *(snapshot.ticks for snapshot in self.trace.snapshots[seen:]),
+            self._measure(),
+        ]
         low, high = np.min(moments, axis=0), np.max(moments, axis=0)
         off = np.maximum(low - state.joint_pos, state.joint_pos - high)
         wrong = (state.joint_age == 0.0) & (off > 0.5 * RAD_PER_TICK)

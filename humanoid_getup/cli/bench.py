@@ -264,11 +264,11 @@ class BenchMethods(BenchOptions):
         """Run the benchmark."""
         world = self.load_stage()
         limit = TorqueLimit(self.torque_limit, "pwm" if self.pwm_limited else "torque")
-        ways = {name: self._make_plans(world, name, limit) for name in self.ways}
-        with counting("rises", len(CLASSES) * self.n * len(ways)) as count:
+        strategies = {name: self._make_strategy(world, name, limit) for name in self.ways}
+        with counting("rises", len(CLASSES) * self.n * len(strategies)) as count:
             result = bench_methods(
                 world,
-                ways,
+                strategies,
                 seed=self.seed,
                 each=self.n,
                 torque_limit=limit,
@@ -276,7 +276,7 @@ class BenchMethods(BenchOptions):
             )
         return self.hand_over(result, FIGURES)
 
-    def _make_plans(self, world: World, name: str, limit: TorqueLimit) -> Strategy:
+    def _make_strategy(self, world: World, name: str, limit: TorqueLimit) -> Strategy:
         if name != PLAN:
             return LearnedRise(load_policy(world.robot, name, self.torque_limit), name)
         with refusing():

@@ -15,9 +15,9 @@ from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.options import WorldOptions
 from humanoid_getup.cli.output import console_for, to_json, write_json
 from humanoid_getup.cli.play import find_motion
-from humanoid_getup.execution.preflight import Severity, Verdict, preflight
-from humanoid_getup.execution.preflight_rollout import MOST_RISES
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.preflight import MotionVerdict, Severity, preflight
+from humanoid_getup.playback.preflight_rollout import MOST_RISES
 from robots import Robot, TorqueLimit
 
 SHOWN = 6  # joints in the table, the most loaded first
@@ -30,18 +30,18 @@ class Preflight(WorldOptions):
     motion: Annotated[Positional[str], arg(metavar="MOTION")]
     """A motion's name in the robot's database, or an .npz file."""
     voltage: Annotated[float | None, arg(metavar="V")] = None
-    """Supply at the servos [V]; without it, the robot's nominal one."""
+    """Supply at the servos [V]; default: the robot's nominal one."""
     torque_limit: Annotated[float | None, arg(metavar="N·m")] = None
-    """Cap on every servo [N·m]; without it, what the servos can."""
+    """Torque limit per servo [N·m]; default: stall torque."""
     temperature: Annotated[float, arg(metavar="°C")] = AMBIENT_TEMPERATURE
     """Of all servos, before the rise [°C]."""
 
     def run(self) -> int:
-        """Rehearse, judge, tell; 0 when the motion may be played, 1 when it is refused."""
+        """Roll out, judge, report; 0 when the motion may be played, 1 when it is refused."""
         world = self.load_stage()
         motion = find_motion(world.robot, self.motion)
         voltage = world.robot.supply_voltage if self.voltage is None else self.voltage
-        with Console(stderr=True).status("rehearsing"), refusing():
+        with Console(stderr=True).status("rolling out"), refusing():
             verdict = preflight(
                 world,
                 motion,
@@ -53,7 +53,7 @@ class Preflight(WorldOptions):
         print_verdict(world.robot, motion, verdict, console_for(self.json))
         return DID_IT if verdict.passed else DID_NOT_STAND
 
-    def _record(self, robot: Robot, motion: Motion, verdict: Verdict) -> dict[str, Any]:
+    def _record(self, robot: Robot, motion: Motion, verdict: MotionVerdict) -> dict[str, Any]:
         return {
             "robot": robot.name,
             "motion": motion.name,
@@ -64,7 +64,7 @@ class Preflight(WorldOptions):
         }
 
 
-def record_verdict(robot: Robot, verdict: Verdict) -> dict[str, Any]:
+def record_verdict(robot: Robot, verdict: MotionVerdict) -> dict[str, Any]:
     """Return a verdict as plain values, for JSON."""
     figures = verdict.figures
     return {
@@ -94,8 +94,8 @@ def record_verdict(robot: Robot, verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def print_verdict(robot: Robot, motion: Motion, verdict: Verdict, console: Console) -> None:
-    """Tell a person the verdict, its reasons and the most loaded joints."""
+def print_verdict(robot: Robot, motion: Motion, verdict: MotionVerdict, console: Console) -> None:
+    """Print the verdict, its reasons and the most loaded joints."""
     figures = verdict.figures
     word, color = ("passed", "green") if verdict.passed else ("refused", "red")
     console.print(f"[bold {color}]{motion.name}: {word} at {figures.voltage:.1f} V")
@@ -104,7 +104,7 @@ def print_verdict(robot: Robot, motion: Motion, verdict: Verdict, console: Conso
         console.print(f" {mark} {reason}")
     rises = f"over {MOST_RISES}" if figures.rises_in_a_row is None else f"{figures.rises_in_a_row}"
     ending = f"stands after {figures.stand_time:.2f} s" if figures.stood else "does not stand"
-    console.print(f"rehearsed: {ending}; rises in a row until a servo is too hot: {rises}")
+    console.print(f"rollout: {ending}; rises in a row until a servo is too hot: {rises}")
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for title in ("joint", "peak N·m", "of stall", "RMS N·m", "at its line s", "after °C"):
         table.add_column(title, justify="left" if title == "joint" else "right")

@@ -23,7 +23,7 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
-from humanoid_getup.execution.estimation import estimate_posture
+from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.reporting import plots
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
 from humanoid_getup.simulation.scene import load_scene

@@ -12,7 +12,6 @@ from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.cli.options import RunOptions
 from humanoid_getup.cli.output import (
     ARTEFACTS,
-    MOTION,
     REPORT,
     STRIP,
     TORQUE,
@@ -22,22 +21,16 @@ from humanoid_getup.cli.output import (
     write_json,
 )
 from humanoid_getup.cli.session import FLIGHT
-from humanoid_getup.execution.get_up import Rise
+from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import RunContext, make_report, print_summary
 from humanoid_getup.simulation.world import World
 
 
 def hand_over(
-    rise: Rise, world: World, options: RunOptions, start: str, extra: dict[str, Any]
+    result: RiseResult, world: World, options: RunOptions, start: str, extra: dict[str, Any]
 ) -> int:
-    """Write and tell how a rise went; return the exit code.
-
-    Raises:
-        KeyboardInterrupt: if that is how it ended; nothing is written then.
-    """
-    if rise.run is not None and rise.run.ending is Ending.INTERRUPTED:
-        raise KeyboardInterrupt
+    """Write and print how a rise went; return the exit code."""
     asked = RunContext(
         robot=world.robot.name,
         period=world.robot.control_period,
@@ -48,39 +41,35 @@ def hand_over(
         torque_limit=options.torque_limit,
         extra=extra,
     )
-    report = make_report(rise, asked)
+    report = make_report(result, asked)
     files: list[str] = []
     if options.out is not None:
         with staging(options.out) as folder:
-            report["strip_reason"] = _draw(rise, world, options, folder)
+            report["strip_reason"] = _draw(result, world, options, folder)
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
     write_json(to_json(report), options.json)
     print_summary(report, files, console_for(options.json))
-    if rise.stood:
+    if result.stood:
         return DID_IT
-    by_fault = rise.result.by_fault if rise.result else False
-    if by_fault or (rise.run is not None and rise.run.ending is Ending.FAULT):
-        return HARDWARE_FAULT
-    return DID_NOT_STAND
+    cut_off = result.run is not None and result.run.ending is Ending.FAULT
+    return HARDWARE_FAULT if result.by_fault or cut_off else DID_NOT_STAND
 
 
-def _draw(rise: Rise, world: World, options: RunOptions, folder: Path) -> str | None:
+def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -> str | None:
     """Write the motion and the pictures; return why there is no film strip."""
-    if rise.outcome is None:
+    if result.outcome is None:
         return "nothing was played"
-    robot, outcome, motion = world.robot, rise.outcome, rise.plan.motion
-    if motion is not None:
-        motion.save(folder / MOTION)
-    side = "-side" if rise.start_class in ("left", "right") else ""
-    way = rise.plan.title if motion is None else motion.strategy
-    title = f"{robot.name}, {rise.start_class}{side} start: {way}"
+    robot, outcome, plan = world.robot, result.outcome, result.plan
+    plan.save(folder)
+    side = "-side" if result.start_class in ("left", "right") else ""
+    title = f"{robot.name}, {result.start_class}{side} start: {plan.label}"
     plots.save_torque(robot, outcome, options.torque_limit, folder / TORQUE, title=title)
     period = robot.control_period
     end = (
         outcome.stand.start_time + film_strip.AFTERMATH
-        if rise.stood
+        if result.stood
         else len(outcome.qpos) * period
     )
     last = len(outcome.qpos) - 1  # how it stands when all is over

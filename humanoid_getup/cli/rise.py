@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from rich.console import Console
@@ -15,20 +16,22 @@ from humanoid_getup.cli.backends import BackendChoice
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.options import RunOptions, find_start, find_start_faults, load_policy
 from humanoid_getup.cli.results import hand_over
-from humanoid_getup.cli.session import WHERE_IT_LAY, try_to_rise
+from humanoid_getup.cli.session import WHERE_IT_LAY, open_session
+from humanoid_getup.execution.get_up import get_up, lay_down
+from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.policy.onnx_policy import LONGEST
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RiseOptions, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.selection import ByRecord
+from humanoid_getup.strategies.selection import StrategySelector
 from humanoid_getup.strategies.track_record import (
     PLAN,
     POLICY,
+    StrategyId,
     TrackRecord,
-    Way,
-    load_records,
+    load_track_record,
 )
 from robots import Robot
 
@@ -68,22 +71,19 @@ class RiseCommand(RunOptions):
     def run(self) -> int:
         """Lie down, or find the robot lying, and rise."""
         world = self.load_stage()
-        means = self._load_means(world.robot)
+        loaded = self._load(world.robot)
         rng = np.random.default_rng(self.seed)
         with Console(stderr=True).status("falling") as status, self.open_body(world) as body:
-            plans = self._make_plans(world, body, means)
-            start = None if self.origin is None else find_start(world, self.origin, rng)
-            rise = try_to_rise(
+            strategy = self._make_strategy(world, body, loaded)
+            rise = rise_from(
+                self,
                 world,
                 body,
-                plans,
-                start,
-                self,
+                strategy,
                 rng,
-                attempts=self.attempts,
-                # Without the filter, what is asked for is to see the raw path fail or stand.
-                preflight=self.filtering,
-                tell=status.update,
+                report=status.update,
+                max_attempts=self.attempts,
+                preflight=self.filtering,  # an unfiltered path is played to see it fail or stand
             )
             status.update("drawing")
             extra = {
@@ -93,33 +93,51 @@ class RiseCommand(RunOptions):
             }
             return hand_over(rise, world, self, self.origin or WHERE_IT_LAY, extra)
 
-    def _load_means(self, robot: Robot) -> _Means:
+    def _load(self, robot: Robot) -> _Loaded:
         """Load what the method needs, before any robot is touched."""
         with refusing():
-            records = load_records(robot) if self.method == AUTO else TrackRecord()
+            records = load_track_record(robot) if self.method == AUTO else TrackRecord()
             database = None if self.method == POLICY else load_database(robot)
-        learned = self.method == POLICY or records.knows(Way(POLICY, self.policy))
+        learned = self.method == POLICY or records.knows(StrategyId(POLICY, self.policy))
         policy = load_policy(robot, self.policy, self.torque_limit) if learned else None
-        return _Means(database, policy and LearnedRise(policy, self.policy), records)
+        return _Loaded(database, policy and LearnedRise(policy, self.policy), records)
 
-    def _make_plans(self, world: World, body: BackendChoice, means: _Means) -> Strategy:
+    def _make_strategy(self, world: World, body: BackendChoice, loaded: _Loaded) -> Strategy:
         limit = body.limit_torque(self.torque_limit)
-        ways: dict[Way, Strategy] = {}
-        if means.database is not None:
+        strategies: dict[StrategyId, Strategy] = {}
+        if loaded.database is not None:
             options = RiseOptions(
                 planning=self.planning,
                 filtering=self.filtering,
                 torque_limit=limit,
             )
-            ways[Way(PLAN)] = PlannedRise(world, means.database, options)
-        if means.policy is not None:
-            ways[Way(POLICY, self.policy)] = means.policy
-        return ByRecord(ways, means.records, limit)
+            strategies[StrategyId(PLAN)] = PlannedRise(world, loaded.database, options)
+        if loaded.policy is not None:
+            strategies[StrategyId(POLICY, self.policy)] = loaded.policy
+        return StrategySelector(strategies, loaded.records, limit)
+
+
+def rise_from(
+    command: RiseCommand | RunPolicy,
+    world: World,
+    body: BackendChoice,
+    strategy: Strategy,
+    rng: np.random.Generator,
+    *,
+    report: Callable[[str], None],
+    **options: Any,
+) -> RiseResult:
+    """Lay a simulated robot down as a command wants it, or leave it where it lies; get it up."""
+    start = None if command.origin is None else find_start(world, command.origin, rng)
+    if start is not None and body.place is not None:
+        lay_down(world, start, body.place)
+    with open_session(command, world, body, strategy, report=report, **options) as session:
+        return get_up(session, rng, start_class=start and start.start_class)
 
 
 @dataclass(frozen=True)
-class _Means:
-    """What ways of rising are made of, as far as the method needs them."""
+class _Loaded:
+    """What the strategies are made of, as far as the method needs them."""
 
     database: MotionDatabase | None
     policy: LearnedRise | None
@@ -150,10 +168,9 @@ class RunPolicy(RunOptions):
         """Lie down, or find the robot lying, and let the policy rise."""
         world = self.load_stage()
         policy = load_policy(world.robot, self.policy, self.torque_limit, self.longest)
-        plans = LearnedRise(policy, Path(self.policy).stem)
+        strategy = LearnedRise(policy, Path(self.policy).stem)
         rng = np.random.default_rng(self.seed)
         with Console(stderr=True).status("falling") as status, self.open_body(world) as body:
-            start = None if self.origin is None else find_start(world, self.origin, rng)
-            rise = try_to_rise(world, body, plans, start, self, rng, attempts=1, tell=status.update)
+            rise = rise_from(self, world, body, strategy, rng, report=status.update, max_attempts=1)
             status.update("drawing")
             return hand_over(rise, world, self, self.origin or WHERE_IT_LAY, {"method": "policy"})

@@ -1,4 +1,4 @@
-"""The flight log of a command: every cycle and every phase, beside its other files."""
+"""The session of a command that moves a robot: guard, judge, flight log, stop key."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from drivers import Cycle, GuardLimits, SafetyGuard
 from drivers.flight_log.writer import FlightLog
@@ -15,11 +14,8 @@ from drivers.stop_key import StopKey
 from humanoid_getup.cli.backends import BackendChoice
 from humanoid_getup.cli.options import RunOptions
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.execution.attempt_manager import AttemptOptions
-from humanoid_getup.execution.estimation import check_start
-from humanoid_getup.execution.get_up import Rise, get_up
 from humanoid_getup.execution.result import PhaseChange
-from humanoid_getup.simulation.falls import Fall
+from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from robots import Posture, Robot
@@ -28,7 +24,7 @@ FLIGHT = "flight.mcap"
 
 
 class Recorder:
-    """Writes a flight log from the first cycle on, or nothing where none was asked for."""
+    """Writes a flight log from the first cycle on, or nothing where none is wanted."""
 
     def __init__(self, open_log: Callable[[], FlightLog] | None) -> None:
         """Record into a log that is opened when there is something to record."""
@@ -52,8 +48,8 @@ class Recorder:
         if self.opened is None:
             self._notes.append(change)
         else:
-            told = f"attempt {change.attempt}: {change.detail}"
-            self.opened.event(self._time, change.phase.name.lower(), told)
+            text = f"attempt {change.attempt}: {change.detail}"
+            self.opened.event(self._time, change.phase.name.lower(), text)
 
 
 @contextmanager
@@ -68,7 +64,7 @@ def recording(
     Args:
         out: Folder, made if need be; ``None`` for nowhere.
         robot: Robot that is moved.
-        about: What the log is about.
+        about: Noted at the head of the log.
         start: Where the robot is when the first cycle begins, if that is known.
     """
     if out is None:
@@ -85,69 +81,61 @@ def recording(
         yield recorder
         fault = recorder.opened.fault if recorder.opened else None
     if fault:
-        print(f"getup: the flight log is not whole: {fault}", file=sys.stderr)
+        print(f"getup: the flight log is incomplete: {fault}", file=sys.stderr)
 
 
 WHERE_IT_LAY = "where the robot lay"
 
 
 def stop_key(body: BackendChoice, guard: SafetyGuard) -> StopKey | nullcontext[None]:
-    """Let any key of the terminal stop a robot that lives at the speed of life."""
+    """Let any key of the terminal stop a robot that moves in real time."""
     return StopKey(guard.stop) if body.realtime else nullcontext()
 
 
-def try_to_rise(
+@contextmanager
+def open_session(
+    command: RunOptions,
     world: World,
     body: BackendChoice,
-    plans: Strategy,
-    start: Fall | None,
-    options: RunOptions,
-    rng: np.random.Generator,
+    strategy: Strategy,
     *,
-    attempts: int,
-    preflight: bool = True,
-    tell: Callable[[str], None],
-) -> Rise:
-    """Get a robot up through the attempt manager, logging the flight.
+    report: Callable[[str], None],
+    about: Mapping[str, str] | None = None,
+    start: Posture | None = None,
+    **options: Any,
+) -> Iterator[RiseSession]:
+    """Open the session of a command: guard, judge, flight log and stop key.
 
     Args:
+        command: Options of the command.
         world: Robot and scene.
         body: Robot to move.
-        plans: Finds motions or policies.
-        start: Where to lay a simulated robot; ``None`` for where it lies.
-        options: What the command was told.
-        rng: Source of the plans' chance.
-        attempts: How often to try.
-        preflight: False: play without asking; never on hardware.
-        tell: Hears what is going on.
+        strategy: Finds motions or policies.
+        report: Called with each phase.
+        about: More to note in the flight log.
+        start: Where the robot is when the first cycle begins, if that is known.
+        options: Further `AttemptOptions`.
     """
-    simulation, limit = body.simulation, options.torque_limit
+    simulation, limit = body.simulation, command.torque_limit
     guard = SafetyGuard(body.backend, GuardLimits.of(world.robot, limit))
-    if start is not None and body.place is not None:
-        check_start(world, start.posture)
-        body.place(start.posture)
-    how = AttemptOptions(
-        max_attempts=attempts,
-        torque_limit=body.limit_torque(limit),
-        preflight=preflight,
-        realtime=body.realtime,
+    about = {"seed": command.seed, "scene": command.scene, "backend": command.backend} | (
+        dict(about or {})
     )
-    about = {"seed": options.seed, "scene": options.scene, "backend": options.backend}
-    with recording(options.out, world.robot, about) as recorder, stop_key(body, guard):
+    with recording(command.out, world.robot, about, start) as recorder, stop_key(body, guard):
 
-        def hear(change: PhaseChange) -> None:
-            tell(change.phase.value)
+        def note(change: PhaseChange) -> None:
+            report(change.phase.value)
             recorder.note(change)
 
-        return get_up(
-            guard,
-            world,
-            plans,
-            rng,
-            how,
-            judge=simulation and (lambda: GroundTruthJudge(simulation, limit)),
-            start_class=start and start.start_class,
+        yield RiseSession(
+            guard=guard,
+            world=world,
+            strategy=strategy,
+            options=AttemptOptions(
+                torque_limit=body.limit_torque(limit), realtime=body.realtime, **options
+            ),
+            make_judge=simulation and (lambda: GroundTruthJudge(simulation, limit)),
             services=body.services,
-            report=hear,
+            on_phase=note,
             on_cycle=recorder.log,
         )

@@ -1,149 +1,56 @@
-"""The attempt manager: try to get up, look how it went, and know when to ask for help."""
+"""The attempt manager: tries to get up, judges, recovers, tries again, or asks for help."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import replace
 
 import numpy as np
 
-from drivers import Cycle, DriverError, Ending, FaultKind, SafetyGuard, State, run
-from drivers.control_loop import Controller, Pacer
-from humanoid_getup.evaluation.judge import RunOutcome, SensorJudge
-from humanoid_getup.execution.estimation import FaultedError, StartError, estimate_posture, settle
-from humanoid_getup.execution.monitors import Abort, MonitorLimits
-from humanoid_getup.execution.preflight import check_body, preflight
-from humanoid_getup.execution.recovery import (
-    Cooling,
-    RebootsServos,
-    Recovery,
-    StoppedError,
-    UnrecoveredError,
-)
-from humanoid_getup.execution.result import (
-    Attempt,
-    AttemptResult,
-    AttemptStatus,
-    Phase,
-    PhaseChange,
-)
-from humanoid_getup.execution.supervisor import PolicySupervisor, Supervisor
+from drivers import DriverError, Ending, FaultKind, State
+from drivers.control_loop import Pacer
+from humanoid_getup.execution.recovery import Recovery, StoppedError, UnrecoveredError
+from humanoid_getup.execution.result import Attempt, AttemptStatus, Phase, PhaseChange, RiseResult
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
+from humanoid_getup.playback.play import play
+from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.falls import classify
-from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.learned_rise import PolicyPlan
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
-from robots import FULL_TORQUE, TorqueLimit
+from humanoid_getup.strategies.plan import RisePlan
 
 UNCLASSED = "other"  # start class of a robot that lies on no side
-MOST_REMEDIES = 5  # faults of a robot that only lies there, before it is left alone
-GRACE = 5.0  # s that a run may take beyond its longest: the way to a motion's start
-
-
-class Judge(Protocol):
-    """Sees each cycle of one run and says how it ended."""
-
-    def __call__(self, cycle: Cycle, /) -> None:
-        """Look once."""
-        ...
-
-    def conclude(self) -> RunOutcome:
-        """Judge what was seen."""
-        ...
-
-
-class Supervised(Controller, Protocol):
-    """Moves a robot and gives up when the rise goes wrong."""
-
-    @property
-    def longest(self) -> float:
-        """Return how long it takes at most [s], but for the way to its start."""
-        ...
-
-    @property
-    def aborted(self) -> Abort | None:
-        """Return why it gave up, if it did."""
-        ...
-
-    @property
-    def warnings(self) -> list[str]:
-        """Return what was odd but no reason to stop."""
-        ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class AttemptOptions:
-    """How to try, and how often."""
-
-    max_attempts: int = 3
-    torque_limit: TorqueLimit = FULL_TORQUE
-    preflight: bool = True
-    """False: play without asking; never on hardware."""
-    realtime: bool = False
-    """Pace the cycles by the wall clock, for backends that do not pace themselves."""
-    supervision: MonitorLimits = field(default_factory=MonitorLimits)
-    cooling: Cooling = field(default_factory=Cooling)
-
-    def __post_init__(self) -> None:
-        if self.max_attempts < 1:
-            raise ValueError(f"max_attempts is {self.max_attempts}, allowed 1 or more")
+MOST_REMEDIES = 5  # faults of a robot that only lies there before it is left alone
 
 
 class AttemptManager:
     """Gets a robot up, on any backend.
 
-    Each attempt waits, limp, until the robot is still, classes how it lies, plans, asks the
-    preflight, plays under supervision and judges. A failed one is followed by rest, until
-    every servo is cool, and by another, up to a number of them; then, or when it meets what
-    no rest cures, it asks for help. A stop ends it at once: nothing moves any more until
-    somebody clears the guard and asks anew.
+    Each attempt waits, torque off, until the robot is still, classifies how it lies, plans,
+    runs the preflight, plays under supervision and judges. A failed attempt is followed by
+    rest until every servo is cool and by the next one, up to a maximum; then, or at a fault
+    that rest does not cure, it asks for help. A stop ends it at once: nothing moves until the
+    guard is cleared and a new rise is started.
     """
 
-    def __init__(
-        self,
-        guard: SafetyGuard,
-        world: World,
-        plans: Strategy,
-        options: AttemptOptions | None = None,
-        *,
-        judge: Callable[[], Judge] | None = None,
-        services: RebootsServos | None = None,
-        report: Callable[[PhaseChange], None] = lambda _: None,
-        on_cycle: Callable[[Cycle], None] | None = None,
-    ) -> None:
-        """Prepare.
-
-        Args:
-            guard: Robot to get up; it is connected for each phase and limp after it.
-            world: Robot and scene that plans and preflight work with.
-            plans: Finds motions or policies: a `PlannedRise`, `NearestMotion`, `LearnedRise`...
-            options: How to try, and how often.
-            judge: Makes the judge of one run; ``None`` for sensors alone.
-            services: Reboots servos, where the backend can.
-            report: Hears of every phase.
-            on_cycle: Sees every cycle of the runs, to record it.
-        """
-        self._guard, self._stage, self._plans = guard, world, plans
-        self.options = options = options or AttemptOptions()
-        self._judge = judge or self._judge_by_sensors
-        self._report, self._on_cycle = report, on_cycle
+    def __init__(self, session: RiseSession) -> None:
+        self._session, self._options = session, session.options
+        self._guard, self._world = session.guard, session.world
         self._number = 1
         self._recovery = Recovery(
-            guard,
-            cooling=options.cooling,
-            services=services,
-            realtime=options.realtime,
-            tell=lambda text: self._tell(Phase.RECOVERING, text),
+            session.guard,
+            cooling=session.options.cooling,
+            services=session.services,
+            realtime=session.options.realtime,
+            report=lambda text: self._report(Phase.RECOVERING, text),
         )
 
-    def get_up(self, rng: np.random.Generator) -> AttemptResult:
+    def get_up(self, rng: np.random.Generator) -> RiseResult:
         """Try until the robot stands, is stopped, or needs help.
 
         Args:
-            rng: Source of the plans' chance.
+            rng: Randomness of the plans.
 
         Raises:
-            KeyboardInterrupt: once the robot is limp, if somebody interrupted.
+            KeyboardInterrupt: if it was interrupted; the robot's torque is off then.
         """
         attempts: list[Attempt] = []
         by_fault = False
@@ -153,8 +60,10 @@ class AttemptManager:
             status, reason = AttemptStatus.STOPPED, f"{AttemptStatus.STOPPED.value}: {stop}"
         except (UnrecoveredError, DriverError) as error:
             status, reason, by_fault = AttemptStatus.NEEDS_HELP, str(error), True
-        self._tell(Phase.ENDED, reason)
-        return AttemptResult(
+        self._report(Phase.ENDED, reason)
+        return RiseResult(
+            robot=self._guard.robot,
+            start_class=next((a.start_class for a in attempts if a.start_class), UNCLASSED),
             status=status,
             reason=reason,
             attempts=tuple(attempts),
@@ -164,7 +73,7 @@ class AttemptManager:
     def _try_all(
         self, attempts: list[Attempt], rng: np.random.Generator
     ) -> tuple[AttemptStatus, str]:
-        most = self.options.max_attempts
+        most = self._options.max_attempts
         for self._number in range(1, most + 1):
             attempt = self._attempt(rng)
             attempts.append(attempt)
@@ -175,36 +84,38 @@ class AttemptManager:
                 self._recover(attempt)
         if most == 1:
             return AttemptStatus.NEEDS_HELP, attempts[0].reason
-        told = "; ".join(f"{a.number}. {a.reason}" for a in attempts)
-        return AttemptStatus.NEEDS_HELP, f"{most} attempts failed: {told}"
+        reasons = "; ".join(f"{a.number}. {a.reason}" for a in attempts)
+        return AttemptStatus.NEEDS_HELP, f"{most} attempts failed: {reasons}"
 
     def _attempt(self, rng: np.random.Generator) -> Attempt:
-        number = self._number
+        options, number = self._options, self._number
         try:
             state = self._settle()
         except StartError as error:
             return Attempt(number=number, refusal=str(error))
-        posture = estimate_posture(self._stage, state)
-        kind = classify(posture.orientation) or UNCLASSED
-        self._tell(Phase.PLANNING, f"the robot lies {kind}")
-        plan = self._plans.plan(posture, rng)
-        attempt = Attempt(number=number, start_class=kind, plan=plan)
-        supervisor = self._supervise(plan)
-        if supervisor is None:
+        posture = estimate_posture(self._world, state)
+        side = classify(posture.orientation) or UNCLASSED
+        self._report(Phase.PLANNING, f"the robot lies {side}")
+        plan = self._session.strategy.plan(posture, rng)
+        attempt = Attempt(number=number, start_class=side, plan=plan)
+        controller = plan.controller(self._world, options.torque_limit, options.monitor_limits)
+        if controller is None:
             return attempt
-        if self.options.preflight:
-            self._tell(Phase.PREFLIGHT, plan.title)
+        if options.preflight:
+            self._report(Phase.PREFLIGHT, plan.title)
             attempt = self._check(attempt, plan, state)
             if attempt.refusal is not None:
                 return attempt
-        self._tell(Phase.PLAYING, plan.title)
-        return self._play(attempt, supervisor)
+        self._report(Phase.PLAYING, plan.title)
+        return self._play(attempt, controller)
 
     def _settle(self) -> State:
-        """Wait until the robot is still, and put right what keeps it from being watched."""
+        """Wait until the robot is still, and cure what keeps it from being measured."""
         for _ in range(MOST_REMEDIES):
-            self._tell(Phase.SETTLING, Phase.SETTLING.value)
-            pacer = Pacer(self._guard.period) if self.options.realtime else None
+            self._report(Phase.SETTLING, Phase.SETTLING.value)
+            if not self._options.settle:
+                return self._measure()
+            pacer = Pacer(self._guard.period) if self._options.realtime else None
             try:
                 return settle(self._guard, pacer)
             except FaultedError as error:
@@ -212,65 +123,29 @@ class AttemptManager:
             self._recovery.remedy(fault)
         raise UnrecoveredError(f"{fault}, {MOST_REMEDIES} times in a row")
 
-    def _check(self, attempt: Attempt, plan: RisePlan, settled: State) -> Attempt:
-        """Ask the preflight, from where the robot lies now: planning took its time.
-
-        Supply and temperatures are those of the robot that lay still: a bus reads them in
-        turns, so a first measurement need not have them all. Nobody knows how a policy will
-        move, so no more than these is asked for it.
-        """
-        if plan.motion is None:
-            reasons = check_body(self._stage.robot, settled.voltage, settled.temperature)
-            told = "; ".join(map(str, reasons))
-            return replace(attempt, refusal=f"preflight refused: {told}" if told else None)
+    def _measure(self) -> State:
         with self._guard:
-            now = self._guard.read()
-        verdict = preflight(
-            self._stage,
-            plan.motion,
-            voltage=settled.voltage,
-            torque_limit=self.options.torque_limit,
-            temperature=settled.temperature,
-            start=now,
-        )
+            return self._guard.read()
+
+    def _check(self, attempt: Attempt, plan: RisePlan, settled: State) -> Attempt:
+        limit = self._options.torque_limit
+        verdict = plan.preflight(self._world, limit, settled, self._measure)
         return replace(attempt, verdict=verdict, refusal=None if verdict.passed else str(verdict))
 
-    def _supervise(self, plan: RisePlan) -> Supervised | None:
-        """Make what plays a plan, watched; None where it holds nothing to play."""
-        supervision, limit = self.options.supervision, self.options.torque_limit.value
-        if isinstance(plan, PolicyPlan):
-            return PolicySupervisor(plan.policy, supervision)
-        if plan.motion is None:
-            return None
-        supervision = replace(
-            supervision,
-            tracks_motion=supervision.tracks_motion and _went_through_physics(plan),
-        )
-        return Supervisor(self._stage, plan.motion, torque_limit=limit, supervision=supervision)
-
-    def _play(self, attempt: Attempt, supervisor: Supervised) -> Attempt:
-        judge = self._judge()
-
-        def look(cycle: Cycle) -> None:
-            judge(cycle)
-            if self._on_cycle:
-                self._on_cycle(cycle)
-
-        report = run(
-            supervisor,
+    def _play(self, attempt: Attempt, controller: Supervisor) -> Attempt:
+        report, outcome = play(
+            controller,
             self._guard,
-            max_time=supervisor.longest + GRACE,
-            realtime=self.options.realtime,
-            on_cycle=look,
+            self._session.judge(),
+            realtime=self._options.realtime,
+            on_cycle=self._session.on_cycle,
         )
-        if report.ending is Ending.INTERRUPTED:
-            raise KeyboardInterrupt
         return replace(
             attempt,
             run=report,
-            outcome=judge.conclude(),
-            abort=supervisor.aborted,
-            warnings=tuple(supervisor.warnings),
+            outcome=outcome,
+            abort=controller.aborted,
+            warnings=tuple(controller.warnings),
         )
 
     def _check_end(self, attempt: Attempt) -> None:
@@ -284,26 +159,18 @@ class AttemptManager:
             raise StoppedError(fault.detail)
 
     def _recover(self, attempt: Attempt) -> None:
-        """Rest after a failed attempt, and put right what its run ended by."""
+        """Rest after a failed attempt, and cure the fault that ended its run."""
         fault = self._guard.fault
         if attempt.run is not None and attempt.run.ending is Ending.FAULT and fault is not None:
             self._recovery.remedy(fault)
         self._recovery.cool_down()
 
-    def _judge_by_sensors(self) -> Judge:
-        return SensorJudge(self._stage, self._guard.period, self.options.torque_limit.value)
-
-    def _tell(self, phase: Phase, detail: str) -> None:
-        self._report(PhaseChange(phase, self._number, detail))
-
-
-def _went_through_physics(plan: RisePlan) -> bool:
-    """Tell whether the motion's angles were measured: in a rehearsal, or when it was stored."""
-    return plan.status is not RiseStatus.UNREHEARSED or plan.connection is None
+    def _report(self, phase: Phase, detail: str) -> None:
+        self._session.on_phase(PhaseChange(phase, self._number, detail))
 
 
 def _ended_by_fault(attempts: list[Attempt], status: AttemptStatus) -> bool:
-    """Tell whether the last attempt was cut off by the guard or the hardware."""
+    """Return whether the guard or the hardware cut the last attempt off."""
     if status is not AttemptStatus.NEEDS_HELP or not attempts:
         return False
     last = attempts[-1].run

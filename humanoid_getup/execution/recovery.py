@@ -1,4 +1,4 @@
-"""Recovery: what can be done, limp, about a robot that its guard has stopped."""
+"""Recovery of a robot that its guard has stopped, with torque off: cool, reboot, wait."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from drivers.control_loop import Pacer
 from drivers.safety_guard import describe_alert
 
 OVERHEATING, OVERLOAD = 4, 32  # bits of State.alert (e-manual, Hardware Error Status)
-MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; a servo that trips more often is telling something
-ALERT_TIME = 1.0  # s in which a servo in error says what ails it
+MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; more often means a fault that reboots do not cure
+ALERT_TIME = 1.0  # s within which a servo in error reports its error
 REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
-PATIENCE = 4  # cycles that a wait may take for each that its time has
+PATIENCE = 4  # cycles that a wait may take per cycle of its nominal time
 
 
 class RebootsServos(Protocol):
-    """A service that some backends offer beside moving."""
+    """A backend that can also restart servos."""
 
     def reboot(self, joint: str) -> None:
         """Restart a joint's servo; its torque stays off, its goal is where it is."""
@@ -29,16 +29,16 @@ class RebootsServos(Protocol):
 
 
 class UnrecoveredError(Exception):
-    """The robot cannot go on by itself; the message tells a person why."""
+    """The robot cannot continue by itself; the message says why."""
 
 
 class StoppedError(Exception):
-    """Somebody stopped the robot; it must not go on."""
+    """The operator stopped the robot; it must not move."""
 
 
 @dataclass
 class RebootBudget:
-    """How many reboots are left: a servo that keeps tripping is not to be rebooted away."""
+    """Limits how often servos are rebooted: one that keeps tripping has another fault."""
 
     most: int = MOST_REBOOTS
     window: float = REBOOT_WINDOW
@@ -46,7 +46,7 @@ class RebootBudget:
     _times: deque[float] = field(default_factory=deque)
 
     def spend(self, time: float) -> bool:
-        """Take one reboot at a time [s]; False where the budget is used up."""
+        """Take one reboot at a time [s]; return False where the budget is spent."""
         while self._times and self._times[0] <= time - self.window:
             self._times.popleft()
         if len(self._times) >= self.most:
@@ -60,7 +60,7 @@ class Cooling:
     """How long a robot rests before it tries again."""
 
     temperature: float = 55.0
-    """Every servo must be as cool as this [°C]: 10 °C under where the guard derates."""
+    """Highest temperature of any servo [°C]: 10 °C below where the guard derates."""
     min_time: float = 3.0
     """[s]"""
     max_time: float = 900.0
@@ -68,7 +68,7 @@ class Cooling:
 
 
 class Recovery:
-    """Cools, reboots and waits, on the backend's clock; the robot is limp all the while."""
+    """Cools, reboots and waits, on the backend's clock, with torque off throughout."""
 
     def __init__(
         self,
@@ -77,27 +77,27 @@ class Recovery:
         cooling: Cooling,
         services: RebootsServos | None = None,
         realtime: bool = False,
-        tell: Callable[[str], None] = lambda _: None,
+        report: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Prepare.
 
         Args:
-            guard: Robot to bring back; closed between the steps.
+            guard: Robot to recover; closed between the steps.
             cooling: How long to rest.
-            services: Reboots servos; ``None`` where nobody can.
+            services: Reboots servos; ``None`` where the backend cannot.
             realtime: Pace the cycles by the wall clock, for backends that do not.
-            tell: Hears, in a few words, each thing that is done.
+            report: Called with a short description of each action.
         """
         self._guard, self._cooling, self._services = guard, cooling, services
-        self._realtime, self._tell = realtime, tell
+        self._realtime, self._report = realtime, report
         self._budget = RebootBudget()
 
     def remedy(self, fault: Fault) -> None:
-        """Do what helps against a fault; the robot lies limp and well afterwards.
+        """Cure a fault; the robot lies without torque and without a fault afterwards.
 
         Raises:
-            StoppedError: if the fault is an operator's stop.
-            UnrecoveredError: if nothing helps, or nothing may be done.
+            StoppedError: if the fault is the operator's stop.
+            UnrecoveredError: if there is no cure, or none is permitted.
         """
         match fault.kind:
             case FaultKind.STOPPED:
@@ -110,14 +110,14 @@ class Recovery:
                 raise UnrecoveredError(str(fault))
 
     def cool_down(self) -> None:
-        """Lie limp for a while, and until every servo is cool.
+        """Wait with torque off for a while, and until every servo is cool.
 
         Raises:
-            StoppedError: if somebody stops the robot meanwhile.
+            StoppedError: if the operator stops the robot meanwhile.
             UnrecoveredError: if it takes too long, or the robot is lost meanwhile.
         """
         cooling = self._cooling
-        self._tell(f"lying limp until every servo has {cooling.temperature:.0f} °C or less")
+        self._report(f"torque off until every servo has {cooling.temperature:.0f} °C or less")
 
         def is_cool(state: State, elapsed: float) -> bool:
             cool = float(state.temperature.max()) <= cooling.temperature
@@ -130,11 +130,11 @@ class Recovery:
             raise UnrecoveredError(
                 f"joint '{self._guard.robot.joint_names[hottest]}' still has "
                 f"{state.temperature[hottest]:.0f} °C after {cooling.max_time:.0f} s of rest, "
-                f"allowed {cooling.temperature:.0f} °C"
+                f"expected at most {cooling.temperature:.0f} °C"
             )
 
     def _mend_servos(self) -> None:
-        """Reboot servos that tripped by load; let those that tripped by heat cool down."""
+        """Reboot servos that tripped by overload; let those that tripped by heat cool down."""
         with self._guard:
             state, _ = self._lie(_is_named, ALERT_TIME)
             hot = self._sort_out(state)
@@ -155,7 +155,7 @@ class Recovery:
                 )
 
     def _sort_out(self, state: State) -> int:
-        """Refuse what no reboot may cure; return the bit of heat if a servo tripped by it."""
+        """Refuse errors that no reboot may cure; return the overheating bit if it is set."""
         other = np.flatnonzero(state.alert & ~(OVERLOAD | OVERHEATING))
         if len(other):
             raise UnrecoveredError(f"{self._describe(state, other)}: look at the servo")
@@ -178,11 +178,11 @@ class Recovery:
                 f"joint '{name}' tripped by overload, and {MOST_REBOOTS} servos were rebooted "
                 f"within {REBOOT_WINDOW / 60.0:.0f} min already: see what blocks it"
             )
-        self._tell(f"rebooting joint '{name}', which tripped by overload")
+        self._report(f"rebooting joint '{name}', which tripped by overload")
         self._services.reboot(name)
 
     def _lie(self, is_over: Callable[[State, float], bool], most: float) -> tuple[State, bool]:
-        """Lie limp until something is so, for ``most`` seconds; tell whether it came."""
+        """Wait, torque off, until a condition holds, at most ``most`` seconds."""
         guard = self._guard
         pacer = Pacer(guard.period) if self._realtime else None
         state = guard.read()
@@ -204,11 +204,11 @@ class Recovery:
     def _describe(self, state: State, joints: np.ndarray) -> str:
         names = self._guard.robot.joint_names
         return ", ".join(
-            f"joint '{names[j]}' tells {describe_alert(int(state.alert[j]))}" for j in joints
+            f"joint '{names[j]}' reports {describe_alert(int(state.alert[j]))}" for j in joints
         )
 
 
 def _is_named(state: State, _elapsed: float) -> bool:
-    """Tell whether every servo in error has said what ails it; some tell later."""
+    """Return whether every servo in error has reported which; some report later."""
     alert = state.alert[state.alert != 0]
     return bool(len(alert)) and bool(np.all(alert & 0b111101))

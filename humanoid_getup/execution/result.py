@@ -1,16 +1,18 @@
-"""What comes of getting up: the status, every attempt, and why each ended as it did."""
+"""The result of getting up: how it ended, every attempt, and its figures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 from drivers import Ending, RunReport
 from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.evaluation.standing import HOLD_TIME
-from humanoid_getup.execution.monitors import Abort
-from humanoid_getup.execution.preflight import Verdict
-from humanoid_getup.strategies.plan import RisePlan
+from humanoid_getup.playback.monitors import Abort
+from humanoid_getup.playback.preflight import Verdict
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from robots import Robot
 
 
 class AttemptStatus(Enum):
@@ -18,7 +20,7 @@ class AttemptStatus(Enum):
 
     STOOD = "the robot stands"
     NEEDS_HELP = "the robot needs help"
-    STOPPED = "somebody stopped it"
+    STOPPED = "stopped by the operator"
 
 
 class Phase(Enum):
@@ -44,7 +46,7 @@ class PhaseChange:
 
 @dataclass(frozen=True, kw_only=True)
 class Attempt:
-    """One try to get up, as far as it came."""
+    """One attempt to get up, as far as it went."""
 
     number: int
     """From 1."""
@@ -64,7 +66,7 @@ class Attempt:
 
     @property
     def stood(self) -> bool:
-        """Tell whether it ended in a held stand."""
+        """Return whether it ended in a held stand."""
         if self.run is None or self.outcome is None or self.abort is not None:
             return False
         return self.run.ending is Ending.DONE and self.outcome.stand.stood
@@ -73,7 +75,7 @@ class Attempt:
     def reason(self) -> str:
         """Return in one line why it ended as it did."""
         if self.run is None or self.outcome is None:
-            return self.refusal or (self.plan.reason if self.plan else "it was not begun")
+            return self.refusal or (self.plan.reason if self.plan else "not started")
         if self.stood:
             return "held stand"
         if self.abort is not None:
@@ -84,12 +86,75 @@ class Attempt:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AttemptResult:
-    """How getting up ended, and every try."""
+class RiseResult:
+    """How getting up ended. Plan, run and outcome are those of the last attempt."""
 
+    robot: Robot
+    start_class: str
     status: AttemptStatus
     reason: str
-    """One line; for a robot that needs help, what was seen."""
+    """One line; for a robot that needs help, what was observed."""
     by_fault: bool = False
-    """Whether a fault of the hardware ended it, rather than a rise that failed."""
-    attempts: tuple[Attempt, ...]
+    """Whether a hardware fault ended it, rather than a rise that failed."""
+    attempts: tuple[Attempt, ...] = ()
+
+    @property
+    def stood(self) -> bool:
+        """Return whether the robot ended in a held stand."""
+        return self.status is AttemptStatus.STOOD
+
+    @property
+    def plan(self) -> RisePlan:
+        """Return the last plan."""
+        plan = self.attempts[-1].plan if self.attempts else None
+        return plan or RisePlan(status=RiseStatus.NOT_PLANNED, reason=self.reason)
+
+    @property
+    def run(self) -> RunReport | None:
+        """Return the last run, if something was played in it."""
+        return self.attempts[-1].run if self.attempts else None
+
+    @property
+    def outcome(self) -> RunOutcome | None:
+        """Return the outcome of the last run."""
+        return self.attempts[-1].outcome if self.attempts else None
+
+    @property
+    def times_played(self) -> int:
+        """Return in how many attempts something was played."""
+        return sum(attempt.run is not None for attempt in self.attempts)
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures of the rise under report.json's keys."""
+        run, outcome = self.run, self.outcome
+        record: dict[str, Any] = {
+            "start_class": self.start_class,
+            "stood": self.stood,
+            "reason": self.reason,
+            "stand_time_s": outcome.stand.start_time if outcome and self.stood else None,
+            "hold_s": outcome.stand.hold_time if outcome else 0.0,
+            **self.plan.record(),
+            "attempts": self.times_played,
+            "period_s": run.period if run else None,
+            "overruns": run.overruns if run else 0,
+            "late_p99_s": run.pace.late_p99 if run else None,
+            "busy_p99_s": run.pace.busy_p99 if run else None,
+            "holds": run.holds if run else 0,
+            "clips": run.clips.total if run else 0,
+            "clips_by_joint": run.clips.describe(self.robot) if run else [],
+            "attempt_reasons": [attempt.reason for attempt in self.attempts],
+            "warnings": [text for attempt in self.attempts for text in attempt.warnings],
+        }
+        if outcome:
+            record |= {
+                "judged_by": "sensors" if outcome.is_sensed else "truth",
+                "peak_torque_nm": outcome.peak_torque,
+                "peak_velocity_rad_s": outcome.peak_velocity,
+                "torque_use": outcome.torque_use,
+                "rms_torque_nm": outcome.rms_torque,
+                "self_collisions": outcome.self_collisions,
+                "ground_penetrations": outcome.ground_penetrations,
+                "limit_violations": outcome.limit_violations,
+                "head_impact_m_s": outcome.head_impact,
+            }
+        return record

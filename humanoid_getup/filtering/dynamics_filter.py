@@ -1,4 +1,4 @@
-"""The dynamics filter: a planned rise goes through simulation and comes out playable."""
+"""The dynamics filter: turns a planned rise into targets that real servos can follow."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from robots.kinematics import place
 from robots.quaternion import Array
 
 FADE_CYCLES = 40  # in which the virtual actuator lets go before the targets stand still
-FIRST_HOLD = 1.0  # s of stand that a rehearsal must show to be checked
+FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
 FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
-CHECKS = 16  # disturbed rehearsals of a motion before it is handed out
+CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = RolloutRandomization(
     joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
 )
@@ -30,7 +30,7 @@ CHECK_DISTURBANCE = RolloutRandomization(
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """One way to rise that the filter may try."""
+    """A path and a motion that the filter may try."""
 
     path: Trajectory
     """From the lying posture to the connecting one."""
@@ -40,16 +40,17 @@ class Candidate:
     assistance: float = 1.0
     """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
     before: Array | None = None
-    """Targets to send first [rad], (T, n): an earlier try after which the path begins."""
+    """Targets to send first [rad], (T, n): those of an earlier rollout that ended where the path
+    begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rehearsed:
-    """What became of a candidate in simulation."""
+class CandidateRollout:
+    """How a candidate went in simulation."""
 
     candidate: Candidate
     stood: bool
-    """Whether it ended upright; that it holds is for the check to say."""
+    """Whether it ended upright; whether that holds is for the check to show."""
     stand_time: float
     """Start to the first moment of the stand [s]; nan if it did not stand."""
     target: Array
@@ -66,9 +67,9 @@ class DynamicsFilter:
     """Tracks references in forward simulation, many at a time.
 
     Velocity-driven tracking and the virtual actuator are both written as targets of
-    position servos, so what comes out can be sent to the robot as it is: the targets
-    never leave the joints' ranges nor move faster than the servos, the torques stay
-    within the servos' limits because the simulated servos have them.
+    position servos, so the result can be sent to the robot as it is: the targets never
+    leave the joints' ranges nor move faster than the servos, and the torques stay within
+    the servos' limits because the simulated servos have the same.
     """
 
     def __init__(
@@ -82,9 +83,9 @@ class DynamicsFilter:
         self.count = 0
         self._threads = threads
         self._limbs = LimbMap.of(world)
-        self._rehearsals: dict[int, Rollout] = {}
+        self._simulations: dict[int, Rollout] = {}
 
-    def rehearse(self, start: Posture, candidates: list[Candidate]) -> list[Rehearsed]:
+    def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Track every candidate from the start posture, at rest."""
         world, robot = self.world, self.world.robot
         references = [self._refer(c) for c in candidates]
@@ -135,16 +136,16 @@ class DynamicsFilter:
         pwm_limited = np.full(n, self.torque_limit.by_pwm)
         conditions = replace(conditions, pwm_limited=pwm_limited)
         self.count += n
-        if n not in self._rehearsals:
-            self._rehearsals[n] = Rollout(self.world, n, threads=self._threads)
-        return self._rehearsals[n].play(starts, target, conditions, feedback=steering)
+        if n not in self._simulations:
+            self._simulations[n] = Rollout(self.world, n, threads=self._threads)
+        return self._simulations[n].play(starts, target, conditions, feedback=steering)
 
     def _read(
         self, trace: Trace, stance: Stance, i: int, candidate: Candidate, moving: int
-    ) -> Rehearsed:
+    ) -> CandidateRollout:
         upright = is_upright(stance, self.world.robot)[i]
         stand = judge(upright, trace.period, hold_time=FIRST_HOLD - 0.1)
-        return Rehearsed(
+        return CandidateRollout(
             candidate=candidate,
             stood=stand.stood,
             stand_time=stand.start_time,

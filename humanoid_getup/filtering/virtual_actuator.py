@@ -73,7 +73,7 @@ def compute_torque(seen: Feedback, force: Array, limbs: LimbMap) -> Array:
     the joints of the others get none, and no external force ever acts.
 
     Args:
-        seen: The rehearsals, N of them.
+        seen: N rollouts at one cycle.
         force: Wanted force on each center of mass [N], (N, 3).
         limbs: Which joint belongs to which limb.
     """

@@ -148,7 +148,7 @@ def load_database(robot: Robot, groups: int = GROUPS, seed: int = 0) -> MotionDa
 
 
 def is_same(a: Motion, b: Motion) -> bool:
-    """Tell whether two motions of equal times go through the same postures."""
+    """Return whether two motions of equal times go through the same postures."""
     differences = [
         aligned_orientation_distance(a.orientation, b.orientation),
         np.abs(a.joint_pos - b.joint_pos),

@@ -99,7 +99,7 @@ class CollisionChecker:
         return "; ".join(faults)
 
     def is_free(self, configuration: Array) -> bool:
-        """Tell whether a posture collides with nothing, raised onto the ground if need be.
+        """Return whether a posture collides with nothing, raised onto the ground if need be.
 
         Args:
             configuration: Position, orientation and joint angles in a row, shape (7 + n,).

@@ -76,7 +76,7 @@ class PlanResult:
 
     @property
     def planned(self) -> bool:
-        """Tell whether there is a path."""
+        """Return whether there is a path."""
         return self.status is PlanStatus.SOLVED
 
 

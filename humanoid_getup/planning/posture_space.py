@@ -53,11 +53,11 @@ class PositionProblem:
         return _blossom(near, target - near, STEP_POSITION, count, rng)
 
     def is_within_step(self, a: Array, b: Array) -> bool:
-        """Tell whether two positions are within a step."""
+        """Return whether two positions are within a step."""
         return bool(np.linalg.norm(a - b) <= STEP_POSITION)
 
     def fails(self, a: Array, b: Array) -> bool:  # noqa: ARG002
-        """Tell whether the root would be in the ground or in an obstacle."""
+        """Return whether the root would be in the ground or in an obstacle."""
         if b[2] < 0.0:
             return True
         return any(o.distance(b) < o.radius for o in self.scene.obstacles)
@@ -129,20 +129,20 @@ class PostureProblem:
         return steps
 
     def is_within_step(self, a: Array, b: Array) -> bool:
-        """Tell whether two postures are within a step of each quantity."""
+        """Return whether two postures are within a step of each quantity."""
         turn, bend = _turn(a[:4], b[:4]), self._bend(a[4:], b[4:])
         turn, bend = turn / STEP_ORIENTATION, bend / STEP_JOINTS
         return bool(max(turn, bend) <= self.stride + SMALL)
 
     def fails(self, a: Array, b: Array) -> bool:
-        """Tell whether the robot collides on the way from ``a`` to ``b``, FAILURE."""
+        """Return whether the robot collides on the way from ``a`` to ``b``, FAILURE."""
         if not self.is_free(b):  # most ways that fail do so at their end
             return True
         between = self.interpolate(a, b)[:-1]
         return any(not self.checker.is_free(c) for c in self.configurations(between))
 
     def is_free(self, node: Array) -> bool:
-        """Tell whether the posture of a node collides with nothing."""
+        """Return whether the posture of a node collides with nothing."""
         return self.checker.is_free(self.configurations(node[None])[0])
 
     def interpolate(self, a: Array, b: Array, resolution: float | None = None) -> Array:

@@ -44,11 +44,11 @@ class Problem(Protocol):
         ...
 
     def is_within_step(self, a: Array, b: Array) -> bool:
-        """Tell whether one step leads from ``a`` to ``b``."""
+        """Return whether one step leads from ``a`` to ``b``."""
         ...
 
     def fails(self, a: Array, b: Array) -> bool:
-        """Tell whether the edge from ``a``, which is free, to ``b`` violates a constraint."""
+        """Return whether the edge from ``a``, which is free, to ``b`` violates a constraint."""
         ...
 
 
@@ -101,7 +101,7 @@ def search(
 
 
 def regresses(problem: Problem, tree: Tree, parent: int, leaf: Array) -> bool:
-    """Tell whether a leaf is closer to another node than to its parent, REGRESSION."""
+    """Return whether a leaf is closer to another node than to its parent, REGRESSION."""
     distance = problem.distance(tree.nodes, leaf)  # (N,)
     return bool(distance.min() < distance[parent])
 

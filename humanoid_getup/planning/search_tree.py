@@ -60,7 +60,7 @@ class Tree:
 
     @property
     def is_viable(self) -> bool:
-        """Tell whether anything is left to grow from or to revive."""
+        """Return whether anything is left to grow from or to revive."""
         return bool(self._asleep) or bool(np.any(self.candidates))
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from humanoid_getup.execution.get_up import Rise
+from humanoid_getup.execution.result import RiseResult
 
 KEYS = (
     "robot",
@@ -53,7 +53,7 @@ class RunContext:
     """Further keys of the report."""
 
 
-def make_report(rise: Rise, asked: RunContext) -> dict[str, Any]:
+def make_report(rise: RiseResult, asked: RunContext) -> dict[str, Any]:
     """Gather the figures of a rise under the keys of report.json."""
     report: dict[str, Any] = dict.fromkeys(KEYS)
     report |= {

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from drivers import State
+from humanoid_getup.playback.monitors import MonitorLimits
+from humanoid_getup.playback.preflight import Verdict, preflight_robot
+from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from robots import Posture
+from robots import Posture, TorqueLimit
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyPlan(RisePlan):
-    """The answer to how a robot gets up: as a policy decides on the way."""
+    """A policy that decides on the way; it has its torque limit from when it was loaded."""
 
     policy: OnnxPolicy
     name: str
@@ -21,8 +28,28 @@ class PolicyPlan(RisePlan):
 
     @property
     def title(self) -> str:
-        """Name what is to be played."""
+        """Name the policy."""
         return f"policy {self.name}"
+
+    def controller(
+        self, _world: World, _torque_limit: TorqueLimit, limits: MonitorLimits
+    ) -> Supervisor:
+        """Make the supervised policy."""
+        return supervise_policy(self.policy, limits)
+
+    def preflight(
+        self,
+        world: World,
+        _torque_limit: TorqueLimit,
+        settled: State,
+        _measure: Callable[[], State],
+    ) -> Verdict:
+        """Judge supply and temperatures: how a policy will move is not known beforehand."""
+        return preflight_robot(world.robot, settled.voltage, settled.temperature)
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures of the plan under report.json's keys."""
+        return super().record() | {"policy": self.name}
 
 
 class LearnedRise:

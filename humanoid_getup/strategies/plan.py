@@ -1,37 +1,47 @@
-"""Rise plans: the answer to how a robot gets up from where it lies."""
+"""Plans: how a robot gets up from where it lies. A strategy makes a plan, a plan a controller."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
+from drivers import State
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.playback.monitors import MonitorLimits
+from humanoid_getup.playback.preflight import Verdict, preflight
+from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
+from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit
+
+MOTION = "motion.npz"
 
 
 class RiseStatus(Enum):
-    """How the planning of a rise ended."""
+    """How planning a rise ended."""
 
-    STOOD = "a rehearsal ends in a held stand"
+    STOOD = "a rollout ends in a held stand"
     NOT_PLANNED = "no path to any connecting posture"
-    FELL = "no rehearsal ends in a held stand"
-    UNREHEARSED = "planned, but not filtered"
+    FELL = "no rollout ends in a held stand"
+    UNFILTERED = "planned, but not filtered"
+    STORED = "a stored motion, played as it is"
     LEARNED = "a policy decides on the way"
 
 
 @dataclass(frozen=True, kw_only=True)
 class RiseOptions:
-    """Which halves of the method to use, and within what."""
+    """Which parts of the method to use, and within what torque."""
 
     planning: bool = True
     """False: straight interpolation to the connecting posture."""
     filtering: bool = True
-    """False: the smoothed path and the motion are handed out as they are."""
+    """False: the smoothed path and the motion are played as they are."""
     assistance: float = 1.0
     """Share of the virtual actuator's torques that the filter uses."""
     torque_limit: TorqueLimit = FULL_TORQUE
@@ -39,20 +49,18 @@ class RiseOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class RisePlan:
-    """The answer to how a robot gets up from where it lies."""
+    """The result of planning a rise; this one found nothing to play."""
 
     status: RiseStatus
     reason: str
-    motion: Motion | None = None
-    """From the lying posture to the stand, ready to be played."""
     connection: Connection | None = None
     planned: bool = False
     """Whether a path to a connecting posture was found."""
     stand_time: float = math.nan
-    """Start to held stand in the rehearsal [s]; nan without one."""
+    """Start to held stand in the rollout [s]; nan without one."""
     robust: float = math.nan
-    """Share of the disturbed rehearsals that stood; nan without any."""
-    rehearsals: int = 0
+    """Share of the disturbed rollouts that stood; nan without any."""
+    rollouts: int = 0
     rounds: int = 0
     plan_s: float = 0.0
     """Wall time of selecting, planning and smoothing the first round's paths [s]."""
@@ -61,12 +69,121 @@ class RisePlan:
 
     @property
     def title(self) -> str:
-        """Name what is to be played; empty where there is nothing."""
-        return self.motion.name if self.motion else ""
+        """Name what is played; empty where there is nothing."""
+        return ""
+
+    @property
+    def label(self) -> str:
+        """Name the kind of rise, for pictures."""
+        return self.title
+
+    def controller(
+        self,
+        _world: World,
+        _torque_limit: TorqueLimit,
+        _limits: MonitorLimits,
+    ) -> Supervisor | None:
+        """Make the supervised controller of this plan; ``None`` where there is nothing to play.
+
+        Args:
+            world: Robot and how its IMU is mounted.
+            torque_limit: Of the servos.
+            limits: What the monitors let pass.
+        """
+        return None
+
+    def preflight(
+        self,
+        _world: World,
+        _torque_limit: TorqueLimit,
+        _settled: State,
+        _measure: Callable[[], State],
+    ) -> Verdict:
+        """Judge the plan before any torque is on.
+
+        Args:
+            world: Robot and scene.
+            torque_limit: Of the servos.
+            settled: Last measurement of the robot that lay still; supply and temperatures are
+                taken from it, as a bus polls them in turns and a first measurement may lack some.
+            measure: Measures where the robot lies now: planning has taken its time.
+        """
+        return Verdict()
+
+    def save(self, _folder: Path) -> None:
+        """Write what can be played again, if anything, into a folder."""
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures of the plan under report.json's keys."""
+        joined = self.connection.motion if self.connection else None
+        return {
+            "planned": self.planned,
+            "plan_s": self.plan_s,
+            "filter_s": self.filter_s,
+            "rehearsals": self.rollouts,
+            "rehearsal_rounds": self.rounds,
+            "robust": None if math.isnan(self.robust) else self.robust,
+            "connection": joined and joined.name,
+            "strategy": joined and joined.strategy,
+            "policy": None,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionPlan(RisePlan):
+    """A motion from the lying posture to the stand, ready to be played."""
+
+    motion: Motion
+    simulated: bool = True
+    """Whether a simulation went through the motion's joint angles; if not, they are only
+    targets, and no monitor expects the robot to reach them."""
+
+    @property
+    def title(self) -> str:
+        """Name the motion."""
+        return self.motion.name
+
+    @property
+    def label(self) -> str:
+        """Name the motion's kind of rise."""
+        return self.motion.strategy
+
+    def controller(
+        self, world: World, torque_limit: TorqueLimit, limits: MonitorLimits
+    ) -> Supervisor:
+        """Make the supervised player of the motion."""
+        return supervise_motion(
+            world,
+            self.motion,
+            torque_limit=torque_limit.value,
+            limits=limits,
+            tracked=self.simulated,
+        )
+
+    def preflight(
+        self,
+        world: World,
+        torque_limit: TorqueLimit,
+        settled: State,
+        measure: Callable[[], State],
+    ) -> Verdict:
+        """Roll the motion out from where the robot lies now, and judge it."""
+        return preflight(
+            world,
+            self.motion,
+            voltage=settled.voltage,
+            torque_limit=torque_limit,
+            temperature=settled.temperature,
+            start=measure(),
+        )
+
+    def save(self, folder: Path) -> None:
+        """Write the motion."""
+        self.motion.save(folder / MOTION)
 
 
 class Strategy(Protocol):
-    """Finds a motion or a policy that gets the robot up from where it lies."""
+    """Finds a way to get up from where the robot lies."""
 
     def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
         """Plan a rise from a posture at rest."""

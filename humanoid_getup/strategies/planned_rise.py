@@ -1,13 +1,14 @@
-"""Planning a rise: from a lying posture to a motion that rehearsals end standing."""
+"""Plans a rise: from a lying posture to a motion whose rollouts end standing."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from humanoid_getup.filtering.dynamics_filter import Candidate, DynamicsFilter, Rehearsed
+from humanoid_getup.filtering.dynamics_filter import Candidate, CandidateRollout, DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
@@ -16,20 +17,20 @@ from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.path_planner import plan_rise
 from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import MotionPlan, RiseOptions, RisePlan, RiseStatus
 from robots import Posture, quaternion
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
 STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
 SLOW = 0.6  # tempo of a path's second version
-ENOUGH = 1.0  # share of the disturbed rehearsals that must stand to stop searching
-FINALISTS = 3  # rehearsals of a round that are checked
+ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
+FINALISTS = 3  # rollouts of a round that are checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 TANGLED = Tolerances(body=0.003)  # of limbs hooked so tightly that they must slide to part
-MOST_FAILURES = 2  # paths not found before the start is thought to be tangled
-SECOND_TRIES = 2  # rounds that go on from where the tries before ended
-LIE_DOWN = 0.6  # s after a failed try until the next path begins
+MOST_FAILURES = 2  # searches without a path before the start counts as tangled
+SECOND_TRIES = 2  # rounds that continue from where the rollouts before ended
+LIE_DOWN = 0.6  # s after a failed rollout until the next path begins
 
 
 @dataclass
@@ -38,15 +39,15 @@ class _Search:
 
     start: Posture
     rng: np.random.Generator
-    tried: list[Rehearsed]
-    best: Rehearsed | None = None
+    tried: list[CandidateRollout]
+    best: CandidateRollout | None = None
     robust: float = float("nan")
     rounds: int = 0
     planned: bool = False
 
 
 class PlannedRise:
-    """Plans rises of one robot in one scene."""
+    """Plans the rises of one robot in one scene."""
 
     def __init__(self, world: World, database: MotionDatabase, options: RiseOptions) -> None:
         self.world, self.database, self.options = world, database, options
@@ -67,7 +68,7 @@ class PlannedRise:
         connections = self.database.select(start, FIRST_CONNECTIONS + MORE_CONNECTIONS)
         if not self.options.filtering:
             path = self._approach(start, connections[0], rng)
-            return self._hand_out_raw(connections[0], path, time.perf_counter() - began)
+            return self._chain_unfiltered(connections[0], path, time.perf_counter() - began)
         first = self._candidates(search, search.start, connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
@@ -111,7 +112,7 @@ class PlannedRise:
     ) -> list[Candidate]:
         """Plan from a posture to connecting ones, as far as there are paths.
 
-        Where two find none, the start is to blame, and the others are left out.
+        After two failures the start itself is blocked, and the others are left out.
         """
         candidates: list[Candidate] = []
         for tried, connection in enumerate(connections):
@@ -130,14 +131,14 @@ class PlannedRise:
         return Candidate(path=path, connection=connection, assistance=share, before=before)
 
     def _pull_free(self, search: _Search, connections: list[Connection]) -> list[Candidate]:
-        """Go straight and slowly where no path leads: limbs give way, or they do not."""
+        """Move straight and slowly where there is no path: limbs may give way."""
         return [
             replace(self._candidate(self._straight(search.start, c), c), tempo=SLOW)
             for c in connections
         ]
 
     def _try_again(self, search: _Search) -> None:
-        """Go on from where failed tries left the robot lying."""
+        """Continue from where failed rollouts left the robot lying."""
         candidates = []
         for failed in _sample_ends(search.tried, self.world):
             end = read_posture(self.world.robot, self.world.model, failed.qpos[-1])
@@ -146,13 +147,12 @@ class PlannedRise:
         self._round(search, candidates)
 
     def _round(self, search: _Search, candidates: list[Candidate]) -> None:
-        """Rehearse candidates; check the quickest that stood against disturbances."""
+        """Roll candidates out; check the quickest that stood against disturbances."""
         if not candidates:
             return
         search.rounds += 1
-        rehearsed = self.filter.rehearse(search.start, candidates)
-        search.tried = rehearsed
-        standing = sorted((r for r in rehearsed if r.stood), key=lambda r: r.stand_time)
+        search.tried = self.filter.roll_out(search.start, candidates)
+        standing = sorted((r for r in search.tried if r.stood), key=lambda r: r.stand_time)
         for finalist in standing[:FINALISTS]:
             share = self.filter.check(search.start, finalist.target, search.rng)
             if share > (search.robust if search.best else 0.0):
@@ -160,40 +160,39 @@ class PlannedRise:
             if share >= ENOUGH:
                 return
 
-    def _conclude(
-        self, search: _Search, rehearsals: int, plan_s: float, filter_s: float
-    ) -> RisePlan:
-        best = search.best
-        if best is not None:
-            status, reason = RiseStatus.STOOD, RiseStatus.STOOD.value
-        elif not search.tried:
-            status, reason = RiseStatus.NOT_PLANNED, RiseStatus.NOT_PLANNED.value
-        else:
-            status = RiseStatus.FELL
-            highest = max(r.peak_neck for r in search.tried)
-            share = highest / self.world.robot.standing_neck_height
-            reason = f"{status.value}: {rehearsals} tried, the best brought the neck to {share:.0%}"
-        return RisePlan(
-            status=status,
-            reason=reason,
-            motion=None if best is None else self._to_motion(search.start, best),
-            connection=None if best is None else best.candidate.connection,
-            planned=search.planned,
-            stand_time=float("nan") if best is None else best.stand_time,
-            robust=search.robust,
-            rehearsals=rehearsals,
-            rounds=search.rounds,
-            plan_s=plan_s,
-            filter_s=filter_s,
-        )
+    def _conclude(self, search: _Search, rollouts: int, plan_s: float, filter_s: float) -> RisePlan:
+        figures: dict[str, Any] = {
+            "planned": search.planned,
+            "robust": search.robust,
+            "rollouts": rollouts,
+            "rounds": search.rounds,
+            "plan_s": plan_s,
+            "filter_s": filter_s,
+        }
+        if search.best is not None:
+            return MotionPlan(
+                status=RiseStatus.STOOD,
+                reason=RiseStatus.STOOD.value,
+                motion=self._to_motion(search.start, search.best),
+                connection=search.best.candidate.connection,
+                stand_time=search.best.stand_time,
+                **figures,
+            )
+        if not search.tried:
+            status = RiseStatus.NOT_PLANNED
+            return RisePlan(status=status, reason=status.value, **figures)
+        status, highest = RiseStatus.FELL, max(r.peak_neck for r in search.tried)
+        share = highest / self.world.robot.standing_neck_height
+        reason = f"{status.value}: {rollouts} tried, the best raised the neck to {share:.0%}"
+        return RisePlan(status=status, reason=reason, **figures)
 
-    def _to_motion(self, start: Posture, rehearsed: Rehearsed) -> Motion:
-        """Make a motion of where a rehearsal went and what it sent."""
-        robot, count = self.world.robot, rehearsed.moving
+    def _to_motion(self, start: Posture, rollout: CandidateRollout) -> Motion:
+        """Make a motion of where a rollout went and which targets it sent."""
+        robot, count = self.world.robot, rollout.moving
         went = [start] + [
-            read_posture(robot, self.world.model, q) for q in rehearsed.qpos[: count - 1]
+            read_posture(robot, self.world.model, q) for q in rollout.qpos[: count - 1]
         ]
-        joined = rehearsed.candidate.connection.motion
+        joined = rollout.candidate.connection.motion
         return Motion(
             name=f"rise_by_{joined.name}",
             robot=robot.name,
@@ -203,26 +202,29 @@ class PlannedRise:
             position=np.array([p.position for p in went]),
             orientation=np.array([p.orientation for p in went]),
             joint_pos=np.array([p.joint_pos for p in went]),
-            joint_target=rehearsed.target[:count],
+            joint_target=rollout.target[:count],
             provenance={"program": "getup rise", "connection": joined.name},
         )
 
-    def _hand_out_raw(
+    def _chain_unfiltered(
         self, connection: Connection, path: Trajectory | None, plan_s: float
     ) -> RisePlan:
-        """Hand the smoothed path and the motion out without any physics."""
-        plan = RisePlan(
-            status=RiseStatus.NOT_PLANNED,
-            reason=RiseStatus.NOT_PLANNED.value,
+        """Chain the smoothed path and the motion without any physics."""
+        if path is None:
+            status = RiseStatus.NOT_PLANNED
+            return RisePlan(
+                status=status, reason=status.value, connection=connection, plan_s=plan_s
+            )
+        status = RiseStatus.UNFILTERED
+        return MotionPlan(
+            status=status,
+            reason=status.value,
+            motion=chain(self.world, path, connection),
+            simulated=False,
             connection=connection,
-            planned=self.options.planning and path is not None,
+            planned=self.options.planning,
             plan_s=plan_s,
         )
-        if path is None:
-            return plan
-        motion = chain(self.world, path, connection)
-        status = RiseStatus.UNREHEARSED
-        return replace(plan, status=status, reason=status.value, motion=motion)
 
 
 def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
@@ -245,15 +247,15 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
     )
 
 
-def _sample_ends(tried: list[Rehearsed], world: World) -> list[Rehearsed]:
-    """Take up to three failed tries that ended lying differently, cut where they lie still."""
+def _sample_ends(tried: list[CandidateRollout], world: World) -> list[CandidateRollout]:
+    """Take up to three failed rollouts that ended lying differently, cut where they lie still."""
     robot, model = world.robot, world.model
     period = robot.control_period
-    ends: list[Rehearsed] = []
+    ends: list[CandidateRollout] = []
     gravity: list[Array] = []
-    for rehearsed in (r for r in tried if not r.stood):
-        length = min(rehearsed.moving + round(LIE_DOWN / period), len(rehearsed.target))
-        cut = replace(rehearsed, target=rehearsed.target[:length], qpos=rehearsed.qpos[:length])
+    for failed in (r for r in tried if not r.stood):
+        length = min(failed.moving + round(LIE_DOWN / period), len(failed.target))
+        cut = replace(failed, target=failed.target[:length], qpos=failed.qpos[:length])
         direction = quaternion.gravity_in_body(read_posture(robot, model, cut.qpos[-1]).orientation)
         if all(direction @ other < 0.8 for other in gravity):
             ends.append(cut)

@@ -1,12 +1,12 @@
-"""Records: how often each way of getting up has ended in a held stand.
+"""Track record: how often each strategy of a robot has ended in a held stand.
 
-A robot's records lie in ``policies/records.toml`` of its folder, one table a way and torque
-limit. Every class may be left out where nothing was measured, and ``cap`` where both kinds of
-caps are alike: at all that the servos have::
+The file is ``policies/records.toml`` in the robot's folder, one table per strategy and torque
+limit. A class may be left out where nothing was measured, and ``cap`` where both kinds of
+limits are alike, at the servos' full torque::
 
     [[record]]
     method = "plan"        # or "policy"
-    torque_limit = 2.5     # cap on every servo [N·m]
+    torque_limit = 2.5     # of every servo [N·m]
     supine = { stood = 248, n = 250 }
     prone = { stood = 249, n = 250 }
 
@@ -14,7 +14,7 @@ caps are alike: at all that the servos have::
     method = "policy"
     policy = "robust"      # which; with method "policy" only
     torque_limit = 2.5
-    cap = "pwm"            # as servos in position mode have it, or "torque"
+    cap = "pwm"            # how the limit acts: "pwm" or "torque"
     supine = { stood = 240, n = 250 }
 """
 
@@ -41,12 +41,12 @@ MOST_TORQUE, MOST_RISES = 1000.0, 10**9
 
 
 class RecordsError(ValueError):
-    """A file does not hold records; the message names all that is wrong with it."""
+    """A file is not a valid track record; the message names every problem."""
 
 
 @dataclass(frozen=True)
-class Way:
-    """A way of getting up."""
+class StrategyId:
+    """Which strategy: plans, or one policy."""
 
     method: str
     """`PLAN` or `POLICY`."""
@@ -55,40 +55,40 @@ class Way:
 
 
 @dataclass(frozen=True)
-class Count:
-    """How many of some rises ended in a held stand."""
+class StandCount:
+    """How many of a number of rises ended in a held stand."""
 
     stood: Annotated[int, whole(0, MOST_RISES)]
     n: Annotated[int, whole(1, MOST_RISES)]
 
 
 @dataclass(frozen=True)
-class Record:
-    """How one way went under one torque limit."""
+class StrategyRecord:
+    """How often one strategy succeeded under one torque limit."""
 
-    way: Way
+    strategy: StrategyId
     torque_limit: float
     """Of every servo [N·m]."""
-    counts: Mapping[str, Count]
-    """By the class of the start."""
+    counts: Mapping[str, StandCount]
+    """By start class."""
     limited_by: LimitedBy | None = None
     """How the limit acted; None where both ways are alike."""
 
 
 @dataclass(frozen=True)
 class TrackRecord:
-    """What is known of a robot's ways of getting up."""
+    """The measured success of a robot's strategies."""
 
-    records: tuple[Record, ...] = ()
+    records: tuple[StrategyRecord, ...] = ()
 
-    def knows(self, way: Way) -> bool:
-        """Return whether a way was measured at all."""
-        return any(record.way == way for record in self.records)
+    def knows(self, strategy: StrategyId) -> bool:
+        """Return whether a strategy was measured at all."""
+        return any(record.strategy == strategy for record in self.records)
 
-    def promise(self, way: Way, start_class: str, torque_limit: TorqueLimit) -> float:
-        """Return the share of stands that a way can be trusted to reach, from 0 to 1.
+    def success(self, strategy: StrategyId, start_class: str, torque_limit: TorqueLimit) -> float:
+        """Return the share of held stands to expect of a strategy, from 0 to 1.
 
-        It is the lower end of the 95 % interval, so that few rises promise little. A robot
+        It is the lower end of the 95 % interval, so that few rises count for little. A robot
         with stronger servos gets up no worse: what counts is the record with the highest
         torque limit that is not above the given one. Without such a record the share is 0.
         """
@@ -96,7 +96,7 @@ class TrackRecord:
         fitting = [
             record
             for record in self.records
-            if record.way == way
+            if record.strategy == strategy
             and start_class in record.counts
             and record.torque_limit <= limit + LIMIT_SLACK
             and record.limited_by in (None, torque_limit.by)
@@ -107,7 +107,7 @@ class TrackRecord:
         return wilson_interval(count.stood, count.n)[0]
 
 
-ClassCount = Annotated[Count, Meta(description="{ stood = ..., n = ... }")] | None
+ClassCount = Annotated[StandCount, Meta(description="{ stood = ..., n = ... }")] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,11 +129,11 @@ class _File:
     record: tuple[_Row, ...] = ()
 
 
-def load_records(robot: Robot) -> TrackRecord:
-    """Load a robot's records; a robot without them has none.
+def load_track_record(robot: Robot) -> TrackRecord:
+    """Load a robot's track record; without a file it is empty.
 
     Raises:
-        RecordsError: naming all that is wrong with the file.
+        RecordsError: naming every problem of the file.
     """
     file = robot.folder / RECORDS
     if not file.exists():
@@ -149,7 +149,7 @@ def load_records(robot: Robot) -> TrackRecord:
     return TrackRecord(tuple(records))
 
 
-def _build_record(row: _Row, number: int, problems: list[str]) -> Record:
+def _build_record(row: _Row, number: int, problems: list[str]) -> StrategyRecord:
     if row.method == POLICY and not row.policy:
         problems.append(f"record number {number}: policy is missing, expected a text")
     counts = {name: getattr(row, name) for name in CLASSES if getattr(row, name) is not None}
@@ -159,5 +159,5 @@ def _build_record(row: _Row, number: int, problems: list[str]) -> Record:
         for name, count in counts.items()
         if count.stood > count.n > 0
     ]
-    way = Way(row.method, row.policy if row.method == POLICY else "")
-    return Record(way, row.torque_limit, counts, row.cap)
+    strategy = StrategyId(row.method, row.policy if row.method == POLICY else "")
+    return StrategyRecord(strategy, row.torque_limit, counts, row.cap)

@@ -7,25 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers import Ending, SafetyGuard, Twin
+from drivers import Twin
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.play import Play
 from humanoid_getup.cli.results import hand_over
-from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD_TIME
-from humanoid_getup.execution.get_up import Rise, play
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
 from humanoid_getup.reporting.report import KEYS
-from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.falls import classify, settle_posture
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RiseOptions
-from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import Robot, load_robot
-from robots.kinematics import place
+from humanoid_getup.strategies.stored_motion import StoredMotion
+from robots import Robot
+from robots.kinematics import place, read_posture
 
-MOTION = "supine_sit_up_fast"
+MOTION, SQUAT = "supine_sit_up_fast", "squat_to_stand"
 LIMIT = 3.0  # N·m
 SEEDED = ("rise", "--from", "supine", "--seed", "1", "--torque-limit", f"{LIMIT}")
 
@@ -111,43 +111,46 @@ def test_a_robot_gets_up_from_every_side(start: str, tmp_path: Path):
     assert (report["start_class"], report["stood"]) == (start, True)
 
 
-def test_a_motion_that_does_not_fit_the_fall_ends_lying(tmp_path: Path):
+def test_a_motion_that_does_not_fit_the_fall_is_refused_and_ends_lying_if_played(tmp_path: Path):
     figures = tmp_path / "figures.json"
-    assert main(["play", MOTION, "--from", "prone", "--json", str(figures)]) == 1
-    report = json.loads(figures.read_text())
-    assert (report["stood"], report["start_class"]) == (False, "prone")
-    assert report["reason"].startswith("fell: held ")
-    assert report["stand_time_s"] is None
+    play = ["play", MOTION, "--from", "prone", "--json", str(figures)]
+    assert main(play) == 1
+    refused = json.loads(figures.read_text())
+    assert (refused["stood"], refused["start_class"], refused["attempts"]) == (False, "prone", 0)
+    assert "it lies prone, the motion begins supine" in refused["reason"]
+    assert main([*play, "--no-preflight"]) == 1
+    fallen = json.loads(figures.read_text())
+    assert (fallen["stood"], fallen["attempts"], fallen["stand_time_s"]) == (False, 1, None)
+    assert fallen["reason"].startswith("gave up after 0.5 s: the torso is not turned")
 
 
-@pytest.mark.parametrize(("ending", "code"), [(Ending.FAULT, 3), (Ending.DONE, 0)])
-def test_a_fault_of_the_hardware_has_its_own_exit_code(
-    played: Rise, world: World, tmp_path: Path, ending: Ending, code: int
+def test_a_motion_plays_alike_through_the_command_and_from_the_library(
+    played: RiseResult, tmp_path: Path
 ):
-    assert played.run is not None
-    ended = replace(played, run=replace(played.run, ending=ending))
+    assert main(["play", SQUAT, "--out", str(tmp_path)]) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["stand_time_s"] == played.record()["stand_time_s"]
+    assert report["peak_torque_nm"] == played.record()["peak_torque_nm"]
+
+
+@pytest.mark.parametrize(("by_fault", "code"), [(True, 3), (False, 1)])
+def test_a_fault_of_the_hardware_has_its_own_exit_code(
+    played: RiseResult, world: World, tmp_path: Path, by_fault: bool, code: int
+):
+    ended = replace(played, status=AttemptStatus.NEEDS_HELP, by_fault=by_fault)
     options = Play(motion=MOTION, json=str(tmp_path / "figures.json"))
     assert hand_over(ended, world, options, "here", {}) == code
 
 
-def test_an_interrupted_rise_writes_nothing(played: Rise, world: World, tmp_path: Path):
-    assert played.run is not None
-    ended = replace(played, run=replace(played.run, ending=Ending.INTERRUPTED))
-    options = Play(motion=MOTION, out=tmp_path / "out", json=str(tmp_path / "figures.json"))
-    with pytest.raises(KeyboardInterrupt):
-        hand_over(ended, world, options, "here", {})
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.fixture(scope="module")
-def played(op3: Robot, world: World) -> Rise:
-    """A squat that stood up, neither planned nor filtered."""
-    database = load_database(op3)
-    squat = next(m for m in database.motions if m.name == "squat_to_stand")
-    options = RiseOptions(planning=False, filtering=False)
+def played(op3: Robot, world: World) -> RiseResult:
+    """A squat that stood up, played as it is stored."""
+    squat = next(m for m in load_database(op3).motions if m.name == SQUAT)
     twin = Twin(op3, world.model)
-    twin.place(squat.posture(0))
-    plan = PlannedRise(world, database, options).plan(squat.posture(0), np.random.default_rng(0))
-    run, outcome = play(SafetyGuard(twin), GroundTruthJudge(twin.simulation, None), squat, None)
-    assert outcome.stand.stood
-    return Rise(robot=load_robot("op3"), start_class="squat", plan=plan, run=run, outcome=outcome)
+    at_rest = settle_posture(world, squat.posture(0))
+    twin.place(read_posture(op3, world.model, at_rest))
+    options = AttemptOptions(max_attempts=1, settle=False)
+    session = RiseSession.on_twin(twin, world, StoredMotion(squat), options)
+    result = get_up(session, np.random.default_rng(0))
+    assert result.stood
+    return result

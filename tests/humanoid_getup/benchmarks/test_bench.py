@@ -5,6 +5,7 @@ import pytest
 from humanoid_getup.benchmarks import motions as motions_bench
 from humanoid_getup.benchmarks.motions import bench_motions, find_lowest_limit
 from humanoid_getup.benchmarks.rise import bench_methods, bench_rise
+from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.falls import settle_posture
@@ -58,7 +59,8 @@ def test_the_motions_benchmark_plays_and_disturbs(op3, world, one_motion):
     case = result["cases"][one_motion.name]
     assert case["stood"]
     assert case["disturbed_n"] == 2
-    assert 0 <= case["disturbed_stood"] <= 2
+    assert case["disturbed_stood"] == 2  # a gentle motion bears what is drawn from this seed
+    assert case["disturbed_interval_95"] == wilson_interval(2, 2)
     assert case["peak_torque_nm"] <= op3.max_torque.max()
     assert case["lowest_torque_limit_nm"] <= 2.0
 

@@ -17,9 +17,9 @@ from humanoid_getup.evaluation.judge import (
     estimate_torque,
 )
 from humanoid_getup.evaluation.standing import StanceMeter
-from humanoid_getup.execution.motion_player import MotionPlayer
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World

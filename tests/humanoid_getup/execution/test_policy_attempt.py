@@ -11,17 +11,25 @@ pytest.importorskip("onnx")
 from tiny_policies import save_policy, weights_of
 
 from drivers import Ending, SafetyGuard, State, Twin
-from humanoid_getup.execution.attempt_manager import AttemptOptions
-from humanoid_getup.execution.get_up import Rise, get_up
-from humanoid_getup.execution.monitors import AbortKind
-from humanoid_getup.execution.supervisor import PolicySupervisor
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
+from humanoid_getup.playback.monitors import AbortKind
+from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from humanoid_getup.strategies.selection import ByRecord
-from humanoid_getup.strategies.track_record import PLAN, POLICY, Count, Record, TrackRecord, Way
+from humanoid_getup.strategies.selection import StrategySelector
+from humanoid_getup.strategies.track_record import (
+    PLAN,
+    POLICY,
+    StandCount,
+    StrategyId,
+    StrategyRecord,
+    TrackRecord,
+)
 from robots import Posture, Robot, TorqueLimit, quaternion
 
 PERIOD = 0.008
@@ -67,8 +75,8 @@ def knee(robot: Robot, value: float, others: float = 0.0) -> np.ndarray:
     return np.where(np.arange(robot.n) == KNEE, value, others)
 
 
-def supervise(policy: OnnxPolicy, seconds: float, **changes) -> PolicySupervisor:
-    supervisor = PolicySupervisor(policy)
+def supervise(policy: OnnxPolicy, seconds: float, **changes) -> Supervisor:
+    supervisor = supervise_policy(policy)
     supervisor.reset(state_of(policy.robot, 0.0))
     for k in range(round(seconds / PERIOD)):
         if supervisor.done:
@@ -117,12 +125,16 @@ def test_a_policy_that_loses_its_numbers_is_given_up_and_told(lost: OnnxPolicy):
     assert "no number: r_sho_pitch" in aborted.detail or "no number: l_sho" in aborted.detail
 
 
-def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[Rise, Twin]:
+def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[RiseResult, Twin]:
     twin = Twin(world.robot, world.model, voltage=options.pop("voltage", None))
     twin.place(start)
-    plans = LearnedRise(policy, "mine")
-    how = AttemptOptions(max_attempts=1, **options)
-    return get_up(SafetyGuard(twin), world, plans, np.random.default_rng(0), how), twin
+    session = RiseSession(
+        guard=SafetyGuard(twin),
+        world=world,
+        strategy=LearnedRise(policy, "mine"),
+        options=AttemptOptions(max_attempts=1, **options),
+    )
+    return get_up(session, np.random.default_rng(0)), twin
 
 
 def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(world, idle, supine):
@@ -145,7 +157,9 @@ def test_a_policy_that_gives_up_leaves_the_robot_limp(world, lost, supine):
 def test_a_policy_is_not_run_on_the_wrong_battery(world, idle, supine):
     result, _ = rise(world, idle, supine, voltage=16.0)
     assert result.run is None
-    assert result.reason.startswith("preflight refused: the supply is 16.0 V, allowed 10.0 to 14.8")
+    assert result.reason.startswith(
+        "preflight refused: the supply is 16.0 V, expected 10.0 to 14.8"
+    )
 
 
 class Named:
@@ -159,16 +173,22 @@ class Named:
 
 
 def choose(records: TrackRecord, start: Posture, torque_limit: float = 4.1) -> str:
-    ways = {Way(PLAN): Named("plan"), Way(POLICY, "robust"): Named("policy")}
-    chooser = ByRecord(ways, records, TorqueLimit(torque_limit))
-    return chooser.plan(start, np.random.default_rng(0)).reason
+    strategies = {StrategyId(PLAN): Named("plan"), StrategyId(POLICY, "robust"): Named("policy")}
+    selector = StrategySelector(strategies, records, TorqueLimit(torque_limit))
+    return selector.plan(start, np.random.default_rng(0)).reason
 
 
-def test_the_way_with_the_better_record_for_how_the_robot_lies_is_chosen(
+def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
     supine: Posture, op3: Robot
 ):
-    plan = Record(Way(PLAN), 2.0, {"supine": Count(90, 100), "prone": Count(100, 100)})
-    policy = Record(Way(POLICY, "robust"), 2.0, {"supine": Count(99, 100), "prone": Count(99, 100)})
+    plan = StrategyRecord(
+        StrategyId(PLAN), 2.0, {"supine": StandCount(90, 100), "prone": StandCount(100, 100)}
+    )
+    policy = StrategyRecord(
+        StrategyId(POLICY, "robust"),
+        2.0,
+        {"supine": StandCount(99, 100), "prone": StandCount(99, 100)},
+    )
     prone = replace(supine, orientation=quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5))
     records = TrackRecord((plan, policy))
     assert choose(records, supine) == "policy"
@@ -181,4 +201,4 @@ def test_the_way_with_the_better_record_for_how_the_robot_lies_is_chosen(
 def test_a_policy_in_a_plan_is_named(idle: OnnxPolicy, supine: Posture):
     plan = LearnedRise(idle, "mine").plan(supine, np.random.default_rng(0))
     assert isinstance(plan, PolicyPlan)
-    assert (plan.title, plan.motion, plan.policy) == ("policy mine", None, idle)
+    assert (plan.title, plan.record()["policy"], plan.policy) == ("policy mine", "mine", idle)

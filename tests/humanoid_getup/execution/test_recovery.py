@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -16,9 +17,9 @@ from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.execution.attempt_manager import AttemptOptions
-from humanoid_getup.execution.get_up import Rise, get_up
-from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange, RiseResult
+from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
@@ -35,7 +36,7 @@ def rise_and_break(
     world: World,
     strike: Callable[[FaultInjector, SafetyGuard], object],
     attempts: int = 2,
-) -> tuple[Rise, list[PhaseChange], VirtualRobot]:
+) -> tuple[RiseResult, list[PhaseChange], VirtualRobot]:
     """Get an OP3 up on the virtual bus; something breaks half a second into the first run."""
     virtual = VirtualRobot(Simulation(op3, world.model), powered=True)
     rng = np.random.default_rng(0)
@@ -50,17 +51,17 @@ def rise_and_break(
             if next(cycles) == STRIKE:
                 strike(ports.main.faults, guard)
 
-        rise = get_up(
-            guard,
-            world,
-            PlannedRise(world, load_database(op3), RiseOptions()),
-            rng,
-            AttemptOptions(max_attempts=attempts),
-            judge=lambda: GroundTruthJudge(virtual.simulation, None),
+        session = RiseSession(
+            guard=guard,
+            world=world,
+            strategy=PlannedRise(world, load_database(op3), RiseOptions()),
+            options=AttemptOptions(max_attempts=attempts),
+            make_judge=lambda: GroundTruthJudge(virtual.simulation, None),
             services=driver,
-            report=phases.append,
+            on_phase=phases.append,
             on_cycle=look,
         )
+        rise = get_up(session, rng)
     return rise, phases, virtual
 
 
@@ -68,10 +69,9 @@ def test_an_overload_is_rebooted_and_the_robot_gets_up_after_all(op3: Robot, wor
     rise, phases, virtual = rise_and_break(
         op3, world, lambda faults, _: faults.trip(KNEE, HardwareError.OVERLOAD)
     )
-    assert rise.result is not None
-    assert rise.result.status is AttemptStatus.STOOD, rise.reason
-    first, second = rise.result.attempts
-    assert "joint 'r_knee' tells overload" in first.reason
+    assert rise.status is AttemptStatus.STOOD, rise.reason
+    first, second = rise.attempts
+    assert re.search("joint 'r_knee' .*overload", first.reason)
     assert second.stood
     told = [change.detail for change in phases if change.phase is Phase.RECOVERING]
     assert "rebooting joint 'r_knee', which tripped by overload" in told
@@ -82,9 +82,8 @@ def test_overheating_is_never_rebooted_away(op3: Robot, world: World):
     rise, phases, virtual = rise_and_break(
         op3, world, lambda faults, _: faults.trip(KNEE, HardwareError.OVERHEATING)
     )
-    assert rise.result is not None
-    assert rise.result.status is AttemptStatus.NEEDS_HELP
-    assert rise.result.by_fault
+    assert rise.status is AttemptStatus.NEEDS_HELP
+    assert rise.by_fault
     assert "overheating" in rise.reason
     assert not any("rebooting" in change.detail for change in phases)
     assert virtual.servos[KNEE - 1].peek("hardware_error_status") == HardwareError.OVERHEATING
@@ -92,9 +91,8 @@ def test_overheating_is_never_rebooted_away(op3: Robot, world: World):
 
 def test_after_a_stop_nothing_moves_any_more(op3: Robot, world: World):
     rise, _, virtual = rise_and_break(op3, world, lambda _, guard: guard.stop("a key was pressed"))
-    assert rise.result is not None
-    assert rise.result.status is AttemptStatus.STOPPED
-    assert len(rise.result.attempts) == 1
+    assert rise.status is AttemptStatus.STOPPED
+    assert len(rise.attempts) == 1
     assert not any(servo.torque_on for servo in virtual.servos)
 
 
@@ -108,9 +106,8 @@ def test_after_a_stop_nothing_moves_any_more(op3: Robot, world: World):
 )
 def test_what_no_rest_cures_asks_for_help(op3: Robot, world: World, strike, words: str):
     rise, _, virtual = rise_and_break(op3, world, strike)
-    assert rise.result is not None
-    assert rise.result.status is AttemptStatus.NEEDS_HELP
-    assert rise.result.by_fault
+    assert rise.status is AttemptStatus.NEEDS_HELP
+    assert rise.by_fault
     assert words in rise.reason
     moving = virtual.simulation.joint_vel
     assert np.abs(moving).max() < 20.0

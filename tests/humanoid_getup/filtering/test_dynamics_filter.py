@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.rollout import Rollout
+from robots import TorqueLimit
 from robots.kinematics import place
 
 
@@ -23,10 +26,10 @@ def database(op3):
 
 
 @pytest.fixture(scope="module")
-def rehearsed(world, fall, database):
+def rollouts(world, fall, database):
     candidates = _candidates(world, fall, database)
     dynamics_filter = DynamicsFilter(world)
-    return dynamics_filter, candidates, dynamics_filter.rehearse(fall, candidates)
+    return dynamics_filter, candidates, dynamics_filter.roll_out(fall, candidates)
 
 
 def _candidates(world, fall, database):
@@ -42,9 +45,9 @@ def _candidates(world, fall, database):
     ]
 
 
-def test_targets_obey_the_guards_rules(world, fall, rehearsed):
+def test_targets_obey_the_guards_rules(world, fall, rollouts):
     robot = world.robot
-    for one in rehearsed[2]:
+    for one in rollouts[2]:
         before = np.concatenate([fall.joint_pos[None], one.target[:-1]])
         speed = np.abs(one.target - before) / robot.control_period
         assert np.all(speed <= robot.max_velocity)
@@ -52,15 +55,33 @@ def test_targets_obey_the_guards_rules(world, fall, rehearsed):
         assert np.all(one.target <= robot.upper)
 
 
-def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fall, rehearsed):
+def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fall, rollouts):
     starts = place(world.robot, world.model, fall)[None]
-    for one in rehearsed[2][:2]:
+    for one in rollouts[2][:2]:
         trace = Rollout(world, 1).play(starts, one.target[None], DomainParameters.nominal(world, 1))
         np.testing.assert_array_equal(trace.qpos[0], one.qpos)
 
 
-def test_without_assistance_the_targets_are_the_reference(world, rehearsed):
-    _, candidates, results = rehearsed
+@pytest.mark.parametrize("by", ["pwm", "torque"])
+def test_rollouts_and_checks_run_under_the_torque_limit_as_it_acts(world, fall, database, by):
+    """A limited PWM leaves less torque to a servo that turns: the robot goes another way."""
+    limited = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, by))
+    candidate = _candidates(world, fall, database)[0]
+    (one,) = limited.roll_out(fall, [candidate])
+    starts = place(world.robot, world.model, fall)[None]
+    nominal = DomainParameters.nominal(world, 1, torque_limit=2.0)
+    same, other = (
+        Rollout(world, 1).play(
+            starts, one.target[None], replace(nominal, pwm_limited=np.array([pwm]))
+        )
+        for pwm in (by == "pwm", by != "pwm")
+    )
+    np.testing.assert_array_equal(same.qpos[0], one.qpos)
+    assert np.abs(other.qpos[0] - one.qpos).max() > 0.01
+
+
+def test_without_assistance_the_targets_are_the_reference(world, rollouts):
+    _, candidates, results = rollouts
     plain = results[1]
     c = candidates[1]
     reference = compose(world, c.path, c.connection.motion, c.connection.frame)
@@ -71,14 +92,14 @@ def test_without_assistance_the_targets_are_the_reference(world, rehearsed):
     assert np.median(lag) < 1e-9
 
 
-def test_assistance_changes_the_targets_and_only_a_little(rehearsed):
-    results = rehearsed[2]
+def test_assistance_changes_the_targets_and_only_a_little(rollouts):
+    results = rollouts[2]
     difference = np.abs(results[0].target - results[1].target)
     assert 0.001 < difference.max() < 0.8
 
 
-def test_a_prone_fall_has_a_rehearsal_that_stands_and_survives_disturbance(fall, rehearsed):
-    dynamics_filter, _, results = rehearsed
+def test_a_prone_fall_has_a_rollout_that_stands_and_survives_disturbance(fall, rollouts):
+    dynamics_filter, _, results = rollouts
     standing = [r for r in results if r.stood]
     assert standing
     assert dynamics_filter.check(fall, standing[0].target, np.random.default_rng(0)) >= 0.8

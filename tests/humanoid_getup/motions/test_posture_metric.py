@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -92,6 +93,19 @@ def test_the_distance_worked_out_by_hand():
     tilt = quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.2)
     b = replace(a, orientation=quaternion.multiply(tilt, a.orientation), joint_pos=joint_pos)
     assert abs(METRIC.between(a, b) - (0.5 + np.sqrt(0.17))) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("joint", "weight"),
+    [("l_ank_pitch", 0.7), ("r_ank_roll", 0.7), ("head_tilt", 0.5), ("r_knee", 1.0)],
+)
+def test_a_segment_weighs_what_the_paper_says(joint: str, weight: float):
+    """[Lin12], section 5: a foot 0.7, the head 0.5, the other segments of this robot 1."""
+    a = ROBOT.standing
+    joint_pos = a.joint_pos.copy()
+    joint_pos[ROBOT.joint_names.index(joint)] += 0.3
+    distance = METRIC.between(a, replace(a, joint_pos=joint_pos))
+    assert distance == pytest.approx(np.sqrt(weight) * 0.3, abs=1e-12)
 
 
 @given(seeds)

@@ -5,9 +5,11 @@ import pytest
 
 from drivers import SafetyGuard, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.execution.get_up import play
+from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import classify, settle_posture
 from robots import load_robot
 from robots.kinematics import read_posture
@@ -33,8 +35,9 @@ def test_a_stored_motion_ends_in_a_held_stand(name, op3, world):
     start = read_posture(op3, world.model, settle_posture(world, motion.posture(0)))
     twin = Twin(op3, world.model)
     twin.place(start)
-    guard = SafetyGuard(twin)
-    report, outcome = play(guard, GroundTruthJudge(twin.simulation, None), motion, None)
+    player = MotionPlayer(op3, motion, hold=HOLD)
+    judge = GroundTruthJudge(twin.simulation, None)
+    report, outcome = play(player, SafetyGuard(twin), judge)
     assert outcome.stand.stood, report.reason
     assert report.clips.total == 0
     assert outcome.limit_violations == 0
@@ -45,7 +48,13 @@ def test_a_stored_motion_starts_lying_as_it_says(name):
     assert classify(MOTIONS[name].orientation[0]) == MOTIONS[name].start_class
 
 
-def test_entries_are_frames_of_rest_to_stand_and_not_few():
-    for motion in MOTIONS.values():
-        assert 0 in motion.entry_frames or len(motion.entry_frames) > 3
-        assert np.all(motion.entry_frames < len(motion.time))
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_motion_can_be_entered_at_its_start_and_all_along(name: str):
+    motion = MOTIONS[name]
+    entries = motion.time[motion.entry_frames]
+    assert motion.entry_frames[0] == 0
+    assert len(entries) >= 16
+    assert motion.time[-1] - entries[-1] <= 0.1  # s before its end
+    assert np.diff(entries).max() < 0.5 * motion.duration  # no half of it is left out
+    original = MOTIONS[name.removesuffix(MIRRORED_SUFFIX)]
+    np.testing.assert_array_equal(motion.entry_frames, original.entry_frames)

@@ -11,7 +11,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric, align, orientat
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import PlanOptions, PlanResult, plan_path
 from humanoid_getup.planning.posture_space import PostureProblem, to_node
-from humanoid_getup.planning.refinement import mend, merge, refine
+from humanoid_getup.planning.refinement import MARGIN, SPACING, mend, merge, refine
 from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions, search
 from humanoid_getup.planning.shortcut import length, shorten
 from humanoid_getup.simulation.falls import sample_falls
@@ -225,12 +225,30 @@ def test_loose_to_strict_finds_strict_paths(
 def test_only_what_is_illegal_is_replanned(
     checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
 ):
+    """One colliding posture in the middle of a legal path: the rest stays, node for node."""
+    mended = 0
     for seed, start in enumerate(starts):
-        problem = pose(checker, start, _nearest(start, goals))
-        found = search(problem, problem.start, problem.goal, np.random.default_rng(seed))
-        kept = mend(problem, found.path, np.random.default_rng(seed), SearchOptions())
-        assert kept.status is PlanStatus.SOLVED
-        assert length(problem, kept.path) <= length(problem, found.path) * 2.0
+        problem, rng = pose(checker, start, _nearest(start, goals)), np.random.default_rng(seed)
+        found = search(problem, problem.start, problem.goal, rng).path
+        legal = [found[0]]
+        for a, b in pairwise(found):
+            legal += list(problem.interpolate(a, b, SPACING))
+        middle = len(legal) // 2
+        if middle <= MARGIN:
+            continue
+        bad = legal[middle].copy()
+        while not problem.fails(legal[middle], bad):
+            bad[4:] = rng.uniform(ROBOT.lower, ROBOT.upper)
+        broken = [*legal[: middle + 1], bad, *legal[middle + 1 :]]
+        result = mend(problem, broken, rng, SearchOptions())
+        assert result.status is PlanStatus.SOLVED
+        assert not any(problem.fails(a, b) for a, b in pairwise(result.path))
+        before, after = middle + 1 - MARGIN, len(legal) - middle - 1 - MARGIN
+        np.testing.assert_array_equal(result.path[:before], legal[:before])
+        if after > 0:
+            np.testing.assert_array_equal(result.path[-after:], legal[-after:])
+        mended += 1
+    assert mended > 2
 
 
 def test_segments_close_in_time_are_merged():

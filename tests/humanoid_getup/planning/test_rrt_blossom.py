@@ -150,3 +150,40 @@ def test_regression_is_what_comparing_with_every_node_says():
         answers.append(any(closer))
         assert regresses(plane, tree, parent, leaf) == answers[-1]
     assert 0 < sum(answers) < 200
+
+
+@dataclass
+class Recorded(Plane):
+    """A plane that records every step offered: where from, and the leaves, in order."""
+
+    def __post_init__(self) -> None:
+        self.steps: list[tuple[Array, Array]] = []
+
+    def steer(self, near, target, goal, count, rng):
+        leaves = super().steer(near, target, goal, count, rng)
+        self.steps.append((near, leaves))
+        return leaves
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_search_grows_no_node_that_is_closer_to_another_than_to_its_parent(seed: int):
+    plane = Recorded(TRAP + LID)  # start and goal trees cannot meet, or see each other
+    options = SearchOptions(max_edges=300, controls=6, edges_per_node=6)
+    search(plane, START, GOAL, np.random.default_rng(seed), options)
+    inside = [(a, leaves) for a, leaves in plane.steps if 0.0 < a[0] < 1.0 and abs(a[1]) < 1.0]
+    grown = 0
+    for first, (origin, _) in enumerate(inside):
+        earlier = [a for a, _ in inside[:first]]
+        parents = [
+            (k, a)
+            for k, (a, leaves) in enumerate(inside[:first])
+            if (leaves == origin).all(1).any()
+        ]
+        if not parents or any(np.array_equal(a, origin) for a in earlier):
+            continue  # the root, or expanded before
+        k, parent = parents[0]
+        known = np.array([a for a, _ in inside[: k + 1]])  # in the tree when the node grew
+        distance = np.linalg.norm(known - origin, axis=1)
+        assert distance.min() >= np.linalg.norm(parent - origin) - 1e-12
+        grown += 1
+    assert grown > 10

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from humanoid_getup.cli.output import to_json
-from humanoid_getup.execution.get_up import Rise
+from humanoid_getup.execution.result import Attempt, AttemptStatus, RiseResult
 from humanoid_getup.reporting.report import KEYS, RunContext, make_report, print_summary
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import load_robot
@@ -23,24 +23,13 @@ ASKED = RunContext(
     torque_limit=2.5,
     extra={"planning": True},
 )
-UNPLANNED = Rise(
+NO_PLAN = RisePlan(status=RiseStatus.NOT_PLANNED, reason="no path", plan_s=0.1)
+UNPLANNED = RiseResult(
     robot=load_robot("op3"),
     start_class="prone",
-    plan=RisePlan(
-        status=RiseStatus.NOT_PLANNED,
-        reason="no path to any connecting posture",
-        motion=None,
-        connection=None,
-        planned=False,
-        stand_time=math.nan,
-        robust=math.nan,
-        rehearsals=0,
-        rounds=0,
-        plan_s=0.1,
-        filter_s=0.0,
-    ),
-    run=None,
-    outcome=None,
+    status=AttemptStatus.NEEDS_HELP,
+    reason="no path to any connecting posture",
+    attempts=(Attempt(number=1, start_class="prone", plan=NO_PLAN),),
 )
 
 

@@ -49,8 +49,8 @@ def test_the_same_seed_gives_the_same_rise(world, database, fall, plan):
 def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):
     options = RiseOptions(filtering=False)
     raw = PlannedRise(world, database, options).plan(fall, np.random.default_rng(0))
-    assert raw.status is RiseStatus.UNREHEARSED
-    assert raw.rehearsals == 0
+    assert raw.status is RiseStatus.UNFILTERED
+    assert raw.rollouts == 0
     joined = raw.connection.motion
     tail = joined.joint_target[raw.connection.frame :]
     np.testing.assert_array_equal(raw.motion.joint_target[-len(tail) :], tail)

@@ -9,14 +9,14 @@ from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.strategies.track_record import (
     PLAN,
     POLICY,
-    Count,
     RecordsError,
-    Way,
-    load_records,
+    StandCount,
+    StrategyId,
+    load_track_record,
 )
 from robots import Robot, TorqueLimit, load_robot
 
-ROBUST = Way(POLICY, "robust")
+ROBUST = StrategyId(POLICY, "robust")
 TEXT = """
 [[record]]
 method = "plan"
@@ -53,17 +53,22 @@ def robot_with(text: str, folder: Path) -> Robot:
 
 
 def test_records_are_read_from_the_robots_folder(tmp_path: Path):
-    records = load_records(robot_with(TEXT, tmp_path))
-    assert [record.way for record in records.records] == [Way(PLAN), ROBUST, ROBUST, ROBUST]
-    assert records.records[1].counts == {"supine": Count(248, 250), "left": Count(4, 4)}
+    records = load_track_record(robot_with(TEXT, tmp_path))
+    assert [record.strategy for record in records.records] == [
+        StrategyId(PLAN),
+        ROBUST,
+        ROBUST,
+        ROBUST,
+    ]
+    assert records.records[1].counts == {"supine": StandCount(248, 250), "left": StandCount(4, 4)}
     assert records.knows(ROBUST)
-    assert not records.knows(Way(POLICY, "gentle"))
+    assert not records.knows(StrategyId(POLICY, "gentle"))
 
 
 def test_a_robot_without_records_has_none(tmp_path: Path):
-    records = load_records(replace(load_robot("op3"), folder=tmp_path))
+    records = load_track_record(replace(load_robot("op3"), folder=tmp_path))
     assert records.records == ()
-    assert records.promise(Way(PLAN), "supine", TorqueLimit(4.1)) == 0.0
+    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(4.1)) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -73,33 +78,33 @@ def test_a_robot_without_records_has_none(tmp_path: Path):
 def test_what_counts_is_the_strongest_servo_not_stronger_than_mine(
     tmp_path: Path, torque_limit: float, stood: int, n: int
 ):
-    records = load_records(robot_with(TEXT, tmp_path))
+    records = load_track_record(robot_with(TEXT, tmp_path))
     assert (
-        records.promise(ROBUST, "supine", TorqueLimit(torque_limit)) == wilson_interval(stood, n)[0]
+        records.success(ROBUST, "supine", TorqueLimit(torque_limit)) == wilson_interval(stood, n)[0]
     )
 
 
 @pytest.mark.parametrize(("torque_limit", "stood"), [(2.0, 120), (3.0, 120), (4.1, 248)])
 def test_a_cap_by_pwm_has_records_of_its_own(tmp_path: Path, torque_limit: float, stood: int):
-    records = load_records(robot_with(TEXT, tmp_path))
-    promised = records.promise(ROBUST, "supine", TorqueLimit(torque_limit, "pwm"))
+    records = load_track_record(robot_with(TEXT, tmp_path))
+    promised = records.success(ROBUST, "supine", TorqueLimit(torque_limit, "pwm"))
     assert promised == wilson_interval(stood, 250)[0]
 
 
 def test_nothing_is_promised_of_what_was_not_measured(tmp_path: Path):
-    records = load_records(robot_with(TEXT, tmp_path))
-    assert records.promise(ROBUST, "supine", TorqueLimit(1.9)) == 0.0
-    assert records.promise(ROBUST, "prone", TorqueLimit(4.1)) == 0.0
-    assert records.promise(Way(PLAN), "supine", TorqueLimit(2.0)) == 0.0
+    records = load_track_record(robot_with(TEXT, tmp_path))
+    assert records.success(ROBUST, "supine", TorqueLimit(1.9)) == 0.0
+    assert records.success(ROBUST, "prone", TorqueLimit(4.1)) == 0.0
+    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(2.0)) == 0.0
 
 
 def test_few_rises_promise_little(tmp_path: Path):
     """4 of 4 is 51 % at worst, 248 of 250 is 97 %: Wilson's score by hand."""
-    records = load_records(robot_with(TEXT, tmp_path))
-    assert records.promise(ROBUST, "left", TorqueLimit(4.1)) == pytest.approx(
+    records = load_track_record(robot_with(TEXT, tmp_path))
+    assert records.success(ROBUST, "left", TorqueLimit(4.1)) == pytest.approx(
         4 / (4 + 1.96**2), abs=1e-4
     )
-    assert records.promise(ROBUST, "supine", TorqueLimit(4.1)) > 0.97
+    assert records.success(ROBUST, "supine", TorqueLimit(4.1)) > 0.97
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path: Path):
@@ -116,7 +121,7 @@ supine = { stood = 9, n = 8 }
 prone = 3
 """
     with pytest.raises(RecordsError) as refusal:
-        load_records(robot_with(text, tmp_path))
+        load_track_record(robot_with(text, tmp_path))
     for told in (
         "records.toml: record number 1: method is 'luck', expected plan, policy",
         "record number 1: torque_limit is 0",
@@ -131,4 +136,4 @@ prone = 3
 @pytest.mark.parametrize("text", ["record = 3", "[[record]", "record = [1]"])
 def test_a_file_that_holds_no_tables_is_refused(tmp_path: Path, text: str):
     with pytest.raises(RecordsError, match=r"records\.toml"):
-        load_records(robot_with(text, tmp_path))
+        load_track_record(robot_with(text, tmp_path))

@@ -1,14 +1,16 @@
-"""The servo watch: are the servos overloaded, or too hot?"""
+"""Monitors: each one watches a run for one kind of reason to give it up."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers import State
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import Robot
 from robots.quaternion import Array
 
@@ -41,11 +43,11 @@ class Abort:
 class MonitorLimits:
     """How far, and for how long, a rise may differ from what its motion expects.
 
-    Measured on the twin, through the sensors, on 24 planned rises (six seeds of each
-    class): played undisturbed; with starts, friction 0.45 to 1.1, supply 11.0 to 12.6 V and
-    sensor noise disturbed (72, of which 71 stood); and pushed, played from another fall,
-    with weak servos, or on ice (friction 0.15). What is told beside each figure is the
-    worst of the undisturbed / of the disturbed ones that stood, then of the falls.
+    The limits were measured on the twin, through the sensors, on 24 planned rises (six seeds of
+    each class): undisturbed; with randomized starts, friction 0.45 to 1.1, supply 11.0 to 12.6 V
+    and sensor noise (72 rises, 71 stood); and pushed, played from another fall, with weak
+    servos, or on ice (friction 0.15). Beside each limit stands the worst value of the
+    undisturbed rises / of the disturbed ones that stood, then that of the falls.
     """
 
     tilt: float = np.radians(60.0)
@@ -77,13 +79,34 @@ class MonitorLimits:
     temperature: float = 72.0
     """[°C]; 27 °C from 25 °C, so a rise that begins cool never comes near. The guard's
     limit of 75 °C lies above it."""
-    tracks_motion: bool = True
-    """False for a motion that no rehearsal went through: its angles are only a wish, so
-    tilt and stuck joints are not held against it."""
 
 
-class Lasting:
-    """For how long each of some conditions has held without a break."""
+Finding = tuple[AbortKind, str]
+"""A reason to give a run up, and its details."""
+
+
+class Monitor(Protocol):
+    """Watches a run for one kind of reason to give it up."""
+
+    warnings: list[str]
+    """What was unusual but no reason to give up."""
+
+    def reset(self, state: State, /) -> None:
+        """Begin a run at a measurement."""
+        ...
+
+    def check(self, state: State, target: Array, /) -> Finding | None:
+        """Look for a reason to give up.
+
+        Args:
+            state: Measurement of this cycle.
+            target: Joint targets that the servos had until then [rad], (n,).
+        """
+        ...
+
+
+class Persistence:
+    """Measures for how long each of some conditions has held without a break."""
 
     def __init__(self, n: int, time: float) -> None:
         self._since = np.full(n, time)
@@ -95,10 +118,7 @@ class Lasting:
 
 
 class ServoMonitor:
-    """Watches, each cycle, what the servos tell of their load, heat and supply.
-
-    ``warnings`` tells what was odd but no reason to stop.
-    """
+    """Watches load and temperature of the servos; warns of a low supply."""
 
     def __init__(self, robot: Robot, limits: MonitorLimits) -> None:
         self._robot, self._limits = robot, limits
@@ -108,16 +128,16 @@ class ServoMonitor:
         self.warnings: list[str] = []
 
     def reset(self, state: State) -> None:
-        """Begin anew from a measurement."""
+        """Begin a run at a measurement."""
         self.warnings = []
-        self._loaded = Lasting(self._robot.n, state.time)
+        self._loaded = Persistence(self._robot.n, state.time)
 
-    def judge(self, state: State) -> tuple[AbortKind, str] | None:
-        """Tell why to give up, if there is a reason."""
+    def check(self, state: State, _target: Array) -> Finding | None:
+        """Look for an overloaded or hot servo."""
         self._warn(state)
-        return self._judge_load(state) or self._judge_heat(state)
+        return self._check_load(state) or self._check_heat(state)
 
-    def _judge_load(self, state: State) -> tuple[AbortKind, str] | None:
+    def _check_load(self, state: State) -> Finding | None:
         limits = self._limits
         stall = self._stall_per_volt * max(state.voltage, 1.0)
         load = np.abs(state.joint_current) / stall
@@ -126,16 +146,16 @@ class ServoMonitor:
             worst = int(lasting.argmax())
             return AbortKind.LOAD, (
                 f"joint '{self._robot.joint_names[worst]}' draws {load[worst]:.0%} of its stall "
-                f"current, allowed {limits.load:.0%} for {limits.load_time:g} s"
+                f"current, expected at most {limits.load:.0%} for {limits.load_time:g} s"
             )
         return None
 
-    def _judge_heat(self, state: State) -> tuple[AbortKind, str] | None:
+    def _check_heat(self, state: State) -> Finding | None:
         worst = int(state.temperature.argmax())
         if state.temperature[worst] > self._limits.temperature:
             return AbortKind.HEAT, (
                 f"joint '{self._robot.joint_names[worst]}' has {state.temperature[worst]:.0f} °C, "
-                f"allowed {self._limits.temperature:.0f} °C"
+                f"expected at most {self._limits.temperature:.0f} °C"
             )
         return None
 
@@ -145,3 +165,19 @@ class ServoMonitor:
                 f"the supply sagged to {state.voltage:.1f} V, the servos need "
                 f"{self._min_voltage:.1f} V: charge the battery"
             )
+
+
+class PolicyMonitor:
+    """Watches for a policy that cannot compute its next action."""
+
+    def __init__(self, policy: OnnxPolicy) -> None:
+        self._policy = policy
+        self.warnings: list[str] = []
+
+    def reset(self, _state: State) -> None:
+        """Begin a run; the policy is reset by itself."""
+
+    def check(self, _state: State, _target: Array) -> Finding | None:
+        """Look whether the policy gave up."""
+        fault = self._policy.fault
+        return None if fault is None else (AbortKind.POLICY, fault)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drivers import FaultKind, SafetyGuard, State, Twin
-from humanoid_getup.execution.estimation import (
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.playback.estimation import (
     MAX_SETTLE,
     REST_SPEED,
     REST_TIME,
@@ -16,7 +17,6 @@ from humanoid_getup.execution.estimation import (
     estimate_posture,
     settle,
 )
-from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
@@ -105,7 +105,7 @@ def test_angles_beyond_the_stops_are_taken_for_the_stops(world: World, op3: Robo
 
 @pytest.mark.parametrize(
     ("offset", "told"),
-    [(0.5, "hangs 0.5.* over the ground, allowed 0.3 m"), (-0.02, "mm into the ground")],
+    [(0.5, "is 0.5.* above the ground, expected at most 0.3 m"), (-0.02, "mm into the ground")],
 )
 def test_a_start_in_the_air_or_in_the_ground_is_refused(
     world: World, lateral: Posture, offset: float, told: str

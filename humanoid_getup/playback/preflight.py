@@ -1,9 +1,9 @@
-"""Preflight: would this motion, from here, on this supply, go well? Asked before torque is on."""
+"""The preflight: judges a motion, from here and on this supply, before any torque is on."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from drivers import State
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
-from humanoid_getup.execution.preflight_rollout import Figures, measure
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.preflight_rollout import Figures, measure
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot, TorqueLimit
@@ -39,25 +39,28 @@ class Severity(Enum):
 
 @dataclass(frozen=True)
 class Reason:
-    """One thing that a preflight found."""
+    """One finding of a preflight."""
 
     severity: Severity
     joint: str | None
-    """None where it is no single joint's."""
+    """None where it concerns no single joint."""
     text: str
 
     def __str__(self) -> str:
         return f"joint '{self.joint}': {self.text}" if self.joint else self.text
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Verdict:
-    """Whether a motion may be played, and why not."""
+    """Whether a plan may be played, and why not."""
 
-    passed: bool
-    reasons: tuple[Reason, ...]
+    reasons: tuple[Reason, ...] = ()
     """Everything found, refusals first."""
-    figures: Figures
+
+    @property
+    def passed(self) -> bool:
+        """Return whether nothing is a reason to refuse."""
+        return not self.refusals
 
     @property
     def refusals(self) -> tuple[Reason, ...]:
@@ -71,9 +74,16 @@ class Verdict:
 
     def __str__(self) -> str:
         if not self.passed:
-            return "preflight refused: " + "; ".join(str(r) for r in self.refusals)
-        told = "; ".join(str(r) for r in self.warnings)
-        return f"preflight passed, with warnings: {told}" if told else "preflight passed"
+            return "preflight refused: " + "; ".join(map(str, self.refusals))
+        warnings = "; ".join(map(str, self.warnings))
+        return f"preflight passed, with warnings: {warnings}" if warnings else "preflight passed"
+
+
+@dataclass(frozen=True)
+class MotionVerdict(Verdict):
+    """Whether a motion may be played, with what its rollout showed."""
+
+    figures: Figures = field(kw_only=True)
 
 
 def preflight(
@@ -84,20 +94,20 @@ def preflight(
     torque_limit: TorqueLimit = FULL_TORQUE,
     temperature: Array | float = AMBIENT_TEMPERATURE,
     start: State | None = None,
-) -> Verdict:
-    """Judge a motion before any torque is on, and tell all that is wrong at once.
+) -> MotionVerdict:
+    """Judge a motion before any torque is on, and report all that is wrong at once.
 
-    The motion is rehearsed on a twin at this supply, from where the robot lies or else
+    The motion is rolled out on a twin at this supply, from where the robot lies or else
     from the motion's own first posture, through the guard; limits, speeds, heat and
-    collisions are read off the motion and off the rehearsal.
+    collisions are taken from the motion and from the rollout.
 
     Args:
         world: Robot and scene.
-        motion: What shall be played.
+        motion: What is to be played.
         voltage: Supply at the servos [V].
         torque_limit: Of the servos.
-        temperature: Of the servos now [°C], shape (n,) or one for all.
-        start: Measurement of the robot as it lies; ``None`` when there is none yet.
+        temperature: Of the servos now [°C], shape (n,) or a number for all.
+        start: Measurement of the lying robot; ``None`` where there is none yet.
 
     Raises:
         ValueError: if voltage or temperature is not a sensible number.
@@ -117,27 +127,26 @@ def preflight(
         *_judge_start(world, motion, figures, start),
     ]
     reasons.sort(key=lambda reason: reason.severity is Severity.WARN)
-    refused = any(reason.severity is Severity.REFUSE for reason in reasons)
-    return Verdict(passed=not refused, reasons=tuple(reasons), figures=figures)
+    return MotionVerdict(tuple(reasons), figures=figures)
 
 
-def check_body(robot: Robot, voltage: float, temperature: Array) -> list[Reason]:
-    """Judge what can be judged before a rise that no motion foretells: supply and heat.
+def preflight_robot(robot: Robot, voltage: float, temperature: Array) -> Verdict:
+    """Judge what can be judged where the motion is not known beforehand: supply and heat.
 
     Args:
         robot: Robot.
         voltage: Supply at the servos [V].
         temperature: Of the servos [°C], shape (n,).
     """
-    return [*_judge_supply(robot, voltage), *_judge_warmth(robot, temperature)]
+    return Verdict((*_judge_supply(robot, voltage), *_judge_warmth(robot, temperature)))
 
 
 def _check_input(voltage: float, temperature: Array | float) -> None:
     faults = []
     if not 0.0 < voltage < math.inf:
-        faults.append(f"voltage is {voltage:g} V, allowed a finite number above 0 V")
+        faults.append(f"voltage is {voltage:g} V, expected a finite number above 0 V")
     if not np.all(np.isfinite(temperature)):
-        faults.append(f"temperature is {temperature} °C, allowed finite numbers")
+        faults.append(f"temperature is {temperature} °C, expected finite numbers")
     if faults:
         raise ValueError("; ".join(faults))
 
@@ -156,16 +165,18 @@ def _judge_supply(robot: Robot, voltage: float) -> list[Reason]:
     highest = min(m.max_voltage for m in models)
     if lowest <= voltage <= highest:
         return []
-    todo = "charge the battery" if voltage < lowest else "take the battery that the servos are for"
+    todo = (
+        "charge the battery" if voltage < lowest else "use a battery that the servos are rated for"
+    )
     return [
-        _refuse(f"the supply is {voltage:.1f} V, allowed {lowest:.1f} to {highest:.1f} V: {todo}")
+        _refuse(f"the supply is {voltage:.1f} V, expected {lowest:.1f} to {highest:.1f} V: {todo}")
     ]
 
 
 def _judge_limits(robot: Robot, motion: Motion) -> list[Reason]:
     reasons = []
     for i, joint in enumerate(robot.joints):
-        for told, angles, slack in (
+        for name, angles, slack in (
             ("target", motion.joint_target[:, i], 1e-6),
             ("angle", motion.joint_pos[:, i], ANGLE_SLACK),
         ):
@@ -173,7 +184,7 @@ def _judge_limits(robot: Robot, motion: Motion) -> list[Reason]:
             worst = int(beyond.argmax())
             if beyond[worst] > slack:
                 text = (
-                    f"{told} {angles[worst]:+.3f} rad at {motion.time[worst]:.2f} s is outside "
+                    f"{name} {angles[worst]:+.3f} rad at {motion.time[worst]:.2f} s is outside "
                     f"[{joint.lower:+.3f}, {joint.upper:+.3f}] rad"
                 )
                 reasons.append(_refuse(text, joint.name))
@@ -185,8 +196,8 @@ def _judge_speed(robot: Robot, figures: Figures) -> list[Reason]:
     speed = figures.target_speed
     for i in np.flatnonzero(speed > SPEED_SLACK * robot.max_velocity):
         text = (
-            f"targets move at {speed[i]:.2f} rad/s, allowed {robot.max_velocity[i]:.2f} rad/s: "
-            "the guard would change the motion"
+            f"targets move at {speed[i]:.2f} rad/s, expected at most "
+            f"{robot.max_velocity[i]:.2f} rad/s: the guard would change the motion"
         )
         reasons.append(_refuse(text, robot.joint_names[i]))
     at_supply = robot.max_velocity * figures.voltage / robot.supply_voltage
@@ -204,27 +215,29 @@ def _judge_speed(robot: Robot, figures: Figures) -> list[Reason]:
 
 def _judge_load(robot: Robot, figures: Figures, torque_limit: float | None) -> list[Reason]:
     reasons = []
-    told = "" if torque_limit is None else f" with {torque_limit:g} N·m"
+    limited = "" if torque_limit is None else f" with {torque_limit:g} N·m"
     if not figures.stood:
-        text = f"rehearsed at {figures.voltage:.1f} V{told}, it does not end in a held stand"
+        text = f"rolled out at {figures.voltage:.1f} V{limited}, it does not end in a held stand"
         reasons.append(_refuse(text))
     for i, name in enumerate(robot.joint_names):
         longest, whole = figures.longest_saturation[i], figures.saturation[i]
         if longest > LONG_SATURATION:
             text = (
-                f"gives all it has for {longest:.1f} s at a stretch, "
-                f"allowed {LONG_SATURATION:g} s: its overload protection may trip"
+                f"is at its torque limit for {longest:.1f} s at a stretch, "
+                f"expected at most {LONG_SATURATION:g} s: its overload protection may trip"
             )
             reasons.append(_refuse(text, name))
         elif whole > ALL_SATURATION:
-            reasons.append(_warn(f"gives all it has for {whole:.1f} s: no reserve is left", name))
+            reasons.append(
+                _warn(f"is at its torque limit for {whole:.1f} s: no reserve is left", name)
+            )
     return reasons
 
 
 def _judge_warmth(robot: Robot, temperature: Array) -> list[Reason]:
-    allowed = f"allowed {MAX_TEMPERATURE:.0f} °C: let it cool down"
+    expected = f"expected at most {MAX_TEMPERATURE:.0f} °C: let it cool down"
     return [
-        _refuse(f"has {now:.0f} °C, {allowed}", name)
+        _refuse(f"has {now:.0f} °C, {expected}", name)
         for now, name in zip(temperature, robot.joint_names, strict=True)
         if now > MAX_TEMPERATURE
     ]
@@ -237,7 +250,7 @@ def _judge_heat(robot: Robot, figures: Figures, temperature: Array) -> list[Reas
     ):
         if now <= MAX_TEMPERATURE < then:
             text = (
-                f"has {now:.0f} °C and would have {then:.0f} °C after the rise, allowed "
+                f"has {now:.0f} °C and would have {then:.0f} °C after the rise, expected at most "
                 f"{MAX_TEMPERATURE:.0f} °C: let it cool down"
             )
             reasons.append(_refuse(text, name))
@@ -245,10 +258,10 @@ def _judge_heat(robot: Robot, figures: Figures, temperature: Array) -> list[Reas
 
 
 def _judge_overlap(figures: Figures) -> list[Reason]:
-    told = f"the robot presses {1000.0 * figures.overlap:.1f} mm into itself"
+    text = f"the robot presses {1000.0 * figures.overlap:.1f} mm into itself"
     if figures.overlap > DEEP_OVERLAP:
-        return [_refuse(f"{told}, allowed {1000.0 * DEEP_OVERLAP:.0f} mm")]
-    return [_warn(told)] if figures.overlap > TOUCHING_OVERLAP else []
+        return [_refuse(f"{text}, expected at most {1000.0 * DEEP_OVERLAP:.0f} mm")]
+    return [_warn(text)] if figures.overlap > TOUCHING_OVERLAP else []
 
 
 def _judge_start(
@@ -258,21 +271,20 @@ def _judge_start(
         return []
     reasons = []
     if figures.start_tilt > FAR_TILT:
-        lies = (
-            classify(torso_orientation(world.robot, world.model, start.orientation)) or "on no side"
-        )
+        torso = torso_orientation(world.robot, world.model, start.orientation)
+        side = classify(torso) or "on no side"
         reasons.append(
             _refuse(
                 f"the robot lies {math.degrees(figures.start_tilt):.0f}° from where the motion "
-                f"begins, allowed {math.degrees(FAR_TILT):.0f}°: it lies {lies}, the motion "
-                f"begins {motion.start_class}"
+                f"begins, expected at most {math.degrees(FAR_TILT):.0f}°: it lies {side}, "
+                f"the motion begins {motion.start_class}"
             )
         )
     worst = int(np.abs(figures.start_angle).argmax())
     if abs(figures.start_angle[worst]) > FAR_ANGLE:
         text = (
             f"is {figures.start_angle[worst]:+.2f} rad from the motion's first posture: "
-            "the player leads it there first"
+            "the player moves it there first"
         )
         reasons.append(_warn(text, world.robot.joint_names[worst]))
     return reasons

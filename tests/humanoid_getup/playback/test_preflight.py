@@ -13,11 +13,11 @@ from drivers import SafetyGuard, State, Twin
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.preflight import Preflight
-from humanoid_getup.execution.estimation import settle
-from humanoid_getup.execution.preflight import Severity, Verdict, preflight
-from humanoid_getup.execution.preflight_rollout import predict_heat
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.playback.estimation import settle
+from humanoid_getup.playback.preflight import Severity, Verdict, preflight
+from humanoid_getup.playback.preflight_rollout import predict_heat
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit, load_robot
 
@@ -62,8 +62,8 @@ def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
 @pytest.mark.parametrize(
     ("voltage", "told"),
     [
-        (9.9, "the supply is 9.9 V, allowed 10.0 to 14.8 V: charge the battery"),
-        (16.8, "the supply is 16.8 V, allowed 10.0 to 14.8 V: take the battery that"),
+        (9.9, "the supply is 9.9 V, expected 10.0 to 14.8 V: charge the battery"),
+        (16.8, "the supply is 16.8 V, expected 10.0 to 14.8 V: use a battery that"),
     ],
 )
 def test_a_supply_that_the_servos_are_not_made_for_is_refused(
@@ -74,7 +74,7 @@ def test_a_supply_that_the_servos_are_not_made_for_is_refused(
 
 def test_a_cap_on_torque_under_which_it_falls_is_refused(world: World, motion: Motion):
     verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(0.5, "pwm"))
-    assert "rehearsed at 12.0 V with 0.5 N·m, it does not end in a held stand" in refusals(verdict)
+    assert "rolled out at 12.0 V with 0.5 N·m, it does not end in a held stand" in refusals(verdict)
     assert not verdict.figures.stood
     assert verdict.figures.peak_torque.max() <= 0.5 + 1e-9
 
@@ -107,7 +107,7 @@ def test_targets_that_jump_are_refused(world: World, motion: Motion, knee: int):
     target[40:, knee] -= 0.3
     told = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
     assert any(f"joint '{KNEE}': targets move at" in text for text in told)
-    assert any("allowed 4.82 rad/s: the guard would change the motion" in text for text in told)
+    assert any("at most 4.82 rad/s: the guard would change the motion" in text for text in told)
 
 
 def test_a_servo_that_will_lag_on_this_supply_is_a_warning(world: World):
@@ -135,7 +135,7 @@ def test_a_hot_servo_is_refused_by_name(world: World, motion: Motion, op3: Robot
     heat = np.full(op3.n, 30.0)
     heat[knee] = 78.0
     told = refusals(preflight(world, motion, voltage=12.0, temperature=heat))
-    assert told == [f"joint '{KNEE}': has 78 °C, allowed 75 °C: let it cool down"]
+    assert told == [f"joint '{KNEE}': has 78 °C, expected at most 75 °C: let it cool down"]
 
 
 def test_a_servo_that_would_get_too_hot_on_the_way_is_refused(world: World):
@@ -179,7 +179,7 @@ def test_the_robot_must_lie_as_the_motion_begins(world: World, motion: Motion):
     other = preflight(world, MOTIONS["supine_sit_up_fast"], voltage=12.0, start=lying)
     (told,) = [text for text in refusals(other) if "lies" in text]
     assert "it lies prone, the motion begins supine" in told
-    assert "° from where the motion begins, allowed 45°" in told
+    assert "° from where the motion begins, expected at most 45°" in told
 
 
 def test_joints_far_from_the_first_posture_are_a_warning(world: World, motion: Motion, op3: Robot):

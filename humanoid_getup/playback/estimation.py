@@ -1,4 +1,4 @@
-"""The start of a rise: a robot that lies still, and where its sensors say that it lies."""
+"""The start of a rise: waits until the robot lies still, and estimates its posture."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.kinematics import lowest_point, place, torso_orientation
 
-REST_TIME = 0.8  # s without motion, limp, before the posture is measured
+REST_TIME = 0.8  # s without motion, torque off, before the posture is measured
 REST_SPEED = 0.1  # rad/s of any joint or the torso, a few steps of the sensors
 MAX_SETTLE = 10.0  # s
-MAX_DROP = 0.3  # m over the ground that a start may hang
+MAX_DROP = 0.3  # m that a start may be above the ground
 SINKING = 0.0005  # m that a resting robot presses into the ground
-MAX_INTRUSION = 0.005  # m of the ground that a start may reach into
+MAX_INTRUSION = 0.005  # m that a start may reach into the ground
 
 
 class StartError(ValueError):
-    """A start posture cannot be risen from."""
+    """The robot cannot rise from this start posture."""
 
 
 class FaultedError(DriverError):
-    """The guard stopped a robot that was only to lie still."""
+    """The guard found a fault while the robot was to lie still."""
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(str(fault))
@@ -31,7 +31,7 @@ class FaultedError(DriverError):
 
 
 def check_start(world: World, start: Posture) -> None:
-    """Refuse a start that reaches into the ground or hangs high over it.
+    """Refuse a start that reaches into the ground or is high above it.
 
     Raises:
         StartError: saying how far.
@@ -39,23 +39,23 @@ def check_start(world: World, start: Posture) -> None:
     lowest = lowest_point(world.model, place(world.robot, world.model, start))
     if lowest > MAX_DROP:
         raise StartError(
-            f"start posture hangs {lowest:.3g} m over the ground, allowed {MAX_DROP} m: "
+            f"start posture is {lowest:.3g} m above the ground, expected at most {MAX_DROP} m: "
             f"lower its position z by {lowest:.3g} m"
         )
     if lowest < -MAX_INTRUSION:
         raise StartError(
-            f"start posture reaches {-lowest * 1000:.1f} mm into the ground, allowed "
+            f"start posture reaches {-lowest * 1000:.1f} mm into the ground, expected at most "
             f"{MAX_INTRUSION * 1000:.0f} mm: raise its position z by {-lowest:.4f} m"
         )
 
 
 def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
-    """Let the robot lie limp until it is still; return the last measurement.
+    """Wait, torque off, until the robot is still; return the last measurement.
 
-    All times are the backend's own, so it works on a twin that runs faster than life too.
+    All times are the backend's own, so it works on a twin that runs faster than real time, too.
 
     Args:
-        guard: Robot to wait for; connected here, limp and closed afterwards.
+        guard: Robot to wait for; connected here, torque off and closed afterwards.
         pacer: Starts the cycles; ``None`` where the backend paces itself.
 
     Raises:
@@ -66,7 +66,7 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
     with guard:
         begin = moved = guard.read().time
         while True:
-            state = lie_limp(guard, pacer)
+            state = keep_torque_off(guard, pacer)
             speed = max(np.abs(state.joint_vel).max(), np.abs(state.gyro).max())
             if speed >= REST_SPEED:
                 moved = state.time
@@ -76,16 +76,15 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
                 break
     raise StartError(
         f"the robot does not come to rest: {speed:.2f} rad/s after {MAX_SETTLE:g} s, "
-        f"allowed {REST_SPEED} rad/s for {REST_TIME:g} s"
+        f"expected at most {REST_SPEED} rad/s for {REST_TIME:g} s"
     )
 
 
-def lie_limp(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
-    """Keep a connected robot limp for one cycle; return the measurement after it.
+def keep_torque_off(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
+    """Keep a connected robot without torque for one cycle; return the measurement after it.
 
     Raises:
-        FaultedError: if the guard finds a fault, so that a clock that stands still ends
-            every wait.
+        FaultedError: if the guard finds a fault, such as a clock that stands still.
     """
     guard.write(Command.limp(guard.robot.n))
     if guard.fault is not None:

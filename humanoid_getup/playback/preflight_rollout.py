@@ -1,4 +1,4 @@
-"""What a preflight measures: a rehearsal at the supply that is there, its load, its heat."""
+"""The figures of a preflight: a rollout at the present supply, its load, its heat."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from drivers import Cycle, GuardLimits, SafetyGuard, State, Twin, run
+from drivers import Cycle, GuardLimits, SafetyGuard, State, Twin
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD, Stand
-from humanoid_getup.execution.estimation import estimate_posture
-from humanoid_getup.execution.motion_player import MotionPlayer
-from humanoid_getup.execution.supervisor import angle
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.estimation import estimate_posture
+from humanoid_getup.playback.motion_monitor import angle
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit, quaternion
@@ -30,16 +31,16 @@ OVERLAP_STRIDE = 3  # frames
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """What a preflight measured; arrays have shape (n,), in the robot's joint order."""
+    """Figures of a preflight; arrays have shape (n,), in the robot's joint order."""
 
     voltage: float
     """[V]"""
     duration: float
     """Of the motion [s]."""
     stood: bool
-    """Whether the rehearsal at this supply ends in a held stand."""
+    """Whether the rollout at this supply ends in a held stand."""
     stand_time: float
-    """Start to stand in the rehearsal [s]; nan without one."""
+    """Start to stand in the rollout [s]; nan without one."""
     target_speed: Array
     """Fastest change of the targets [rad/s]."""
     peak_torque: Array
@@ -49,7 +50,7 @@ class Figures:
     torque_use: Array
     """Peak torque over what the servo has at standstill, supply and limit considered."""
     saturation: Array
-    """Time on the torque-speed line of this supply, in all [s]; a cap below it saves the servo."""
+    """Total time on the torque-speed line of this supply [s]; not at a torque limit below it."""
     longest_saturation: Array
     """At a stretch [s]."""
     end_temperature: Array
@@ -72,26 +73,26 @@ def measure(
     temperature: Array,
     start: State | None,
 ) -> Figures:
-    """Rehearse a motion and read off it, and off the motion, all that a verdict needs.
+    """Roll a motion out; compute all that a verdict needs from it and from the rollout.
 
     Args:
         world: Robot and scene.
-        motion: What shall be played.
+        motion: What is to be played.
         voltage: Supply at the servos [V].
         torque_limit: Of the servos.
         temperature: Of the servos now [°C], (n,).
-        start: Measurement of the robot as it lies, to rehearse from there.
+        start: Measurement of the lying robot, the start of the rollout.
     """
     robot = world.robot
     lying = _find_start(world, motion, start)
-    trial = _rehearse(world, motion, lying, voltage, torque_limit)
+    rollout = _roll_out(world, motion, lying, voltage, torque_limit)
     stall = robot.max_torque * voltage / robot.supply_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
-    along = np.maximum(np.sign(trial.torque) * trial.velocity, 0.0)  # (T, n)
+    along = np.maximum(np.sign(rollout.torque) * rollout.velocity, 0.0)  # (T, n)
     line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
-    saturated = np.abs(trial.torque) >= np.maximum(SATURATED * line, 0.05 * stall)
+    saturated = np.abs(rollout.torque) >= np.maximum(SATURATED * line, 0.05 * stall)
     period = robot.control_period
-    end, rises = predict_heat(robot, trial.torque, temperature)
+    end, rises = predict_heat(robot, rollout.torque, temperature)
     steps = np.diff(motion.joint_target, axis=0) / np.diff(motion.time)[:, None]
     gravity_b = quaternion.gravity_in_body(motion.orientation[0])
     tilt = None
@@ -103,17 +104,17 @@ def measure(
     return Figures(
         voltage=voltage,
         duration=motion.duration,
-        stood=trial.stand.stood,
-        stand_time=trial.stand.start_time,
+        stood=rollout.stand.stood,
+        stand_time=rollout.stand.start_time,
         target_speed=np.abs(steps).max(axis=0, initial=0.0),
-        peak_torque=np.abs(trial.torque).max(axis=0, initial=0.0),
-        rms_torque=np.sqrt(np.mean(trial.torque**2, axis=0)),
-        torque_use=np.abs(trial.torque).max(axis=0, initial=0.0) / limit,
+        peak_torque=np.abs(rollout.torque).max(axis=0, initial=0.0),
+        rms_torque=np.sqrt(np.mean(rollout.torque**2, axis=0)),
+        torque_use=np.abs(rollout.torque).max(axis=0, initial=0.0) / limit,
         saturation=saturated.sum(axis=0) * period,
         longest_saturation=_longest(saturated) * period,
         end_temperature=end,
         rises_in_a_row=rises,
-        overlap=max(trial.overlap, _find_overlap(world, motion)),
+        overlap=max(rollout.overlap, _find_overlap(world, motion)),
         start_angle=None if start is None else start.joint_pos - motion.joint_pos[0],
         start_tilt=tilt,
     )
@@ -127,7 +128,7 @@ def _find_start(world: World, motion: Motion, start: State | None) -> Posture:
 
 
 @dataclass(frozen=True)
-class _Trial:
+class _Rollout:
     stand: Stand
     torque: Array
     """[N·m], (T, n)"""
@@ -137,9 +138,9 @@ class _Trial:
     """[m]"""
 
 
-def _rehearse(
+def _roll_out(
     world: World, motion: Motion, start: Posture, voltage: float, torque_limit: TorqueLimit
-) -> _Trial:
+) -> _Rollout:
     """Play the motion on a twin, whatever the supply."""
     robot = world.robot
     twin = Twin(robot, world.model, voltage=voltage, pwm_limited=torque_limit.by_pwm)
@@ -147,26 +148,24 @@ def _rehearse(
     limits = replace(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf
     )
-    watch = GroundTruthJudge(twin.simulation, torque_limit.value)
+    judge = GroundTruthJudge(twin.simulation, torque_limit.value)
     velocity: list[Array] = []
     overlap: list[float] = []
 
-    def look(cycle: Cycle) -> None:
-        watch(cycle)
+    def record(_cycle: Cycle) -> None:
         velocity.append(twin.truth.joint_vel.copy())
         overlap.append(twin.truth.self_penetration)
 
     player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=torque_limit.value)
-    run(player, SafetyGuard(twin, limits), max_time=math.inf, on_cycle=look)
-    outcome = watch.conclude()
-    return _Trial(outcome.stand, outcome.torque, np.array(velocity), max(overlap, default=0.0))
+    _, outcome = play(player, SafetyGuard(twin, limits), judge, on_cycle=record)
+    return _Rollout(outcome.stand, outcome.torque, np.array(velocity), max(overlap, default=0.0))
 
 
 def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array, int | None]:
-    """Warm the windings by one rise after another; return the first end and how many fit.
+    """Predict the temperature after one rise, and after how many a servo is too hot.
 
-    Heating is linear in the temperature, so one pass tells all: a rise keeps a share of
-    what a servo is above the air and adds a fixed amount.
+    Heating is linear in the temperature, so one pass is enough: a rise keeps a share of the
+    servo's excess over the air's temperature and adds a fixed amount.
     """
     period = robot.control_period
     windings = Windings(robot)

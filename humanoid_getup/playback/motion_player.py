@@ -15,8 +15,8 @@ APPROACH_SPEED = 1.5  # rad/s, towards the first target
 class MotionPlayer:
     """Plays a motion's servo targets, then holds the last for a while.
 
-    A robot that does not lie as the motion starts is first led to its first targets,
-    all joints together and no faster than ``APPROACH_SPEED``.
+    A robot whose joints are elsewhere first approaches the motion's first targets, all joints
+    together and no faster than ``APPROACH_SPEED``.
     """
 
     def __init__(
@@ -30,12 +30,17 @@ class MotionPlayer:
 
     @property
     def approach_time(self) -> float:
-        """Return how long the way to the first targets takes [s]."""
+        """Return how long the approach to the first targets takes [s]."""
         return self._approach
 
     @property
+    def longest(self) -> float:
+        """Return the time that motion and hold take [s]."""
+        return self._motion.duration + self._hold
+
+    @property
     def done(self) -> bool:
-        """Tell whether the motion and the hold are over."""
+        """Return whether the motion and the hold are over."""
         total = self._approach + self._motion.duration + self._hold
         return self._clock - self._begin >= total - 1e-9
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers import State
-from humanoid_getup.execution.motion_player import APPROACH_SPEED, MotionPlayer
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.motion_player import APPROACH_SPEED, MotionPlayer
 from robots import Robot
 
 PERIOD = 0.008

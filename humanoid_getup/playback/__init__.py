@@ -1,0 +1,1 @@
+"""Motions and policies on a robot: checked before, played, watched."""

@@ -1,0 +1,91 @@
+"""The supervisor: runs a controller under monitors and turns torque off when one objects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from drivers import Command, State
+from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.monitors import (
+    Abort,
+    Monitor,
+    MonitorLimits,
+    PolicyMonitor,
+    ServoMonitor,
+)
+from humanoid_getup.playback.motion_monitor import MotionMonitor
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import TimedController
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.simulation.world import World
+
+DEFAULT_LIMITS = MonitorLimits()
+
+
+class Supervisor:
+    """A controller that gives up, torque off, as soon as one of its monitors objects."""
+
+    def __init__(self, controller: TimedController, monitors: Sequence[Monitor]) -> None:
+        self._controller, self._monitors = controller, monitors
+        self.longest = controller.longest
+        """Time that the run takes at most, without the approach to its start [s]."""
+        self.aborted: Abort | None = None
+
+    @property
+    def warnings(self) -> list[str]:
+        """Return what was unusual but no reason to give up."""
+        return [text for monitor in self._monitors for text in monitor.warnings]
+
+    @property
+    def done(self) -> bool:
+        """Return whether the controller is done or was given up."""
+        return self.aborted is not None or self._controller.done
+
+    def reset(self, state: State) -> None:
+        """Begin at the measured joint angles."""
+        self._controller.reset(state)
+        self._begin, self._target = state.time, state.joint_pos
+        self.aborted = None
+        for monitor in self._monitors:
+            monitor.reset(state)
+
+    def step(self, state: State) -> Command:
+        """Let the controller move the robot, or turn every servo's torque off."""
+        command = self._controller.step(state)
+        findings = [monitor.check(state, self._target) for monitor in self._monitors]
+        self._target = command.joint_pos
+        found = next(filter(None, findings), None)
+        self.aborted = found and Abort(*found, state.time - self._begin)
+        return command if self.aborted is None else Command.limp(command.n)
+
+
+def supervise_motion(
+    world: World,
+    motion: Motion,
+    *,
+    torque_limit: float | None = None,
+    limits: MonitorLimits = DEFAULT_LIMITS,
+    tracked: bool = True,
+) -> Supervisor:
+    """Make a supervised player of a motion, held at its end for as long as a stand takes.
+
+    Args:
+        world: Robot and how its IMU is mounted.
+        motion: What to play.
+        torque_limit: Of every servo [N·m].
+        limits: What is too much.
+        tracked: False for a motion whose joint angles no simulation went through.
+    """
+    player = MotionPlayer(world.robot, motion, hold=HOLD, torque_limit=torque_limit)
+    tracking = MotionMonitor(world, motion, player, limits, tracked=tracked)
+    return Supervisor(player, [tracking, ServoMonitor(world.robot, limits)])
+
+
+def supervise_policy(policy: OnnxPolicy, limits: MonitorLimits = DEFAULT_LIMITS) -> Supervisor:
+    """Make a supervised policy.
+
+    How a policy will move is not known, and one that falls may get up by itself: neither tilt
+    nor progress is monitored, only the servos; the policy's own time limit ends it.
+    """
+    return Supervisor(policy, [ServoMonitor(policy.robot, limits), PolicyMonitor(policy)])

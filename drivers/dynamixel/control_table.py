@@ -5,13 +5,17 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from functools import cache, cached_property
 from importlib.resources import files
 from typing import Any
 
 from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
+from drivers.state import HardwareError as HardwareError
+
+BAUD_RATES = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""Rate [bit/s] of each value of the item ``baud_rate``."""
 
 REVERSE_MODE = 1
 """Bit of the item ``drive_mode``: the servo turns the other way."""
@@ -32,16 +36,6 @@ class OperatingMode(IntEnum):
     EXTENDED_POSITION = 4
     CURRENT_BASED_POSITION = 5
     PWM = 16
-
-
-class HardwareError(IntFlag):
-    """Bits of the items ``hardware_error_status`` and ``shutdown``."""
-
-    VOLTAGE = 1
-    OVERHEATING = 4
-    ENCODER = 8
-    SHOCK = 16
-    OVERLOAD = 32
 
 
 class UnknownModelError(DriverError):

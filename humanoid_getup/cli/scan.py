@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import arg
 
+from drivers.dynamixel.control_table import BAUD_RATES
 from drivers.dynamixel.port import PortError, SerialPort
 from drivers.service.scan import (
     COMMON_RATES,
@@ -23,7 +24,6 @@ from drivers.service.scan import (
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
-from robots.schema import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
 NO_DEVICE = (

@@ -6,11 +6,10 @@ import struct
 from collections.abc import Callable
 from enum import Enum
 
-from drivers.dynamixel.control_table import ControlTable
+from drivers.dynamixel.control_table import BAUD_RATES, ControlTable
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Status
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers, WritePlan
-from robots.schema import BAUD_RATES
 
 READ_LEVEL = 1  # status return level from which reads are answered; from 2 on, all is
 Handler = Callable[[bytes, "Call"], int]

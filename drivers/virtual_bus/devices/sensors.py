@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 import struct
 
-from drivers.dynamixel.control_table import OperatingMode
+from drivers.dynamixel.control_table import REVERSE_MODE, OperatingMode
 from drivers.virtual_bus.devices.motor_command import POSITION_MODES
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
-REVERSE = 1  # bit of drive_mode
 MAX_HOMING_IN_ONE_TURN = 1024  # ticks; larger offsets are ignored in mode 3 (e-manual)
 NOMINAL_VOLTAGE = 12.0  # V, or the middle of what the model bears
 AMBIENT_TEMPERATURE = 25.0  # °C
@@ -86,7 +85,7 @@ class Sensors:
         registers = self._registers
         self._mode = registers["operating_mode"]
         # Reversed, ticks count down; the homing offset keeps its sign (e-manual).
-        self.sign = -1.0 if registers["drive_mode"] & REVERSE else 1.0
+        self.sign = -1.0 if registers["drive_mode"] & REVERSE_MODE else 1.0
         homing = registers["homing_offset"]
         if self._mode == OperatingMode.POSITION and abs(homing) > MAX_HOMING_IN_ONE_TURN:
             homing = 0

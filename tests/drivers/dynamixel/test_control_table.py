@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.dynamixel.control_table import (
+    BAUD_RATES,
     ControlTable,
     HardwareError,
     Item,
@@ -20,7 +21,6 @@ from drivers.dynamixel.control_table import (
 )
 from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
-from robots.schema import BAUD_RATES
 
 SERVOS = [name for name in known_models() if name != "OpenCR"]
 TABLES = [table_named(name, firmware) for name in known_models() for firmware in (None, 38, 46, 52)]

@@ -42,7 +42,7 @@ class Ending(Enum):
     DONE = "the controller had done its work"
     TIMEOUT = "the time was up"
     FAULT = "the guard or the hardware stopped it"
-    INTERRUPTED = "somebody interrupted it"
+    INTERRUPTED = "it was interrupted"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ class FaultKind(Enum):
     SERVO_ERROR = "a servo has switched itself off"
     LOW_VOLTAGE = "the supply is too low"
     TOO_HOT = "a servo is too hot"
-    STOPPED = "somebody stopped the robot"
+    STOPPED = "the robot was stopped"
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ class ControlTable:
     """By name, in order of address."""
     indirect: tuple[Indirect, ...]
     modes: tuple[int, ...]
-    """Operating modes it has; none if it is no servo."""
+    """Operating modes it has; empty if it is not a servo."""
     default_mode: int | None
     fast_read_firmware: int | None
     """First firmware with fast reads; None when none has them."""

@@ -1,4 +1,4 @@
-"""The seam between control and hardware: a twin, a virtual bus or a real robot."""
+"""Interface between control and hardware: a twin, a virtual bus or a real robot."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from robots import Robot
 
 @runtime_checkable
 class Backend(Protocol):
-    """A robot's body: it measures and it moves, and knows nothing of the task.
+    """Hardware of a robot, or its simulation: it measures and moves, and knows no task.
 
-    One control period is one ``read`` and then one ``write``. Reading again before the
-    next write may return the same measurement. Outside ``connect`` and ``close`` every
-    joint is limp.
+    One control period is one ``read`` and then one ``write``. Reading again before the next
+    write may return the same measurement. Torque is off outside ``connect`` and ``close``.
     """
 
     @property
     def robot(self) -> Robot:
-        """Return the robot that this backend embodies."""
+        """Return the robot."""
         ...
 
     @property
@@ -29,7 +28,7 @@ class Backend(Protocol):
         ...
 
     def connect(self) -> None:
-        """Open the devices, joints limp; harmless when they are open."""
+        """Open the devices, torque off; harmless if they are open."""
         ...
 
     def read(self) -> State:
@@ -37,7 +36,7 @@ class Backend(Protocol):
         ...
 
     def write(self, command: Command) -> Command:
-        """Send a command; return what was really sent."""
+        """Send a command; return the command that was really sent."""
         ...
 
     def close(self) -> None:
@@ -59,7 +58,7 @@ class Backend(Protocol):
 
 
 class ClosesItself:
-    """Make a backend a context manager that is limp and closed on the way out."""
+    """Context manager that connects a backend, and releases and closes it at the end."""
 
     def connect(self) -> None:
         """Open the devices."""
@@ -70,7 +69,7 @@ class ClosesItself:
         raise NotImplementedError
 
     def __enter__(self) -> Self:
-        """Connect; what opened before a failure is closed again."""
+        """Connect; close again after a failure."""
         try:
             self.connect()
         except BaseException:
@@ -84,5 +83,5 @@ class ClosesItself:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close, whatever happened inside."""
+        """Close."""
         self.close()

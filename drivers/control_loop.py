@@ -1,4 +1,4 @@
-"""The one control loop: measure, decide, guard, move."""
+"""The control loop: measure, decide, guard, move."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from robots.quaternion import Array
 
 
 class Controller(Protocol):
-    """Decides what the robot does next; never touches a backend."""
+    """Computes commands from measurements; never touches a backend."""
 
     @property
     def done(self) -> bool:
-        """Tell whether there is nothing more to do."""
+        """Tell whether it has finished."""
         ...
 
     def reset(self, state: State) -> None:
-        """Begin anew from a measurement."""
+        """Start from a measurement."""
         ...
 
     def step(self, state: State) -> Command:
-        """Answer a measurement with a command."""
+        """Compute the command for a measurement."""
         ...
 
 
@@ -42,15 +42,15 @@ class Ending(Enum):
     DONE = "the controller had done its work"
     TIMEOUT = "the time was up"
     FAULT = "the guard or the hardware stopped it"
-    INTERRUPTED = "somebody interrupted it"
+    INTERRUPTED = "it was interrupted"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """Where a cycle's time went, on the wall clock [s]."""
+    """Durations of a cycle's parts, in wall time [s]."""
 
     late: float
-    """After its deadline; 0 for a loop without deadlines."""
+    """Delay after its deadline; 0 for a loop without deadlines."""
     read: float
     step: float
     write: float
@@ -58,16 +58,16 @@ class Timing:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingSummary:
-    """How well the cycles of a run kept their deadlines."""
+    """Delays and durations of a run's cycles."""
 
     late_median: float
-    """How long after its deadline a cycle began [s]."""
+    """Delay of a cycle after its deadline [s]."""
     late_p99: float
     """[s]"""
     late_max: float
     """[s]"""
     busy_median: float
-    """Time that a cycle took to measure, decide and move [s]."""
+    """Time to measure, decide and move in a cycle [s]."""
     busy_p99: float
     """[s]"""
 
@@ -96,32 +96,32 @@ class Cycle:
 
     state: State
     asked: Command
-    """What the controller wanted."""
+    """Command of the controller."""
     sent: Command
-    """What reached the servos."""
+    """Command that reached the servos."""
     clips: ClipCounts
-    """What the guard has cut so far."""
+    """Cuts by the guard so far."""
     timing: Timing
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunReport:
-    """How a run went."""
+    """Result of a run."""
 
     ending: Ending
     reason: str
     """One line: why it ended."""
     cycles: int
     overruns: int
-    """Cycles that took longer than the period; only counted in real time."""
+    """Cycles longer than the period; only counted in real time."""
     period: float
     """Control period [s]."""
     duration: float
     """From first to last measurement, on the backend's clock [s]."""
     clips: ClipCounts
-    """What the guard cut."""
+    """Cuts by the guard."""
     holds: int
-    """Cycles in which the targets stood still because a measurement was too old."""
+    """Cycles in which the targets were held because a measurement was too old."""
     pace: TimingSummary
 
 
@@ -133,17 +133,17 @@ def run(
     realtime: bool = False,
     on_cycle: Callable[[Cycle], None] | None = None,
 ) -> RunReport:
-    """Connect, let a controller move a robot until it ends, and leave the robot limp.
+    """Connect, run a controller until it ends, and switch torque off.
 
     The loop takes a guard, not a bare backend, so no command reaches a servo unguarded.
 
     Args:
-        controller: Decides.
-        guard: Protects and moves.
+        controller: Computes the commands.
+        guard: Limits and sends them.
         max_time: Time after which to stop [s], on the backend's clock.
-        realtime: Start each cycle on its own deadline of the wall clock. A backend that
-            paces itself, or a twin that may run faster than life, does not need it.
-        on_cycle: Sees each cycle, to judge or record it.
+        realtime: Start each cycle at its own deadline in wall time. A backend that paces
+            itself, or a twin that may run faster than real time, does not need it.
+        on_cycle: Called with each cycle, to judge or record it.
     """
     if not isinstance(guard, SafetyGuard):
         raise TypeError(
@@ -153,7 +153,7 @@ def run(
     ending, reason = Ending.INTERRUPTED, Ending.INTERRUPTED.value
     with guard, _uncollected() if realtime else nullcontext():
         try:
-            ending, reason = loop.turn(controller, max_time, on_cycle)
+            ending, reason = loop.run(controller, max_time, on_cycle)
         except KeyboardInterrupt:
             pass  # the report says so
         except DriverError as error:
@@ -173,7 +173,7 @@ def run(
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Keep what exists out of garbage collection: a full one takes longer than a cycle."""
+    """Exclude existing objects from garbage collection, which takes longer than a cycle."""
     gc.collect()
     gc.freeze()
     try:
@@ -183,7 +183,7 @@ def _uncollected() -> Iterator[None]:
 
 
 class Pacer:
-    """Starts cycles on absolute deadlines, so that small delays do not add up."""
+    """Starts cycles at absolute deadlines, so that small delays do not add up."""
 
     def __init__(
         self,
@@ -199,7 +199,7 @@ class Pacer:
         self._deadline = clock() + period
 
     def wait(self) -> None:
-        """Sleep until the next deadline; when it has passed, count it and start anew."""
+        """Sleep until the next deadline; if it has passed, count an overrun and start over."""
         early = self._deadline - self._clock()
         if early >= 0.0:
             self._sleep(early)
@@ -213,7 +213,7 @@ class Pacer:
 
 
 class _Loop:
-    """The state of a run, kept when an exception ends it."""
+    """State of a run, kept after an exception."""
 
     def __init__(self, guard: SafetyGuard, realtime: bool) -> None:
         self.guard, self._realtime = guard, realtime
@@ -222,7 +222,7 @@ class _Loop:
         self.duration = 0.0
         self.timings: list[tuple[float, float, float, float]] = []
 
-    def turn(
+    def run(
         self,
         controller: Controller,
         max_time: float,
@@ -236,7 +236,7 @@ class _Loop:
         start = state.time
         controller.reset(state)
         while not controller.done:
-            # A backend's clock adds up periods: half of one decides, not the last bit.
+            # A backend's clock sums periods: compare at half of one, beyond rounding.
             if self.duration > max_time - 0.5 * self.guard.period:
                 return Ending.TIMEOUT, f"{max_time:g} s were up"
             measured = clock()
@@ -249,8 +249,8 @@ class _Loop:
             self.timings.append(timing)
             self.cycles += 1
             if on_cycle:
-                told = Timing(late=late, read=timing[1], step=timing[2], write=timing[3])
-                on_cycle(Cycle(state, asked, sent, self.guard.clips, told))
+                parts = Timing(late=late, read=timing[1], step=timing[2], write=timing[3])
+                on_cycle(Cycle(state, asked, sent, self.guard.clips, parts))
             if self.guard.fault:
                 return Ending.FAULT, str(self.guard.fault)
             if self.pacer:

@@ -1,14 +1,14 @@
-"""What can go wrong between a command and a motor."""
+"""Errors of drivers and backends."""
 
 from __future__ import annotations
 
 
 class DriverError(Exception):
-    """A backend cannot do what it promised."""
+    """A backend failed."""
 
 
 class SetupError(DriverError):
-    """What was asked for cannot be set up as it was asked for: the user's to mend."""
+    """A setup is impossible as requested; the user has to change it."""
 
 
 class NotConnectedError(DriverError):
@@ -20,7 +20,7 @@ class NotConnectedError(DriverError):
 
 
 class CommandError(DriverError):
-    """A command holds what no servo can be told."""
+    """A command cannot be sent to servos."""
 
     def __init__(self, faults: list[str]) -> None:
         super().__init__("command refused: " + "; ".join(faults))

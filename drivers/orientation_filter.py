@@ -1,4 +1,4 @@
-"""From gyro and accelerometer to orientation, as on a robot's own board."""
+"""Orientation from gyro and accelerometer, as on a robot's own board."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from robots.quaternion import Array
 
 GRAVITY = 9.81  # m/s²
 
-# Seconds in which the accelerometer pulls the integrated gyro towards the vertical.
-TIME_CONSTANT = 1.0
+# Of the correction of the integrated gyro by the accelerometer.
+TIME_CONSTANT = 1.0  # s
 # OpenCR's ICM-20648 as the OP3 uses it: 16.4 counts per deg/s, +-2000 deg/s; 16384 counts
 # per g, +-2 g (ROBOTIS-OP3 open_cr_module).
 GYRO_STEP = np.radians(1.0 / 16.4)  # rad/s
 GYRO_RANGE = np.radians(2000.0)  # rad/s
 ACCELEROMETER_STEP = GRAVITY / 16384.0  # m/s²
 ACCELEROMETER_RANGE = 2.0 * GRAVITY  # m/s²
-# The accelerometer is not heard while its vertical differs by this much from the estimate
-# (blows, hard acceleration), unless it insists for so long that the estimate must be wrong.
+# The accelerometer is rejected while its vertical differs by this much from the estimate
+# (impacts, hard acceleration), unless for so long that the estimate must be wrong.
 REJECTION_DEG = 10.0
 REJECTION_TIME = 5.0  # s
 
 
 class OrientationFilter:
-    """Fuse gyro and accelerometer into an orientation, by the AHRS of `imufusion`.
+    """Fuses gyro and accelerometer into an orientation, by the AHRS of `imufusion`.
 
-    The gyro is integrated; the accelerometer slowly turns the result until both agree on
-    the vertical. Nothing knows the yaw: it starts at 0 and drifts.
+    The gyro is integrated; the accelerometer slowly corrects roll and pitch. The yaw is not
+    observable: it starts at 0 and drifts.
     """
 
     def __init__(self, period: float, time_constant: float = TIME_CONSTANT) -> None:

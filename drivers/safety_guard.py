@@ -1,4 +1,4 @@
-"""The safety guard: nothing beyond a limit reaches a servo, nothing is cut in silence."""
+"""Safety guard: keeps every command within limits, and counts what it cuts."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from drivers.backend import Backend, ClosesItself
 from drivers.safety_limits import ClipCounts, GuardLimits
-from drivers.state import Command, State
+from drivers.state import Command, HardwareError, State
 from robots import Robot
 from robots.quaternion import Array
 
 
 class FaultKind(Enum):
-    """Why the guard took the torque away."""
+    """Why the guard switched torque off."""
 
     BAD_COMMAND = "the command holds values that no servo can follow"
     BAD_MEASUREMENT = "the measurement holds values that are no numbers"
@@ -25,12 +25,12 @@ class FaultKind(Enum):
     SERVO_ERROR = "a servo has switched itself off"
     LOW_VOLTAGE = "the supply is too low"
     TOO_HOT = "a servo is too hot"
-    STOPPED = "somebody stopped the robot"
+    STOPPED = "the robot was stopped"
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Why and when the guard took the torque away."""
+    """Why and when the guard switched torque off."""
 
     kind: FaultKind
     detail: str
@@ -42,27 +42,26 @@ class Fault:
 
 
 class SafetyGuard(ClosesItself):
-    """A backend around a backend that keeps every command within its limits.
+    """Wraps a backend and keeps every command within limits.
 
-    The laws, for each joint of each command that it lets through. The *reference* is the
-    last target let through, or the measured angle where the joint was limp:
+    The rules, for each joint of each command that passes. The *reference* is the
+    last target that passed, or the measured angle where torque was off:
 
-    - The target never lies beyond the joint's range, or beyond a reference that already
-      does: a joint outside may stay or come back, never go further out.
+    - The target is never beyond the joint's range, or beyond a reference that already is: a
+      joint outside may stay or come back, never go further out.
     - The target never moves further from the reference than top speed times the period,
       before the servos round it to whole ticks.
-    - The torque limit lies between 0 and the guard's own, less where a servo is hot; the
-      gain share and the PWM limit lie between 0 and 1.
-    - While the measurement of a joint is some periods old, the targets stand still.
+    - The torque limit is between 0 and the guard's own, derated where a servo is hot; the
+      gain share and the PWM limit are between 0 and 1.
+    - While the measurement of a joint is some periods old, all targets are held.
 
-    A position servo makes force by having its target beyond its angle, so the distance
-    from target to angle is free. What is cut is counted in ``clips``. Commands that cannot
-    be understood, measurements that are no numbers, that stand still or are too old, servos
-    in error, heat and a weak supply are faults: the robot goes limp and stays limp until
-    ``clear`` or the next ``connect``. ``stop`` is a fault that outlives a connection: only
-    ``clear`` ends it.
-    A joint that a command releases is told its measured angle; torque comes back from
-    there, so it never returns with a jerk.
+    A position servo needs a distance from its angle to its target to make torque, so that
+    distance is free. Cuts are counted in ``clips``. Invalid commands, measurements that are not
+    finite, do not change or are too old, servo errors, heat and a low supply are faults: torque
+    goes off and stays off until ``clear`` or the next ``connect``. ``stop`` is a fault that
+    outlives a connection: only ``clear`` ends it.
+    A joint that a command releases gets its measured angle as target, so that torque comes back
+    without a jerk.
     """
 
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
@@ -80,7 +79,7 @@ class SafetyGuard(ClosesItself):
         self._state: State | None = None
         self._judged_time = -np.inf
         self._stale_writes = 0
-        self._sent = self._allowed = Command.limp(self._backend.robot.n)
+        self._sent = self._limited = Command.limp(self._backend.robot.n)
 
     @property
     def robot(self) -> Robot:
@@ -94,7 +93,7 @@ class SafetyGuard(ClosesItself):
 
     @property
     def fault(self) -> Fault | None:
-        """Return why the robot was made limp, ``None`` while all is well."""
+        """Return why torque was switched off, ``None`` if it was not."""
         return self._fault
 
     @property
@@ -103,11 +102,11 @@ class SafetyGuard(ClosesItself):
         return ClipCounts(*self._counts.copy())
 
     def stop(self, reason: str) -> None:
-        """Make the robot limp from the next command on, until `clear`; any thread may call."""
+        """Switch torque off from the next command on, until `clear`; any thread may call."""
         self._stop_reason = reason
 
     def connect(self) -> None:
-        """Open the backend, with no fault and no clips; an open one goes limp first."""
+        """Open the backend and reset faults and clips; an open one is released first."""
         if self._is_open:
             self._backend.write(Command.limp(self.robot.n))
         self._forget()
@@ -122,9 +121,9 @@ class SafetyGuard(ClosesItself):
         self._backend.close()
 
     def clear(self) -> None:
-        """Forget a fault; the next command starts from the measured angles.
+        """Clear a fault; the next command starts from the measured angles.
 
-        Without a fault there is nothing to forget, least of all the last target.
+        Without a fault nothing changes, so that the last target is kept.
         """
         self._stop_reason = None
         if self._fault is not None:
@@ -136,20 +135,20 @@ class SafetyGuard(ClosesItself):
         return self._state
 
     def write(self, command: Command) -> Command:
-        """Send what the limits leave of a command, or go limp; return what was sent."""
+        """Send a command within the limits, or torque off after a fault; return what was sent."""
         state = self.read() if self._state is None else self._state
-        if self._stop_reason is not None:  # whatever else is wrong, that is for a person to end
+        if self._stop_reason is not None:  # before any other fault: only a person ends it
             self._fault = Fault(FaultKind.STOPPED, self._stop_reason, state.time)
         if self._fault is None:
             self._fault = self._find_fault(command, state)
         if self._fault:
-            allowed = Command.limp(self.robot.n)
+            limited = Command.limp(self.robot.n)
         elif self._must_hold(state) and not command.is_limp:
             self.holds += 1
-            allowed = self._allowed
+            limited = self._limited
         else:
-            allowed = self._limit(command, state)
-        self._allowed, self._sent = allowed, self._backend.write(allowed)
+            limited = self._limit(command, state)
+        self._limited, self._sent = limited, self._backend.write(limited)
         return self._sent
 
     def _find_fault(self, command: Command, state: State) -> Fault | None:
@@ -168,11 +167,11 @@ class SafetyGuard(ClosesItself):
         return None
 
     def _find_body_fault(self, state: State) -> Fault | None:
-        """Find what of the robot itself is not well."""
+        """Find a fault of the robot itself."""
         names, limits = self.robot.joint_names, self.limits
         if state.alert.any():
             detail = ", ".join(
-                f"joint '{names[i]}' tells {describe_alert(int(state.alert[i]))}"
+                f"joint '{names[i]}' tells {HardwareError(int(state.alert[i])).describe()}"
                 for i in np.flatnonzero(state.alert)
             )
             return Fault(FaultKind.SERVO_ERROR, detail, state.time)
@@ -185,13 +184,13 @@ class SafetyGuard(ClosesItself):
         if state.imu_age > limits.max_imu_age:
             return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
         if state.voltage < limits.min_voltage:
-            detail = f"{state.voltage:.1f} V, allowed {limits.min_voltage:.1f} V or more"
+            detail = f"{state.voltage:.1f} V, expected {limits.min_voltage:.1f} V or more"
             return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
         if state.temperature.max() > limits.max_temperature:
             hottest = int(state.temperature.argmax())
             detail = (
                 f"joint '{names[hottest]}' has {state.temperature[hottest]:.0f} °C, "
-                f"allowed {limits.max_temperature:.0f} °C"
+                f"expected at most {limits.max_temperature:.0f} °C"
             )
             return Fault(FaultKind.TOO_HOT, detail, state.time)
         return None
@@ -202,7 +201,7 @@ class SafetyGuard(ClosesItself):
     def _limit(self, command: Command, state: State) -> Command:
         limits = self.limits
         driven = self._sent.torque_limit > 0.0
-        reference = np.where(driven, self._allowed.joint_pos, state.joint_pos)
+        reference = np.where(driven, self._limited.joint_pos, state.joint_pos)
         released = command.torque_limit == 0.0
         wanted = np.where(released, state.joint_pos, command.joint_pos)
         in_range = _clip(wanted, limits.lower, limits.upper, reference)
@@ -223,17 +222,10 @@ class SafetyGuard(ClosesItself):
 
 
 def _clip(wanted: Array, lower: Array, upper: Array, reference: Array) -> Array:
-    """Cut targets to the range, widened to a reference that lies outside it."""
+    """Clip targets to the range, widened to a reference outside it."""
     return np.minimum(
         np.maximum(wanted, np.minimum(lower, reference)), np.maximum(upper, reference)
     )
-
-
-def describe_alert(bits: int) -> str:
-    """Name the hardware errors of a servo (e-manual, Hardware Error Status)."""
-    names = {1: "voltage", 4: "overheating", 8: "encoder", 16: "electrical shock", 32: "overload"}
-    told = [name for bit, name in names.items() if bits & bit]
-    return " and ".join(told) or "an error that it has not named"
 
 
 def _name_bad_joints(state: State, names: tuple[str, ...]) -> str:

@@ -1,4 +1,4 @@
-"""What the safety guard allows, and how often it had to say no."""
+"""Limits of the safety guard, and counts of its cuts."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from robots import Robot
 from robots.quaternion import Array
 
 # The XM430 switches itself off at 80 °C (e-manual, Temperature Limit). The guard acts
-# earlier, while the robot can still be lowered by hand without burning anybody.
+# earlier, while the robot can still be lowered by hand without burns.
 MAX_TEMPERATURE = 75.0
 STALE_WRITES = 5  # 40 ms at the OP3's cycle: longer than a retried bus read, too short to fall
-# From here on, heat takes torque away, so that a servo cools before it switches itself off.
+# From here on torque is derated, so that a servo cools before it switches itself off.
 DERATE_TEMPERATURE = 65.0
 DERATED_SHARE = 0.4  # of the torque limit that is left at MAX_TEMPERATURE
-# One measurement that is lost or damaged is bridged, and a second. From the third on the
-# targets stand still; a tenth of a second blind is where a rise can no longer be saved.
+# Up to two lost or damaged measurements are bridged. From the third on the targets are held;
+# after a tenth of a second without measurements a rise can no longer be saved.
 HOLD_CYCLES = 3
 LIMP_CYCLES = 12
 MAX_IMU_AGE = 0.3  # s without a new orientation: a fall would not be noticed
@@ -37,19 +37,19 @@ class GuardLimits:
     torque_limit: Array
     """Highest torque limit of each servo [N·m], shape (n,)."""
     max_temperature: float = MAX_TEMPERATURE
-    """Servo temperature that is still allowed [°C]; infinity allows any."""
+    """Highest servo temperature [°C]; infinity for any."""
     derate_temperature: float = DERATE_TEMPERATURE
-    """Temperature from which a servo's torque limit goes down [°C]."""
+    """Temperature above which a servo's torque limit is derated [°C]."""
     min_voltage: float = 0.0
-    """Supply that is still allowed [V]."""
+    """Lowest supply [V]."""
     stale_writes: int = STALE_WRITES
-    """Commands in a row upon one and the same measurement that are a fault."""
+    """Number of commands upon one measurement that is a fault."""
     hold_cycles: int = HOLD_CYCLES
-    """Age of a joint's values, in periods, from which the targets stand still."""
+    """Age of a joint's values, in periods, from which the targets are held."""
     limp_cycles: int = LIMP_CYCLES
     """Age of a joint's values, in periods, that is a fault."""
     max_imu_age: float = MAX_IMU_AGE
-    """Age of gyro and orientation that is still allowed [s]."""
+    """Highest age of gyro and orientation [s]."""
 
     def __post_init__(self) -> None:
         if not np.all(self.lower <= self.upper):
@@ -57,18 +57,18 @@ class GuardLimits:
         for name in ("max_velocity", "torque_limit"):
             values = getattr(self, name)
             if not np.all(np.isfinite(values) & (values >= 0.0)):
-                raise ValueError(f"guard limits: {name} is {values}, allowed 0 or more")
+                raise ValueError(f"guard limits: {name} is {values}, expected 0 or more")
 
     @staticmethod
     def of(robot: Robot, torque_limit: float | None = None) -> GuardLimits:
-        """Take the limits of a robot's joints and servos.
+        """Build the limits of a robot's joints and servos.
 
         Args:
             robot: Robot to protect.
-            torque_limit: Cap for every servo [N·m]; a servo's own limit stays where it is lower.
+            torque_limit: Torque limit of every servo [N·m], where its own is not lower.
         """
         if torque_limit is not None and not 0.0 <= torque_limit < np.inf:
-            raise ValueError(f"torque limit is {torque_limit} N·m, allowed a finite number >= 0")
+            raise ValueError(f"torque limit is {torque_limit} N·m, expected a finite number >= 0")
         cap = np.inf if torque_limit is None else torque_limit
         return GuardLimits(
             lower=robot.lower,
@@ -79,9 +79,9 @@ class GuardLimits:
         )
 
     def derate(self, temperature: Array) -> Array:
-        """Compute the torque limits [N·m] that servos of these temperatures [°C] have left, (n,).
+        """Compute the torque limits [N·m] at servo temperatures [°C], (n,).
 
-        Linear from the whole at ``derate_temperature`` to a share at ``max_temperature``.
+        Linear from the full limit at ``derate_temperature`` to a share at ``max_temperature``.
         """
         span = self.max_temperature - self.derate_temperature
         if not 0.0 < span < np.inf:
@@ -90,7 +90,7 @@ class GuardLimits:
         return self.torque_limit * (1.0 - (1.0 - DERATED_SHARE) * heat)
 
     def find_command_faults(self, command: Command, joint_names: tuple[str, ...]) -> list[str]:
-        """List what in a command no servo could follow; the list of a sound one is empty."""
+        """List all that is wrong with a command."""
         n = len(joint_names)
         fields = (
             ("target", "rad", command.joint_pos),
@@ -99,7 +99,7 @@ class GuardLimits:
             ("PWM limit", "", command.pwm_limit),
         )
         faults = [
-            f"{name} has shape {np.shape(values)}, allowed ({n},)"
+            f"{name} has shape {np.shape(values)}, expected ({n},)"
             for name, _, values in fields
             if np.shape(values) != (n,)
         ]
@@ -116,7 +116,7 @@ class GuardLimits:
             if not np.isfinite(value)
         ]
         faults += [
-            f"joint '{joint}': torque limit is {value} N·m, allowed 0 or more"
+            f"joint '{joint}': torque limit is {value} N·m, expected 0 or more"
             for joint, value in zip(joint_names, command.torque_limit, strict=True)
             if value < 0.0
         ]
@@ -144,7 +144,7 @@ class ClipCounts:
         return int(sum(np.sum(kind) for kind in vars(self).values()))
 
     def describe(self, robot: Robot) -> list[str]:
-        """Tell each joint and kind that was cut, one line each."""
+        """Describe the cuts of each joint and kind, one line each."""
         return [
             f"joint '{joint}': {kind} cut {count} times"
             for kind, counts in vars(self).items()

@@ -1,9 +1,10 @@
-"""What a robot measures and what it is told, once a control period."""
+"""Measurement and command of a control period."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,32 +16,50 @@ from robots.quaternion import Array
 Integers = NDArray[np.int_]
 
 
+class HardwareError(IntFlag):
+    """Bits of `State.alert`, and of the items ``hardware_error_status`` and ``shutdown``."""
+
+    VOLTAGE = 1
+    OVERHEATING = 4
+    ENCODER = 8
+    SHOCK = 16
+    OVERLOAD = 32
+
+    def describe(self) -> str:
+        """Name the errors (e-manual, Hardware Error Status)."""
+        names = [str(bit.name).lower() for bit in HardwareError if bit & self]
+        return (
+            " and ".join(names).replace("shock", "electrical shock")
+            or "an error that it has not named"
+        )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """A measurement: only what a real robot can know."""
+    """A measurement: only what a real robot can measure."""
 
     time: float
-    """When it was taken, on the backend's own clock [s]."""
+    """On the backend's own clock [s]."""
     joint_pos: Array
     """Joint angles from the encoders [rad], shape (n,), in the robot's joint order."""
     joint_vel: Array
     """Joint speeds [rad/s], shape (n,)."""
     joint_current: Array
-    """Motor currents, positive when they push in the joint's positive direction [A], shape (n,)."""
+    """Motor currents, positive in the joint's positive direction [A], shape (n,)."""
     gyro: Array
     """Angular velocity in the IMU frame [rad/s], shape (3,)."""
     orientation: Array
-    """IMU frame to world, unit quaternion w x y z, shape (4,); its yaw is free and drifts."""
+    """IMU frame to world, unit quaternion w x y z, shape (4,); its yaw drifts."""
     temperature: Array
     """Servo temperatures [°C], shape (n,)."""
     voltage: float
     """Supply at the servos [V]."""
     joint_age: Array = field(default_factory=lambda: np.zeros(0))
-    """How old each joint's angle, speed and current are [s], shape (n,); 0 is fresh."""
+    """Age of each joint's angle, speed and current [s], shape (n,)."""
     imu_age: float = 0.0
-    """How old gyro and orientation are [s]."""
+    """Age of gyro and orientation [s]."""
     alert: Integers = field(default_factory=lambda: np.zeros(0, dtype=int))
-    """Hardware error bits of each servo, shape (n,); 0 is well."""
+    """`HardwareError` bits of each servo, shape (n,); 0 for none."""
 
     def __post_init__(self) -> None:
         n = len(self.joint_pos)
@@ -51,12 +70,12 @@ class State:
 
     @property
     def age(self) -> float:
-        """Return how old the oldest of its angles, gyro and orientation are [s]."""
+        """Return the age of its oldest value [s]."""
         return max(float(self.joint_age.max()), self.imu_age)
 
     @property
     def is_finite(self) -> bool:
-        """Tell whether every number of the measurement is a number."""
+        """Tell whether no number is NaN or inf."""
         return bool(np.isfinite(self._numbers()).all())
 
     def _numbers(self) -> Array:
@@ -68,9 +87,9 @@ class State:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Command:
-    """What every joint shall do for one control period.
+    """Targets and limits of all joints for one control period.
 
-    A command may hold anything, NaN too: the guard judges it, not its constructor.
+    Any value is accepted, NaN too: the guard checks it, not the constructor.
     """
 
     joint_pos: Array
@@ -84,7 +103,7 @@ class Command:
 
     @property
     def n(self) -> int:
-        """Return the number of joints the command speaks to."""
+        """Return the number of joints."""
         return len(self.joint_pos)
 
     @property
@@ -109,13 +128,13 @@ class Command:
         torque_limit: Array | float | None = None,
         pwm_limit: float = 1.0,
     ) -> Command:
-        """Send joints to angles with full gain.
+        """Move joints to angles with full gain.
 
         Args:
             robot: Robot whose servos move.
             joint_pos: Target angles [rad], shape (n,).
-            torque_limit: Largest torque [N·m], shape (n,) or one for all, never above
-                what the servos have; ``None`` for all that they have.
+            torque_limit: Largest torque [N·m], shape (n,) or one for all; ``None``, or more
+                than the servos have, for their stall torque.
             pwm_limit: Largest share of the supply that drives the motors.
         """
         limit = robot.max_torque
@@ -130,14 +149,14 @@ class Command:
 
 
 def check_command(command: Command, n: int) -> None:
-    """Refuse a command that holds what no servo can be told.
+    """Refuse a command with wrong shapes, negative limits, or NaN or inf.
 
     Raises:
         CommandError: naming all that is wrong.
     """
     values = command.joint_pos, command.gain_scale, command.torque_limit, command.pwm_limit
     if all(np.shape(value) == (n,) for value in values):
-        # One number that is none spoils the sum, and a sum is quickly made.
+        # One NaN or inf makes the sum one, and a sum is fast.
         is_sound = math.isfinite(sum(float(value.sum()) for value in values))
         if is_sound and command.torque_limit.min() >= 0.0:
             return
@@ -148,11 +167,11 @@ def check_command(command: Command, n: int) -> None:
         "PWM limits": command.pwm_limit,
     }
     faults = [
-        f"{name}: {values}, allowed {n} finite numbers"
+        f"{name}: {values}, expected {n} finite numbers"
         for name, values in named.items()
         if np.shape(values) != (n,) or not np.isfinite(values).all()
     ]
     if not faults and (command.torque_limit < 0.0).any():
-        faults = [f"torque limits: {command.torque_limit}, allowed 0 or more"]
+        faults = [f"torque limits: {command.torque_limit}, expected 0 or more"]
     if faults:
         raise CommandError(faults)

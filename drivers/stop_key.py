@@ -1,4 +1,4 @@
-"""The operator's stop key: any key of the terminal stops the robot, and the stop latches."""
+"""Stop key: any key of the terminal stops the robot, and the stop latches."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ LOST = "the terminal is gone"
 
 
 class StopKey:
-    """Watches a terminal while it is open, in a thread of its own.
+    """Watches a terminal in its own thread.
 
-    Without a terminal there is no key to press: signals still stop the program.
+    Without a terminal there is no stop key; signals still stop the program.
     """
 
     def __init__(self, stop: Callable[[str], None], terminal: int | None = None) -> None:
-        """Prepare to watch.
+        """Prepare to watch a terminal.
 
         Args:
             stop: Called once, with the reason, from the watching thread.
@@ -34,13 +34,8 @@ class StopKey:
         self._terminal = _standard_input() if terminal is None else terminal
         self._thread: threading.Thread | None = None
 
-    @property
-    def is_watching(self) -> bool:
-        """Tell whether there is a terminal whose keys stop the robot."""
-        return self._thread is not None
-
     def __enter__(self) -> Self:
-        """Begin to watch."""
+        """Start watching."""
         if self._terminal is not None and os.isatty(self._terminal):
             self._before = termios.tcgetattr(self._terminal)
             tty.setcbreak(self._terminal)
@@ -55,7 +50,7 @@ class StopKey:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Stop watching and leave the terminal as it was."""
+        """Stop watching and restore the terminal."""
         if self._thread is None or self._terminal is None:
             return
         os.close(self._waker)

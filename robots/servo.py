@@ -9,6 +9,7 @@ from importlib.resources import files
 import numpy as np
 
 from robots.quaternion import Array
+from robots.validation import Sign
 
 TICKS_PER_TURN = 4096
 MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)

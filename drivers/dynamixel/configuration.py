@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from drivers.dynamixel.control_table import REVERSE_MODE, ControlTable, OperatingMode
+from drivers.dynamixel.control_table import ControlTable, DriveMode, OperatingMode
 from drivers.dynamixel.diagnostics import TRIES, ServoFacts
 from robots.servo import DEFAULT_P_GAIN, TICKS_PER_TURN
 
@@ -35,7 +35,7 @@ def list_eeprom_settings(servo: ServoFacts) -> list[Setting]:
         "return_delay_time": 0,
         # Neither time-based profiles nor torque on by goal update; the direction is up to the
         # calibration.
-        "drive_mode": servo.registers["drive_mode"] & REVERSE_MODE,
+        "drive_mode": servo.registers["drive_mode"] & DriveMode.REVERSE,
         "operating_mode": int(OperatingMode.POSITION),
         "max_position_limit": TICKS_PER_TURN - 1,
         "min_position_limit": 0,

@@ -12,9 +12,7 @@ from typing import Any
 
 from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
-
-REVERSE_MODE = 1
-"""Bit of the item ``drive_mode``: the servo turns the other way."""
+from drivers.state import HardwareError as HardwareError
 
 SI_DIGITS = 9
 """Decimals of a value converted to SI: far below every unit of a register."""
@@ -34,14 +32,12 @@ class OperatingMode(IntEnum):
     PWM = 16
 
 
-class HardwareError(IntFlag):
-    """Bits of the items ``hardware_error_status`` and ``shutdown``."""
+class DriveMode(IntFlag):
+    """Bits of the item ``drive_mode`` (e-manual)."""
 
-    VOLTAGE = 1
-    OVERHEATING = 4
-    ENCODER = 8
-    SHOCK = 16
-    OVERLOAD = 32
+    REVERSE = 1
+    TIME_BASED = 4
+    TORQUE_BY_GOAL = 8
 
 
 class UnknownModelError(DriverError):
@@ -139,7 +135,7 @@ class ControlTable:
     """By name, in order of address."""
     indirect: tuple[Indirect, ...]
     modes: tuple[int, ...]
-    """Operating modes it has; none if it is no servo."""
+    """Operating modes it has; empty if it is not a servo."""
     default_mode: int | None
     fast_read_firmware: int | None
     """First firmware with fast reads; None when none has them."""

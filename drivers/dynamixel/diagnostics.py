@@ -8,9 +8,8 @@ from enum import Enum
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import (
-    REVERSE_MODE,
     ControlTable,
-    HardwareError,
+    DriveMode,
     Item,
     UnknownModelError,
     table_for,
@@ -18,6 +17,7 @@ from drivers.dynamixel.control_table import (
 from drivers.dynamixel.protocol2 import Span, Status
 from drivers.errors import DriverError
 from drivers.servo_units import fits_one_turn, tick_range
+from drivers.state import HardwareError
 from robots import Joint, Robot
 from robots.robot import BAUD_RATES
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
@@ -31,6 +31,12 @@ OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range without a warnin
 SERVO_BYTES, CYCLE_BYTES = 26, 94
 SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
 """Baud rates at which to search for servos that are silent at the right one [bit/s]."""
+
+
+GARBLED = (
+    "answers are garbled, as by two servos of one id",
+    "unplug one at a time and give each its own id; else check the cable",
+)
 
 
 class Severity(Enum):
@@ -54,6 +60,11 @@ class Finding:
     text: str
     remedy: str
     """What to do."""
+
+    @classmethod
+    def error(cls, device: str, text: str, remedy: str) -> Finding:
+        """Build a finding that forbids to move."""
+        return cls(Severity.ERROR, device, text, remedy)
 
     def __str__(self) -> str:
         return f"{self.device}: {self.text}; {self.remedy}"
@@ -162,7 +173,7 @@ def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
         bytes_in = bus.statistics.bytes_in
         pong = bus.ping(joint.servo.id, TRIES)
         if pong is None and bus.statistics.bytes_in > bytes_in:
-            findings.append(_garbled(joint))
+            findings.append(Finding.error(name_of(joint), *GARBLED))
         elif pong is None:
             silent.append(joint)
         else:
@@ -200,7 +211,7 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
     found: list[Finding] = []
 
     def error(text: str, remedy: str) -> None:
-        found.append(Finding(Severity.ERROR, servo.name, text, remedy))
+        found.append(Finding.error(servo.name, text, remedy))
 
     def warn(text: str, remedy: str) -> None:
         found.append(Finding(Severity.WARNING, servo.name, text, remedy))
@@ -211,9 +222,9 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             "update it with DYNAMIXEL Wizard",
         )
     if alert := HardwareError(registers["hardware_error_status"]):
-        names = " and ".join(str(bit.name).lower() for bit in alert)
         # The guard keeps torque off; to be rebooted, the servo must be connected first.
-        text, remedy = f"has switched itself off: {names}", "let it cool down and restart it"
+        text = f"has switched itself off: {alert.describe()}"
+        remedy = "let it cool down and restart it"
         found.append(Finding(Severity.FAULT, servo.name, text, remedy))
     if not model.min_voltage <= servo.voltage <= model.max_voltage:
         error(
@@ -221,7 +232,7 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             f"{model.max_voltage:.1f} V",
             "charge or change the battery",
         )
-    if registers["drive_mode"] & REVERSE_MODE:
+    if registers["drive_mode"] & DriveMode.REVERSE:
         error(
             f"drive mode is {registers['drive_mode']}, reversed: it would turn the wrong way",
             "set its drive mode to 0, then calibrate the joint",
@@ -264,15 +275,6 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
     return found
 
 
-def check_model(joint: Joint, table: ControlTable) -> list[Finding]:
-    """Check that a servo is of the model in the robot's description."""
-    wanted = joint.servo.model.name
-    if table.model == wanted:
-        return []
-    text = f"is a {table.model}, expected {wanted}"
-    return [Finding(Severity.ERROR, name_of(joint), text, "change the servo or robot.toml")]
-
-
 def find_baud_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
     """Search for devices at other baud rates; return the first at which one answers [bit/s].
 
@@ -312,7 +314,7 @@ def check_cycle_time(path: str, baud: int, duration: float, period: float) -> li
         f"expected {period * 1e3:.1f} ms"
     )
     remedy = "set the servos and bus.baud in robot.toml to a higher baud rate"
-    return [Finding(Severity.ERROR, f"port {path}", text, remedy)]
+    return [Finding.error(f"port {path}", text, remedy)]
 
 
 def estimate_cycle_time(bus: DynamixelBus, servos: int) -> float:
@@ -338,7 +340,7 @@ def find_duplicate_ids(robot: Robot) -> list[Finding]:
     if robot.bus is not None and robot.bus.board is not None:
         users.setdefault(robot.bus.board.id, []).append("the board")
     return [
-        Finding(Severity.ERROR, f"id {i}", f"belongs to {' and '.join(names)}", "edit robot.toml")
+        Finding.error(f"id {i}", f"belongs to {' and '.join(names)}", "edit robot.toml")
         for i, names in users.items()
         if len(names) > 1
     ]
@@ -348,38 +350,25 @@ def _examine(
     bus: DynamixelBus, joint: Joint, pong: Status, findings: list[Finding]
 ) -> ServoFacts | None:
     number, firmware = int.from_bytes(pong.data[:2], "little"), pong.data[2]
+    name, remedy = name_of(joint), "change the servo or robot.toml"
     try:
         table = table_for(number, firmware)
     except UnknownModelError as unknown:
-        findings.append(
-            Finding(Severity.ERROR, name_of(joint), str(unknown), "change the servo or robot.toml")
-        )
+        findings.append(Finding.error(name, str(unknown), remedy))
         return None
-    if found := check_model(joint, table):
-        findings += found
+    if table.model != joint.servo.model.name:
+        text = f"is a {table.model}, expected {joint.servo.model.name}"
+        findings.append(Finding.error(name, text, remedy))
         return None
     before = replace(bus.statistics)
     registers = read_items(bus, joint.servo.id, table, DIAGNOSED)
     if registers is None:
         since = bus.statistics - before
-        if since.damaged or since.stale:
-            findings.append(_garbled(joint))
-        else:
-            text = "answers a ping, but its registers cannot be read"
-            findings.append(
-                Finding(Severity.ERROR, name_of(joint), text, "check its cable and power")
-            )
+        text = "answers a ping, but its registers cannot be read"
+        problem = GARBLED if since.damaged or since.stale else (text, "check its cable and power")
+        findings.append(Finding.error(name, *problem))
         return None
     return ServoFacts(joint=joint, table=table, firmware=firmware, registers=registers)
-
-
-def _garbled(joint: Joint) -> Finding:
-    return Finding(
-        Severity.ERROR,
-        name_of(joint),
-        "answers are garbled, as by two servos of one id",
-        "unplug one at a time and give each its own id; else check the cable",
-    )
 
 
 def _explain_silence(
@@ -388,14 +377,14 @@ def _explain_silence(
     names, port = name_all(silent), bus.port
     if not is_alone:
         remedy = "check its cable, its power and its id (getup scan)"
-        return [Finding(Severity.ERROR, names, "silent", remedy)]
+        return [Finding.error(names, "silent", remedy)]
     rate = find_baud_rate(bus, [joint.servo.id for joint in silent])
     if rate is None:
         remedy = "check the robot's power switch, the battery and the cable"
-        return [Finding(Severity.ERROR, f"port {port.path}", f"silent: {names}", remedy)]
+        return [Finding.error(f"port {port.path}", f"silent: {names}", remedy)]
     text = f"the servos use {rate} bit/s, expected {port.baud}"
     remedy = "set bus.baud in robot.toml, or the servos' baud rate"
-    return [Finding(Severity.ERROR, f"port {port.path}", text, remedy)]
+    return [Finding.error(f"port {port.path}", text, remedy)]
 
 
 def _group(items: Sequence[Item]) -> list[list[Item]]:

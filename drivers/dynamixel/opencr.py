@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.diagnostics import TRIES, Finding, Severity, find_baud_rate
+from drivers.dynamixel.diagnostics import TRIES, Finding, find_baud_rate
 from drivers.dynamixel.protocol2 import Span, is_confirmed
 from drivers.orientation_filter import ACCELEROMETER_STEP, GRAVITY, GYRO_STEP, OrientationFilter
 from robots.quaternion import Array
@@ -64,7 +64,7 @@ class OpenCr:
         self, text: str, remedy: str = "check its power, its cable and bus.board"
     ) -> Finding:
         """Build a finding about the board."""
-        return Finding(Severity.ERROR, self.name, text, remedy)
+        return Finding.error(self.name, text, remedy)
 
     def is_powering(self) -> bool:
         """Tell whether the servos' power is on."""

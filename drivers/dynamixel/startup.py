@@ -14,7 +14,6 @@ from drivers.dynamixel.diagnostics import (
     Diagnostics,
     DiagnosticsError,
     Finding,
-    Severity,
     check_cycle_time,
     diagnose,
     estimate_cycle_time,
@@ -114,7 +113,7 @@ def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: S
         for row in chain.rows.tolist():
             if failure := chain.configure(row):
                 remedy = "check its cable and power, then connect again"
-                failures.append(Finding(Severity.ERROR, servos[row].name, failure, remedy))
+                failures.append(Finding.error(servos[row].name, failure, remedy))
             else:
                 states.note_ready(row)
     if failures:
@@ -146,7 +145,7 @@ def measure_once(chains: Sequence[ServoChain], states: ServoStates, now: float) 
     if silent:
         text = "set up, but silent when its position is read"
         remedy = "check cables and power along the chain"
-        findings.append(Finding(Severity.ERROR, name_all(silent), text, remedy))
+        findings.append(Finding.error(name_all(silent), text, remedy))
     board = next(chain.board for chain in chains if chain.board)
     sample = board.read_imu()
     if sample is None:

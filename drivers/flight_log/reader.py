@@ -1,4 +1,4 @@
-"""The flight record: a flight log read back as arrays."""
+"""Flight record: a flight log read back as arrays."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from robots import Posture, Robot
 from robots.quaternion import Array
 
 PACK = 1024  # rows that are held as Python objects before they become an array
-UNFILLED = bytes(64)  # no record ends so
+UNFILLED = bytes(64)  # no record ends like this
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened in a flight."""
+    """An event of a flight."""
 
     time: float
-    """When, on the backend's clock [s]."""
+    """On the backend's clock [s]."""
     kind: str
     """One word: "fault", "alert", "phase"..."""
     text: str
     cycle: int
-    """The first cycle that was logged after it."""
+    """The first cycle logged after it."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Track:
     """One part of a flight's cycles, a column for each of its fields."""
 
     cycle: Integers
-    """The cycles that have the part, shape (T,)."""
+    """Cycles that have the part, shape (T,)."""
     columns: Mapping[str, np.ndarray]
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -58,7 +58,7 @@ class Track:
 
 
 class Content:
-    """What a log holds."""
+    """Content of a log."""
 
     def __init__(self, data: bytes) -> None:
         """Read the whole records at the beginning of a file.
@@ -66,7 +66,7 @@ class Content:
         Raises:
             ValueError: or another error of the decoders, if the data is damaged.
         """
-        # A power cut can leave zeros, where the file had grown and was not yet filled.
+        # A power cut can leave zeros where the file had grown but was not yet written.
         written = data.rstrip(b"\0") if data.endswith(UNFILLED) else data
         end, self.is_complete = _find_end(written)
         self.lost_bytes = len(data) - end
@@ -82,7 +82,7 @@ class Content:
             self._add(record)
 
     def tracks(self) -> dict[str, Track]:
-        """Return what each topic but the events' holds."""
+        """Return the tracks of all topics but the events."""
         return {topic: columns.track() for topic, columns in self._topics.items()}
 
     def _add(self, record: McapRecord) -> None:
@@ -99,7 +99,7 @@ class Content:
 
 
 def _find_end(data: bytes) -> tuple[int, bool]:
-    """Find where the last whole record ends, and tell whether that is the end of a log."""
+    """Find the end of the last whole record, and whether it is the end of a log."""
     at = len(MCAP0_MAGIC)
     while at + 9 <= len(data):
         opcode, length = struct.unpack_from("<BQ", data, at)
@@ -113,18 +113,18 @@ def _find_end(data: bytes) -> tuple[int, bool]:
 
 
 def _records(data: bytes) -> Iterator[McapRecord]:
-    """Read records; a chunk or a finished log that does not match its checksum raises."""
+    """Read records; raise if a chunk or a finished log does not match its checksum."""
     stream = BytesIO(data)
     try:
         yield from StreamReader(stream, validate_crcs=True, record_size_limit=None).records
-    except EndOfFile:  # a log that was cut off has no footer
+    except EndOfFile:  # a truncated log has no footer
         if stream.tell() < len(data):
             raise
 
 
 @dataclass
 class _Columns:
-    """The messages of a topic on their way to columns."""
+    """Collects the messages of a topic as columns."""
 
     cycles: list[int] = field(default_factory=list)
     rows: dict[str, list[Any]] = field(default_factory=dict)
@@ -155,7 +155,7 @@ class _Columns:
 
 
 def _stack(rows: list[Any]) -> np.ndarray:
-    """Stack JSON values; null among numbers is NaN, what has no common shape stays a list."""
+    """Stack JSON values; null among numbers is NaN, values of different shapes stay a list."""
     try:
         stacked = np.array(rows)
         return stacked.astype(float) if stacked.dtype == object else stacked
@@ -166,7 +166,7 @@ def _stack(rows: list[Any]) -> np.ndarray:
 def _join(packs: list[np.ndarray]) -> np.ndarray:
     try:
         return np.concatenate(packs)
-    except ValueError:  # a command of another length between sound ones
+    except ValueError:  # a command of another length among valid ones
         return np.fromiter((row for pack in packs for row in pack), dtype=object)
 
 
@@ -174,7 +174,7 @@ DAMAGE = (
     *(McapError, zstandard.ZstdError, struct.error, MemoryError, RecursionError),
     *(ValueError, TypeError, KeyError, IndexError, OverflowError),
 )
-"""What reading a damaged log may raise."""
+"""Errors that reading a damaged log may raise."""
 NEEDED = ("state", "asked", "sent")
 
 
@@ -194,66 +194,66 @@ class FlightRecord:
     """Date and time of the start, ISO 8601, UTC."""
     about: Mapping[str, str | float | int]
     start: Posture | None
-    """Where the robot was at the first cycle, at rest."""
+    """Posture of the robot at the first cycle, at rest."""
     tracks: Mapping[str, Track]
-    """The parts of a cycle by the names of `Cycle`'s fields; none before the first cycle."""
+    """Parts of a cycle by the names of `Cycle`'s fields; none without a cycle."""
     events: tuple[Event, ...]
     truncated: bool
-    """Whether the log ends before its end, as one does whose program was killed."""
+    """Whether the log is incomplete, as after a kill."""
     lost_bytes: int
     """Bytes at the end of a truncated log that could not be read."""
 
     @property
     def cycles(self) -> int:
-        """Return how many cycles could be read."""
+        """Return the number of cycles."""
         return len(self.time)
 
     @property
     def time(self) -> Array:
-        """Return when each cycle was measured, on the backend's clock [s], shape (T,)."""
+        """Return the time of each cycle on the backend's clock [s], shape (T,)."""
         return self.tracks["state"]["time"] if self.tracks else np.zeros(0)
 
     @property
     def state(self) -> Track:
-        """Return what was measured."""
+        """Return the measurements."""
         return self.tracks["state"]
 
     @property
     def asked(self) -> Track:
-        """Return what the controller wanted."""
+        """Return the commands of the controller."""
         return self.tracks["asked"]
 
     @property
     def sent(self) -> Track:
-        """Return what reached the servos."""
+        """Return the commands that reached the servos."""
         return self.tracks["sent"]
 
     def measurement(self, cycle: int) -> State:
-        """Return what was measured in a cycle."""
+        """Return the measurement of a cycle."""
         return State(**_row(self.state, State, cycle))
 
     def command(self, cycle: int) -> Command:
-        """Return what reached the servos in a cycle."""
-        # Logs older than this limit do not hold it: all of the supply was allowed.
+        """Return the command that reached the servos in a cycle."""
+        # Logs older than this limit do not hold it: it was not limited.
         unlimited = {"pwm_limit": np.ones(len(self.joint_names))}
         return Command(**unlimited | _row(self.sent, Command, cycle))
 
     def describe(self) -> str:
-        """Tell in one line how much there is."""
+        """Summarize the record in one line."""
         seconds = float(self.time[-1] - self.time[0]) if self.cycles else 0.0
-        told = f"{self.robot}: {self.cycles} cycles, {seconds:.2f} s, {len(self.events)} events"
-        return f"{told}, cut off ({self.lost_bytes} bytes lost)" if self.truncated else told
+        summary = f"{self.robot}: {self.cycles} cycles, {seconds:.2f} s, {len(self.events)} events"
+        return f"{summary}, cut off ({self.lost_bytes} bytes lost)" if self.truncated else summary
 
     @classmethod
     def load(cls, path: Path, robot: Robot | None = None) -> FlightRecord:
-        """Load a flight log, or of one that was cut off all that is whole.
+        """Load a flight log; of a truncated one, all whole records.
 
         Args:
-            path: File that `FlightLog` wrote.
-            robot: Robot that it must be of; ``None`` for any.
+            path: File written by `FlightLog`.
+            robot: Robot that it must belong to; ``None`` for any.
 
         Raises:
-            ValueError: one line that names the file and its fault: it is no flight log, is
+            ValueError: one line with the file and its problem: it is not a flight log, is
                 damaged, or another robot's.
         """
         try:
@@ -261,7 +261,7 @@ class FlightRecord:
         except OSError as error:
             raise ValueError(f"flight log {path}: {error.strerror or error}") from error
         if not data.startswith(MCAP0_MAGIC):
-            raise ValueError(f"flight log {path}: not an MCAP file, allowed a log of FlightLog")
+            raise ValueError(f"flight log {path}: not an MCAP file, expected a log of FlightLog")
         try:
             record = _read(path, data)
         except DAMAGE as error:
@@ -272,17 +272,17 @@ class FlightRecord:
         return record
 
     def check_robot(self, robot: Robot) -> None:
-        """Refuse another robot.
+        """Refuse the log of another robot.
 
         Raises:
-            ValueError: saying whose log it is.
+            ValueError: naming its robot.
         """
         if self.robot != robot.name:
-            fault = f"of robot '{self.robot}', allowed '{robot.name}'"
+            fault = f"of robot '{self.robot}', expected '{robot.name}'"
         elif self.joint_names != robot.joint_names:
             fault = (
                 f"of a '{robot.name}' with joints {', '.join(self.joint_names)}, "
-                f"allowed {', '.join(robot.joint_names)}"
+                f"expected {', '.join(robot.joint_names)}"
             )
         else:
             return
@@ -298,9 +298,9 @@ def _read(path: Path, data: bytes) -> FlightRecord:
     content = Content(data)
     about = content.about
     if not about:
-        raise ValueError("it does not say which robot it is of")
+        raise ValueError("it does not name its robot")
     if about["format"] != FORMAT:
-        raise ValueError(f"format is '{about['format']}', allowed '{FORMAT}'")
+        raise ValueError(f"format is '{about['format']}', expected '{FORMAT}'")
     names = {topic: name for name, topic in TOPICS.items()}
     joint_names = tuple(map(str, orjson.loads(about["joint_names"])))
     tracks = {
@@ -324,7 +324,7 @@ def _read(path: Path, data: bytes) -> FlightRecord:
 
 
 def _check_tracks(tracks: dict[str, Track], n: int) -> None:
-    """Check that each cycle was measured, asked and sent, n joints each."""
+    """Check that each cycle has a measurement and both commands, of n joints."""
     cycles = tracks["state"].cycle
     for name in NEEDED:
         if not np.array_equal(tracks[name].cycle, cycles):
@@ -332,7 +332,7 @@ def _check_tracks(tracks: dict[str, Track], n: int) -> None:
     for name in ("state", "sent"):
         shape = tracks[name]["joint_pos"].shape
         if shape != (len(cycles), n):
-            raise ValueError(f"{name} has angles of shape {shape}, allowed {(len(cycles), n)}")
+            raise ValueError(f"{name} has angles of shape {shape}, expected {(len(cycles), n)}")
 
 
 def _parse_posture(text: str, joint_names: tuple[str, ...]) -> Posture | None:

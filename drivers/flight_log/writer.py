@@ -1,4 +1,4 @@
-"""The flight log: what a robot measured, was asked and was sent, cycle by cycle, on disk."""
+"""Flight log: measurement, requested and sent command of every cycle, on disk."""
 
 from __future__ import annotations
 
@@ -24,34 +24,33 @@ FORMAT = "1"
 METADATA = "flight"
 """Name of the metadata record."""
 TOPICS = {"asked": "/command_asked", "sent": "/command_sent"}
-"""Topics of the parts of a cycle that are not called like their field."""
+"""Topics of the parts of a cycle that differ from their field's name."""
 EVENT = "/event"
 REST = "/cycle"
-"""Topic of what a cycle holds besides its parts."""
+"""Topic of the other fields of a cycle."""
 
 # A chunk of 64 KiB takes 0.4 to 0.8 ms to compress and write; one of 256 KiB would make the
-# log a tenth smaller, but keep its cycle waiting for more than a millisecond.
-CHUNK_TIME = 0.25  # s of the wall clock
+# log a tenth smaller, but delay its cycle by more than a millisecond.
+CHUNK_TIME = 0.25  # s of wall time
 CHUNK_BYTES = 1 << 16
 UNBOUNDED = 1 << 40  # bytes; chunks end between cycles only, so that a cut log holds whole ones
 
 
 class FlightLog:
-    """Write a flight log: an MCAP file that Foxglove opens and `FlightRecord.load` reads.
+    """Writes a flight log: an MCAP file that Foxglove opens and `FlightRecord.load` reads.
 
     Each part of a cycle has its topic (``/state``, ``/command_asked``, ``/command_sent``,
     and one for each further field of `Cycle` that is a dataclass) and each field of a part
-    its key, so new fields are recorded without a line here. Messages are JSON: a float is
-    read back bit for bit, only infinity and NaN both become NaN. A message's sequence number
-    is the number of its cycle.
+    its key, so new fields are recorded automatically. Messages are JSON: floats are read back
+    exactly, except that infinity becomes NaN. A message's sequence number is its cycle.
 
-    The log must outlive its program. So it is written under its own name from the start,
-    whole chunks at a time: what is on disk is readable after a kill, but for the last
-    quarter of a second (a power cut may take more). Nothing recorded is written over: a file
-    that has the name already is moved to ``NAME.1``, or the next number that is free.
+    The log must survive its program. So it is written under its own name from the start, in
+    whole chunks: after a kill all is readable but the last quarter of a second (a power cut
+    may lose more). Nothing is overwritten: an existing file is renamed to ``NAME.1``, or the
+    next free number.
 
-    A disk that is full must not make a robot fall: recording stops, ``fault`` tells why.
-    One thread may use it.
+    A full disk must not make a robot fall: recording stops, and ``fault`` gives the reason.
+    Not thread-safe.
     """
 
     def __init__(
@@ -62,13 +61,13 @@ class FlightLog:
         about: Mapping[str, str | float | int] | None = None,
         start: Posture | None = None,
     ) -> None:
-        """Describe a log; entering it creates the file.
+        """Prepare a log; entering it creates the file.
 
         Args:
             path: File to write.
             robot: Robot whose cycles are logged.
-            about: What else to know of the flight: scene, seed, motion...
-            start: Where the robot is at the first cycle, at rest, if anybody knows.
+            about: Further facts of the flight: scene, seed, motion...
+            start: Posture of the robot at the first cycle, at rest, if known.
         """
         self.path, self._robot = path, robot
         self._about, self._start = dict(about or {}), start
@@ -83,12 +82,12 @@ class FlightLog:
 
     @property
     def cycles(self) -> int:
-        """Return how many cycles were logged."""
+        """Return the number of logged cycles."""
         return self._cycles
 
     @property
     def fault(self) -> str | None:
-        """Return why recording stopped before its time, ``None`` while all is well."""
+        """Return why recording stopped early, ``None`` if it did not."""
         return self._fault
 
     def __enter__(self) -> Self:
@@ -111,13 +110,13 @@ class FlightLog:
         error: BaseException | None,
         _trace: TracebackType | None,
     ) -> None:
-        """Close; an exception that passes is the last event."""
+        """Close; an exception is logged as the last event."""
         if error is not None:
             self.event(self._time, "exception", f"{type(error).__name__}: {error}".rstrip(": "))
         self.close()
 
     def log(self, cycle: Cycle) -> None:
-        """Record a cycle; made to be the ``on_cycle`` of `drivers.run`."""
+        """Record a cycle; an ``on_cycle`` of `drivers.run`."""
         self._set_time(cycle.state.time)
         if not self._cycles:
             values = {field.name: getattr(cycle, field.name) for field in fields(cycle)}
@@ -133,10 +132,10 @@ class FlightLog:
             self._flush()
 
     def event(self, time: float, kind: str, text: str) -> None:
-        """Record something that happens seldom, and have it on disk at once.
+        """Record a rare event, and write it to disk at once.
 
         Args:
-            time: When, on the backend's clock [s].
+            time: On the backend's clock [s].
             kind: One word: "fault", "alert", "phase"...
             text: One line.
         """
@@ -145,8 +144,8 @@ class FlightLog:
         self._flush()
 
     def close(self) -> None:
-        """Finish the file; harmless when it is closed."""
-        with self._giving_up_on_faults():
+        """Finish the file; harmless if it is closed."""
+        with self._stopping_on_errors():
             if self._writer and self._file:
                 self._writer.finish()
                 self._file.close()
@@ -165,7 +164,7 @@ class FlightLog:
         }
 
     def _set_time(self, time: float) -> None:
-        # MCAP counts from 0 in whole nanoseconds; a clock that fails stays where it was.
+        # MCAP counts from 0 in whole nanoseconds; an invalid time repeats the last one.
         if math.isfinite(time) and time >= 0.0:
             self._time, self._time_ns = time, round(time * 1e9)
 
@@ -173,7 +172,7 @@ class FlightLog:
         if self._writer is None:
             return
         data = _to_json(value)
-        with self._giving_up_on_faults():
+        with self._stopping_on_errors():
             channel = self._channels.get(topic) or self._open_channel(topic, value, data)
             self._writer.add_message(channel, self._time_ns, data, self._time_ns, self._cycles)
         self._pending += len(data)
@@ -187,25 +186,25 @@ class FlightLog:
         return self._channels[topic]
 
     def _flush(self) -> None:
-        with self._giving_up_on_faults():
+        with self._stopping_on_errors():
             if self._writer:
                 self._writer.flush()
         self._pending, self._flushed_at = 0, time.monotonic()
 
     @contextmanager
-    def _giving_up_on_faults(self) -> Iterator[None]:
+    def _stopping_on_errors(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
             self._fault = f"flight log {self.path}: {error.strerror or error}, recording stopped"
             if self._file:
-                with suppress(OSError):  # it tries to write what it holds
+                with suppress(OSError):  # closing tries to write the rest
                     self._file.close()
             self._writer = self._file = None
 
 
 def _make_room(path: Path) -> None:
-    """Move a file that has the name away to the next free number."""
+    """Rename an existing file to the next free number."""
     if path.is_file():
         numbered = (path.with_name(f"{path.name}.{number}") for number in itertools.count(1))
         path.rename(next(free for free in numbered if not free.exists()))
@@ -216,17 +215,17 @@ def _to_json(value: Any) -> bytes:
 
 
 def _plain(value: Any) -> Any:
-    """Make JSON of what it does not know: arrays with gaps in memory, and odd values."""
+    """Convert values unknown to orjson: non-contiguous arrays, and others by their repr."""
     return value.tolist() if isinstance(value, np.ndarray) else repr(value)
 
 
 def _clean(text: str) -> str:
-    """Replace what no UTF-8 file can hold, such as a file name of odd bytes."""
+    """Replace characters that UTF-8 cannot encode, such as a file name's invalid bytes."""
     return text.encode("utf-8", "replace").decode()
 
 
 def _describe_json(value: Any) -> dict[str, Any]:
-    """Describe a JSON value in JSON Schema; null stands for a number that is none."""
+    """Describe a JSON value in JSON Schema; null stands for NaN."""
     if isinstance(value, dict):
         return {
             "type": "object",

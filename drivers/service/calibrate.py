@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from drivers.dynamixel.bus import Request
-from drivers.dynamixel.control_table import REVERSE_MODE, table_named
+from drivers.dynamixel.control_table import DriveMode, table_named
 from drivers.dynamixel.diagnostics import DiagnosticsError, name_all, name_of
 from drivers.errors import DriverError, SetupError
 from drivers.service.session import RobotBus
@@ -146,7 +146,7 @@ class Calibrator:
             DiagnosticsError: listing all that cannot.
         """
         found = self._bus.diagnose(tuple(m.joint for m in self.measured))
-        usable = {s.name for s in found.servos if not s.registers["drive_mode"] & REVERSE_MODE}
+        usable = {s.name for s in found.servos if not s.registers["drive_mode"] & DriveMode.REVERSE}
         blocking = [
             finding
             for finding in found.errors

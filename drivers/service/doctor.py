@@ -276,7 +276,7 @@ def _check_latency(port: str, latency: Latency | None, limit: float) -> list[Fin
     remedy = "set the adapter's latency timer to 1 ms, stop other programs, or use a faster bus"
     if latency.reading_median > limit:
         text = f"reading takes {latency.reading_median * 1e3:.1f} ms of each cycle, {expected}"
-        findings.append(Finding(Severity.ERROR, port, text, remedy))
+        findings.append(Finding.error(port, text, remedy))
     elif latency.reading_p99 > limit:
         text = f"reading takes up to {latency.reading_p99 * 1e3:.1f} ms, {expected}"
         findings.append(Finding(Severity.WARNING, port, text, remedy))

@@ -15,7 +15,6 @@ from drivers.dynamixel.diagnostics import (
     DiagnosticsError,
     Finding,
     ServoFacts,
-    Severity,
     diagnose,
     find_duplicate_ids,
     name_of,
@@ -96,16 +95,14 @@ class RobotBus:
         ]
         if failed:
             text, remedy = "does not confirm torque off", "check its cable, or switch it off"
-            raise DiagnosticsError(
-                [Finding(Severity.ERROR, name_of(j), text, remedy) for j in failed]
-            )
+            raise DiagnosticsError([Finding.error(name_of(j), text, remedy) for j in failed])
 
     def _check_board(self) -> None:
         """Check the board, and switch the servos' power on."""
         settings = self.robot.bus.board if self.robot.bus else None
         if settings is None:
             text, remedy = "names no board with an IMU", "add a [bus.board] table"
-            self.findings.append(Finding(Severity.ERROR, "robot.toml", text, remedy))
+            self.findings.append(Finding.error("robot.toml", text, remedy))
             return
         bus = next(port.bus for port in self.ports if port.name == settings.port)
         board = OpenCr(bus, settings)

@@ -81,8 +81,8 @@ class Calibrate(RobotOption):
         console = console_for(self.json)
         prompt = open_prompt(console)
         if prompt is None and (self.signs or not self.yes):
-            needed = "--signs needs a person" if self.signs else "there is nobody to ask (or --yes)"
-            raise BadInputError(f"standard input is no terminal: {needed}")
+            needed = "--signs needs a person" if self.signs else "it cannot ask (or use --yes)"
+            raise BadInputError(f"standard input is not a terminal: {needed}")
         asker = None if self.yes else prompt
         with open_robot_bus(robot, ports) as bus:
             calibrator = Calibrator(bus, joints)

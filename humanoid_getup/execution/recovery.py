@@ -11,9 +11,9 @@ import numpy as np
 
 from drivers import Command, Fault, FaultKind, SafetyGuard, State
 from drivers.control_loop import Pacer
-from drivers.safety_guard import describe_alert
+from drivers.state import HardwareError
 
-OVERHEATING, OVERLOAD = 4, 32  # bits of State.alert (e-manual, Hardware Error Status)
+OVERHEATING, OVERLOAD = int(HardwareError.OVERHEATING), int(HardwareError.OVERLOAD)
 MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; more often means a fault that reboots do not cure
 ALERT_TIME = 1.0  # s within which a servo in error reports its error
 REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
@@ -204,7 +204,8 @@ class Recovery:
     def _describe(self, state: State, joints: np.ndarray) -> str:
         names = self._guard.robot.joint_names
         return ", ".join(
-            f"joint '{names[j]}' reports {describe_alert(int(state.alert[j]))}" for j in joints
+            f"joint '{names[j]}' reports {HardwareError(int(state.alert[j])).describe()}"
+            for j in joints
         )
 
 

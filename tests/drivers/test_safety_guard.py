@@ -218,7 +218,7 @@ def test_a_fault_is_latched_until_cleared(guard):
         (Command.position(ROBOT, np.array([0.0, np.inf])), "'r_hip': target is inf"),
         (replace(hold(0.0), torque_limit=np.array([-1.0, 1.0])), "'l_hip': torque limit is -1.0"),
         (replace(hold(0.0), gain_scale=np.array([1.0, np.nan])), "'r_hip': gain share is nan"),
-        (Command.limp(3), "target has shape (3,), allowed (2,)"),
+        (Command.limp(3), "target has shape (3,), expected (2,)"),
     ],
 )
 def test_a_bad_command_is_a_fault_that_names_its_culprit(guard, bad, culprit):
@@ -256,7 +256,7 @@ def test_a_hot_servo_is_a_fault(guard, backend):
     backend.state = still_state(ROBOT, temperature=np.array([30.0, 76.0]))
     guard.read()
     assert guard.write(hold(0.0)).is_limp
-    assert guard.fault.detail == "joint 'r_hip' has 76 °C, allowed 75 °C"
+    assert guard.fault.detail == "joint 'r_hip' has 76 °C, expected at most 75 °C"
 
 
 def test_connecting_again_forgets_faults_and_counts(guard):

@@ -69,7 +69,7 @@ def test_letting_go_is_never_held_up(guard, backend):
         ({"alert": np.array([36, 0])}, FaultKind.SERVO_ERROR, "overheating and overload"),
         ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "has not named"),
         ({"imu_age": 0.4}, FaultKind.LOST_IMU, "since 0.40 s"),
-        ({"voltage": 9.9}, FaultKind.LOW_VOLTAGE, "9.9 V, allowed 10.0 V or more"),
+        ({"voltage": 9.9}, FaultKind.LOW_VOLTAGE, "9.9 V, expected 10.0 V or more"),
     ],
 )
 def test_what_is_not_well_makes_the_robot_limp_at_once(guard, backend, changes, kind, words):

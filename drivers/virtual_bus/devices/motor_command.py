@@ -3,18 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntFlag
 
 from drivers.dynamixel.control_table import OperatingMode
-
-
-class DriveMode(IntFlag):
-    """Bits of the item ``drive_mode`` (e-manual)."""
-
-    REVERSE = 1
-    TIME_BASED = 4
-    TORQUE_BY_GOAL = 8
-
 
 POSITION_MODES = frozenset(
     (

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-from drivers.virtual_bus.devices.motor_command import DriveMode
+from drivers.dynamixel.control_table import DriveMode
 from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import RAD_PER_TICK
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 import struct
 
-from drivers.dynamixel.control_table import OperatingMode
+from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
-from drivers.virtual_bus.devices.motor_command import POSITION_MODES, DriveMode
+from drivers.virtual_bus.devices.motor_command import POSITION_MODES
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers

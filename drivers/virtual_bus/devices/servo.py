@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from drivers.dynamixel.control_table import HardwareError, OperatingMode, table_named
+from drivers.dynamixel.control_table import DriveMode, HardwareError, OperatingMode, table_named
 from drivers.dynamixel.protocol2 import ALERT, MAX_ID
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.maintenance import (
@@ -15,7 +15,7 @@ from drivers.virtual_bus.devices.maintenance import (
     reset,
     reset_ram,
 )
-from drivers.virtual_bus.devices.motor_command import POSITION_MODES, DriveMode, MotorCommand
+from drivers.virtual_bus.devices.motor_command import POSITION_MODES, MotorCommand
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks

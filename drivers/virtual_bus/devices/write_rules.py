@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from drivers.dynamixel.control_table import OperatingMode
+from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber
-from drivers.virtual_bus.devices.motor_command import DriveMode
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 

@@ -317,9 +317,9 @@ def test_a_damaged_log_is_never_read_wrong(logged, tmp_path):
 @pytest.mark.parametrize(
     ("content", "fault"),
     [
-        (b"time,angle\n0.0,1.0\n", "not an MCAP file, allowed a log of FlightLog"),
-        (b"", "not an MCAP file, allowed a log of FlightLog"),
-        (b"\x89MCAP0\r\n", "damaged (it does not say which robot it is of)"),
+        (b"time,angle\n0.0,1.0\n", "not an MCAP file, expected a log of FlightLog"),
+        (b"", "not an MCAP file, expected a log of FlightLog"),
+        (b"\x89MCAP0\r\n", "damaged (it does not name its robot)"),
     ],
 )
 def test_what_is_no_flight_log_is_refused_in_one_line(tmp_path, content, fault):
@@ -336,5 +336,5 @@ def test_a_missing_file_is_told(tmp_path):
 
 
 def test_another_robots_log_is_refused(logged, op3):
-    with pytest.raises(ValueError, match=r"it is of robot 'tiny', allowed 'op3'"):
+    with pytest.raises(ValueError, match=r"it is of robot 'tiny', expected 'op3'"):
         FlightRecord.load(logged, op3)

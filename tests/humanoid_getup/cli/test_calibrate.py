@@ -407,7 +407,7 @@ def refuse(capsys, *arguments: str, code: int = 2, table: bool = False) -> str:
 def test_without_a_terminal_it_needs_a_yes_and_signs_need_a_person(folder, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO())
     mine = ("--robot", str(folder), "--port", "/dev/nowhere")
-    assert "standard input is no terminal: there is nobody to ask" in refuse(capsys, *mine)
+    assert "standard input is not a terminal: it cannot ask" in refuse(capsys, *mine)
     assert "--signs needs a person" in refuse(capsys, *mine, "--signs", "--yes")
 
 

@@ -1,12 +1,12 @@
-"""Records: how often each way of getting up has ended in a held stand.
+"""Track record: how often each way of getting up has ended in a held stand.
 
-A robot's records lie in ``policies/records.toml`` of its folder, one table a way and torque
-limit. Every class may be left out where nothing was measured, and ``cap`` where both kinds of
-caps are alike: at all that the servos have::
+A robot's records are in ``policies/records.toml`` of its folder, one table for each way and
+torque limit. A class may be left out if it was not measured, and ``cap`` if both kinds of
+torque limit are the same, that is, at the full torque of the servos::
 
     [[record]]
     method = "plan"        # or "policy"
-    torque_limit = 2.5     # cap on every servo [N·m]
+    torque_limit = 2.5     # of every servo [N·m]
     supine = { stood = 248, n = 250 }
     prone = { stood = 249, n = 250 }
 
@@ -14,7 +14,7 @@ caps are alike: at all that the servos have::
     method = "policy"
     policy = "robust"      # which; with method "policy" only
     torque_limit = 2.5
-    cap = "pwm"            # as servos in position mode have it, or "torque"
+    cap = "pwm"            # limited by voltage as in position mode, or "torque"
     supine = { stood = 240, n = 250 }
 """
 
@@ -63,20 +63,20 @@ class Count:
 
 @dataclass(frozen=True)
 class Record:
-    """How one way went under one torque limit."""
+    """Results of one way under one torque limit."""
 
     way: Way
     torque_limit: float
-    """Cap on every servo [N·m]."""
+    """Torque limit of every servo [N·m]."""
     counts: Mapping[str, Count]
     """By the class of the start."""
     cap: str | None = None
-    """`BY_TORQUE` or `BY_PWM`; None where both are alike."""
+    """`BY_TORQUE` or `BY_PWM`; None if both are the same."""
 
 
 @dataclass(frozen=True)
 class TrackRecord:
-    """What is known of a robot's ways of getting up."""
+    """Measured results of a robot's ways of getting up."""
 
     records: tuple[Record, ...] = ()
 
@@ -90,9 +90,8 @@ class TrackRecord:
         """Return the share of stands that a way can be trusted to reach, from 0 to 1.
 
         It is the lower end of the 95 % interval, so that few rises promise little. A robot
-        with stronger servos gets up no worse: what counts is the record with the highest
-        torque limit [N·m] that is not above the one asked for. Without one, nothing is
-        promised.
+        with stronger servos gets up no worse: the record with the highest torque limit [N·m]
+        up to the requested one counts. Without such a record the share is 0.
         """
         fitting = [
             record
@@ -131,7 +130,7 @@ class _File:
 
 
 def load_records(robot: Robot) -> TrackRecord:
-    """Load a robot's records; a robot without them has none.
+    """Load a robot's track record, which is empty if it has no file.
 
     Raises:
         RecordsError: naming all that is wrong with the file.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
 from robots.arrays import NUMBERS, load_arrays, save_arrays, to_text
+from robots.files import atomic_path
 from robots.posture import UNIT_TOLERANCE
 from robots.quaternion import Array
 
@@ -145,7 +146,10 @@ class Motion:
         names = [*root, *robot.joint_names, *(f"{name}_target" for name in robot.joint_names)]
         columns = [self.time[:, None], self.position, self.orientation]
         table = np.hstack([*columns, self.joint_pos, self.joint_target])
-        np.savetxt(path, table, fmt="%.6f", delimiter=",", header=",".join(names), comments="")
+        with atomic_path(path) as partial:
+            np.savetxt(
+                partial, table, fmt="%.6f", delimiter=",", header=",".join(names), comments=""
+            )
 
     @classmethod
     def load(cls, path: Path) -> Motion:

@@ -18,6 +18,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import (
+    TYPE_CHECKING,
     Annotated,
     Any,
     Literal,
@@ -36,7 +37,10 @@ from msgspec import Meta
 MANY = 3  # names that one message still lists
 
 T = TypeVar("T")
-Sign = Literal[-1, 1]
+if TYPE_CHECKING:
+    Sign = int  # of which a type checker cannot see that it is -1 or 1
+else:
+    Sign = Literal[-1, 1]
 Names = Annotated[tuple[str, ...], Meta(min_length=1)]
 Angle = Annotated[float, Meta(description="a finite angle in rad")]
 

@@ -1,4 +1,4 @@
-"""A rising motion: postures over time, and what the servos are sent."""
+"""A rising motion: postures over time, and the targets of the servos."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
 from robots.arrays import NUMBERS, load_arrays, save_arrays, to_text
+from robots.files import atomic_path
 from robots.posture import UNIT_TOLERANCE
 from robots.quaternion import Array
 
@@ -36,7 +37,7 @@ class Motion:
     """Name of the robot it was made for."""
     start_class: StartClass
     strategy: str
-    """How it rises, in biomechanics' terms, e.g. "sit-up"."""
+    """Kind of rise in terms of biomechanics, such as "sit-up"."""
     time: Array
     """Sample times from the start [s], shape (T,), strictly increasing."""
     position: Array
@@ -44,20 +45,20 @@ class Motion:
     orientation: Array
     """Root orientation in the world, unit quaternions w x y z, shape (T, 4)."""
     joint_pos: Array
-    """Angles that the joints go through [rad], shape (T, n), in the robot's joint order."""
+    """Joint angles [rad], shape (T, n), in the robot's joint order."""
     joint_target: Array
-    """Angles that the servos are sent [rad], shape (T, n).
+    """Target angles of the servos [rad], shape (T, n).
 
-    They differ from ``joint_pos`` by what loads the joints: a position servo
-    makes its torque from the difference.
+    They differ from ``joint_pos`` by the load on the joints: a position servo produces
+    its torque from the difference.
     """
     entry: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """Frames from which the rest, started at rest there, still ends standing, (T,).
+    """Frames at which the motion may be entered at rest and still ends standing, (T,).
 
-    Left out or all False means frame 0 alone.
+    Empty or all False means frame 0 alone.
     """
     provenance: dict[str, str | float | int] = field(default_factory=dict)
-    """Where it comes from: program, seed, cost..."""
+    """How it was made: program, seed, cost..."""
 
     def __post_init__(self) -> None:
         if not np.any(self.entry):
@@ -145,7 +146,10 @@ class Motion:
         names = [*root, *robot.joint_names, *(f"{name}_target" for name in robot.joint_names)]
         columns = [self.time[:, None], self.position, self.orientation]
         table = np.hstack([*columns, self.joint_pos, self.joint_target])
-        np.savetxt(path, table, fmt="%.6f", delimiter=",", header=",".join(names), comments="")
+        with atomic_path(path) as partial:
+            np.savetxt(
+                partial, table, fmt="%.6f", delimiter=",", header=",".join(names), comments=""
+            )
 
     @classmethod
     def load(cls, path: Path) -> Motion:
@@ -185,7 +189,7 @@ def _shape_faults(motion: Motion) -> list[str]:
         return [f"time has shape {motion.time.shape}, expected (T,) with T > 0"]
     frames = len(motion.time)
     n = motion.joint_pos.shape[-1] if motion.joint_pos.ndim else 0
-    allowed = {
+    expected = {
         "position": (frames, 3),
         "orientation": (frames, 4),
         "joint_pos": (frames, n),
@@ -194,7 +198,7 @@ def _shape_faults(motion: Motion) -> list[str]:
     }
     return [
         f"{key} has shape {getattr(motion, key).shape}, expected {shape}"
-        for key, shape in allowed.items()
+        for key, shape in expected.items()
         if getattr(motion, key).shape != shape
     ]
 
@@ -204,14 +208,14 @@ def _first_odd(values: Array) -> str:
     return f"{values[tuple(index)]} at {index.tolist()}"
 
 
-BLEND = 0.32  # s in which the motion's load on the servos comes in
+BLEND = 0.32  # s over which the motion's load on the servos is blended in
 
 
 def join(motion: Motion, frame: int, joint_pos: Array, period: float) -> Array:
-    """Compute the targets that take a motion up at a frame, (T, n).
+    """Compute the targets that enter a motion at a frame, (T, n).
 
-    What the motion's targets lead the joint angles ``joint_pos`` by at first, which is
-    the load on the servos there, comes in smoothly.
+    The initial lead of the motion's targets over the joint angles ``joint_pos``, which is
+    the load on the servos there, is blended in smoothly.
     """
     time = np.arange(motion.time[frame], motion.time[-1] + 0.5 * period, period)
     share = np.clip((time - time[0]) / BLEND, 0.0, 1.0)[:, None]

@@ -1,4 +1,4 @@
-"""What a policy's action means: the one code that turns it into joint targets.
+"""The action space: how a policy's action becomes joint targets.
 
 Training and robot call the same functions, on a thousand robots or on one.
 """
@@ -20,11 +20,11 @@ from robots.validation import Names, on_axes, positive, whole
 CYCLES = 6  # control cycles a policy step: 48 ms, about 20 Hz, at the OP3's 8 ms
 SPEED_SHARE = 0.95  # of the servo's no-load speed, so that whole ticks stay within the guard's
 LEAD = 0.6  # rad; full voltage at the servo's position gain needs 0.22
-EAGERNESS = 2.0  # half an action already asks for all the speed: exploring is bold
-# rad of tilt, and rad of a joint from home, from which on a rate counts in full
+EAGERNESS = 2.0  # half an action already commands full speed, for bold exploration
+# rad of tilt, and rad of a joint from home, at and above which rates count in full
 CALM_TILT, CALM_AWAY = 0.5, 0.5
 CALMEST = 0.15  # of a rate, for a robot that stands: enough to balance, too slow to shake
-HOMING_SHARE = 0.4  # of the servo's speed, for joints that come home by themselves
+HOMING_SHARE = 0.4  # of the servo's speed, for joints that return home by themselves
 
 
 class ActionMode(StrEnum):
@@ -42,9 +42,9 @@ class ActionMode(StrEnum):
 class StanceScaling:
     """How rates slow down as a robot comes to stand.
 
-    A policy that learns by trying rates must fight what it tries, and does so with a gain
-    that shakes a standing robot, whose sensors and servos are late. Fallen it needs full
-    speed; upright, with its joints near home, a small share of it.
+    A policy that explores by rates must counteract its own exploration, with a gain that
+    shakes a standing robot because sensors and servos are delayed. A fallen robot needs full
+    speed; an upright one with its joints near home a small share of it.
     """
 
     tilt: Annotated[float, positive(10.0, "rad")]
@@ -114,7 +114,7 @@ class ActionSpec(ActionTerms):
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
-        """Tell which joints actions move, shape (n,)."""
+        """Return which joints actions move, shape (n,)."""
         return np.any(self.directions != 0.0, axis=0)
 
     def mirror_sign(self, robot: Robot) -> Array:
@@ -142,16 +142,16 @@ def build_action_spec(
 ) -> ActionSpec:
     """Build rate actions in which mirrored joints move together, and apart.
 
-    A 20 Hz rate is integrated into real motion where noise on targets would be averaged
-    away by a slow servo, and moving both sides alike halves the search. Joints that no
-    number moves come home by themselves.
+    A 20 Hz rate is integrated into real motion, where noise on targets would be averaged
+    out by a slow servo, and moving both sides alike halves the search space. Joints that no
+    number moves return home by themselves.
 
     Args:
         robot: Robot whose joints move.
-        together: One joint of each mirrored pair that has a number for both sides alike.
-        apart: One joint of each pair that has a number for both sides contrary.
-        homing: One joint of each pair that comes home by itself though a number moves it.
-        apart_share: Share of the scale that a contrary number moves.
+        together: One joint of each mirrored pair with a number that moves both sides alike.
+        apart: One joint of each pair with a number that moves both sides oppositely.
+        homing: One joint of each pair that returns home by itself although a number moves it.
+        apart_share: Share of the scale that an opposite number moves.
         pwm_limit: Largest share of the supply that the motors get.
     """
     names = [f"{name} together" for name in together] + [f"{name} apart" for name in apart]
@@ -186,11 +186,11 @@ def build_action_spec(
 
 
 def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSpec:
-    """Choose what a policy that gets this robot up moves.
+    """Build the action space of a policy that gets this robot up.
 
     Args:
         robot: Robot.
-        wide: Whether mirrored joints may also move contrary to each other, and limbs spread.
+        wide: Whether mirrored joints may also move oppositely, and limbs spread.
         pwm_limit: Largest share of the supply that the motors get.
     """
     rising, spreading = robot.rising_joints, robot.spreading_joints
@@ -203,14 +203,14 @@ def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSp
 def next_target(
     spec: ActionSpec, target: Array, measured: Array, gravity: Array, action: Array
 ) -> Array:
-    """Compute where the joints shall be at the end of a policy step [rad], (..., n).
+    """Compute the joint targets at the end of a policy step [rad], (..., n).
 
     Args:
-        spec: What the numbers mean.
+        spec: Action space.
         target: Last targets [rad], (..., n).
         measured: Measured angles [rad], (..., n).
         gravity: Direction of gravity in the torso, (..., 3).
-        action: Numbers from -1 to 1; beyond, they are cut. (..., k)
+        action: Numbers, clipped to [-1, 1], (..., k).
     """
     share = _clip(_clip(action, -1.0, 1.0) @ spec.directions, -1.0, 1.0)
     if spec.mode == ActionMode.RATE:
@@ -228,7 +228,7 @@ def next_target(
 
 
 def _clip(values: Array, lower: Array | float, upper: Array | float) -> Array:
-    """Cut values to a range: np.clip, in half its time where a robot has twenty joints."""
+    """Clip values to a range, in half the time of np.clip for twenty joints."""
     return np.minimum(np.maximum(values, lower), upper)
 
 
@@ -236,7 +236,7 @@ def between(target: Array, following: Array, cycle: int | NDArray[np.int_], cycl
     """Compute the targets of a control cycle of a policy step, or of several [rad].
 
     Args:
-        target: Targets at the begin of the policy step [rad].
+        target: Targets at the beginning of the policy step [rad].
         following: Targets at its end [rad].
         cycle: Which control cycle, counted from 0; an array of them is broadcast.
         cycles: How many a policy step has.

@@ -61,7 +61,7 @@ class PolicyContract:
     def of(
         robot: Robot, action: ActionSpec, period: float, provenance: Mapping[str, Fact]
     ) -> PolicyContract:
-        """Write down what a policy is trained with.
+        """Build the contract of a policy that is trained with these.
 
         Args:
             robot: Robot.

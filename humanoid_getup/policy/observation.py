@@ -1,4 +1,4 @@
-"""What a policy sees: the one code that turns sensors into its input.
+"""The observation space: how measurements become a policy's input.
 
 Training and robot call the same functions, on a thousand robots or on one.
 """
@@ -18,7 +18,7 @@ from robots.quaternion import Array
 from robots.validation import whole
 
 Floats = NDArray[np.float32]
-"""What networks are fed with."""
+"""Input of networks."""
 
 MirrorPart = tuple[NDArray[np.int_], Array]
 """How left and right are exchanged in a part of a vector: index and sign, as in `Mirror`."""
@@ -30,7 +30,7 @@ ROTATION: MirrorPart = (np.arange(3), np.array([-1.0, 1.0, -1.0]))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sensed:
-    """What the sensors of one robot, or of many, tell: first axes (...)."""
+    """Measurements of one robot or of many: first axes (...)."""
 
     gravity: Array
     """Direction of gravity in the torso, (..., 3)."""
@@ -69,9 +69,9 @@ def list_terms_for(robot: Robot, action_size: int) -> tuple[Term, ...]:
 
 
 def compute_torque_share(robot: Robot, action: ActionSpec, torque_limit: Array | float) -> Array:
-    """Compute what a policy is told of a cap on every servo [N·m], (...) to (..., 1).
+    """Compute the observation of a torque limit on every servo [N·m], (...) to (..., 1).
 
-    Above what the strongest servo has, or the policy itself asks for, a cap is none.
+    It saturates at the torque of the strongest servo, or at the policy's own PWM limit.
     """
     return np.minimum(torque_limit / robot.max_torque.max(), action.pwm_limit)[..., None]
 
@@ -79,12 +79,12 @@ def compute_torque_share(robot: Robot, action: ActionSpec, torque_limit: Array |
 def observe(
     robot: Robot, sensed: Sensed, target: Array, last_action: Array, torque_share: Array
 ) -> Floats:
-    """Put an observation together, (..., size).
+    """Build an observation, (..., size).
 
     Args:
         robot: Gives the standing angles, from which joint angles are counted.
-        sensed: What the sensors tell.
-        target: Where the joints shall be by now [rad], (..., n).
+        sensed: Measurements.
+        target: Present joint targets [rad], (..., n).
         last_action: Numbers of the last policy step, (..., k).
         torque_share: Torque limit as a share of the servos' own, (..., 1).
     """

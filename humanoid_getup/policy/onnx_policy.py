@@ -1,4 +1,4 @@
-"""A network in an ONNX file, run by one thread."""
+"""Learned policies: a network in an ONNX file as a controller, run by one thread."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from humanoid_getup.evaluation.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import ContractError, PolicyContract
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
-from humanoid_getup.policy.onnx_file import NetworkError, read_policy_file
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
 from robots import Robot
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
@@ -35,7 +35,7 @@ class OnnxNetwork:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = QUIET
-        model, self.contract = read_policy_file(file)
+        model = read_model(file)
         try:
             self._session = onnxruntime.InferenceSession(
                 model, options, providers=["CPUExecutionProvider"]
@@ -43,6 +43,7 @@ class OnnxNetwork:
         except Exception as error:  # onnxruntime's errors have no base of their own
             reason = " ".join(str(error).split())
             raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
+        self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
         faults = [
             f"{len(values)} {name}, expected 1"
             for name, values in (
@@ -56,7 +57,7 @@ class OnnxNetwork:
         self._input, self._output = self._session.get_inputs()[0], self._session.get_outputs()[0]
 
     def find_faults(self, observation_size: int, action_size: int) -> list[str]:
-        """Tell what keeps the network from mapping (N, observation) to (N, action)."""
+        """List what keeps the network from mapping (N, observation) to (N, action)."""
         faults = []
         for name, value, size in (
             ("input", self._input, observation_size),
@@ -75,12 +76,12 @@ class OnnxNetwork:
         return np.asarray(actions, dtype=float)
 
 
-LONGEST = 12.0  # s; a policy that tries again by itself needs time for it
+LONGEST = 12.0  # s; a policy needs time to try again by itself
 STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
 
 
 class PolicyError(ValueError):
-    """A file is no policy for this robot; the message tells all that is wrong at once."""
+    """A file is not a policy for this robot; the message names all that is wrong at once."""
 
     def __init__(self, file: Path, faults: list[str]) -> None:
         super().__init__(f"policy file {file}: {'; '.join(faults)}")
@@ -88,13 +89,12 @@ class PolicyError(ValueError):
 
 
 class OnnxPolicy:
-    """Runs a trained policy, as it was trained: sensed, decided and interpolated by one code.
+    """Runs a trained policy with the same code as training: observation, action, interpolation.
 
-    Every ``cycles`` control cycles it observes and decides where the targets go; in between
-    they move there evenly. A network that answers with what is no number makes the robot
-    limp for good: ``fault`` tells so. It is done when the robot has stood, by gravity and
-    by targets that hardly move, as long as a held stand takes and the sway before it, or
-    when its time is up.
+    Every ``cycles`` control cycles it observes and computes new targets; in between the
+    targets are interpolated. If the network returns NaN or infinity, torque is switched off
+    for good and ``fault`` holds the reason. It is done when the robot has stood, by gravity
+    and by targets that hardly move, for the duration of a held stand, or when its time is up.
     """
 
     def __init__(
@@ -106,16 +106,16 @@ class OnnxPolicy:
         torque_limit: float | None = None,
         longest: float = LONGEST,
     ) -> None:
-        """Prepare to run a policy that fits; :meth:`load` looks whether it does."""
+        """Prepare to run a policy that fits the robot; :meth:`load` checks it."""
         self.robot, self.contract, self.longest = robot, contract, longest
         self.action = contract.action_spec(robot)
         self.fault: str | None = None
-        """Why it gave up."""
+        """Why it gave up, if it did."""
         self._network, self._torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
         self._torque_share = compute_torque_share(robot, self.action, limit)
         self._sense_gravity = GravitySense(
-            robot.spec().compile().site(robot.imu_site).quat  # how the IMU sits in the torso
+            robot.spec().compile().site(robot.imu_site).quat  # orientation of the IMU in the torso
         )
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
@@ -134,14 +134,14 @@ class OnnxPolicy:
 
         Args:
             file: ONNX file with a `PolicyContract` in its metadata.
-            robot: Robot that it shall move.
+            robot: Robot to move.
             period: Its control period [s].
-            torque_limit: Cap on every servo [N·m]; ``None`` for all that they have.
+            torque_limit: Torque limit of every servo [N·m]; ``None`` for their own.
             longest: Time after which it is done, standing or not [s].
 
         Raises:
             OSError: if the file cannot be read.
-            PolicyError: telling all that does not fit.
+            PolicyError: naming all that does not fit.
         """
         try:
             network = OnnxNetwork(file)
@@ -152,15 +152,15 @@ class OnnxPolicy:
         faults += network.find_faults(contract.observation_size, len(contract.action.names))
         if faults:
             raise PolicyError(file, faults)
-        # A weight that is no number spoils the answer to any question.
+        # A weight that is not finite makes every action not finite.
         blank = np.zeros((1, contract.observation_size), dtype=np.float32)
         if not np.isfinite(network(blank)).all():
-            raise PolicyError(file, ["the network answers with what is no number"])
+            raise PolicyError(file, ["the network returns NaN or infinity"])
         return OnnxPolicy(robot, contract, network, torque_limit=torque_limit, longest=longest)
 
     @property
     def done(self) -> bool:
-        """Tell whether the robot has stood long enough, the time is up, or it gave up."""
+        """Return whether the robot has stood long enough, the time is up, or it gave up."""
         stood = self._steady * self._step_time >= HOLD
         timed_out = self._clock - self._begin >= self.longest - 1e-9
         return self.fault is not None or stood or timed_out
@@ -172,7 +172,7 @@ class OnnxPolicy:
         self._start_at(state.joint_pos)
 
     def step(self, state: State) -> Command:
-        """Decide if it is time to, and send the targets that are due."""
+        """Compute new targets if a policy step begins, and return those of this cycle."""
         self._clock = state.time
         if self.fault is None and self._cycle == 0:
             self._decide(state)
@@ -184,7 +184,7 @@ class OnnxPolicy:
         return Command.position(self.robot, target, self._torque_limit, self.action.pwm_limit)
 
     def sense(self, state: State) -> Sensed:
-        """Turn a measurement into what a policy is told of it."""
+        """Convert a measurement to the quantities that a policy observes."""
         return Sensed(
             gravity=self._sense_gravity(state.orientation),
             gyro=self._sense_gravity.torso_from_imu @ state.gyro,
@@ -193,18 +193,18 @@ class OnnxPolicy:
         )
 
     def observe(self, sensed: Sensed) -> NDArray[np.float32]:
-        """Put together what the network sees at the begin of a policy step, (size,)."""
+        """Build the observation at the beginning of a policy step, (size,)."""
         return observe(self.robot, sensed, self._following, self._last_action, self._torque_share)
 
     def act(self, observations: NDArray[np.float32]) -> Array:
-        """Ask the network what to do, (N, size) to (N, k), as it answers: nothing is cut."""
+        """Compute actions from observations, (N, size) to (N, k), before any clipping."""
         return self._network(observations)
 
     def _start_at(self, joint_pos: Array) -> None:
         self._target = self._following = joint_pos
         self._last_action = np.zeros(self.action.size)
         self._cycle = 0
-        self._steady = 0  # policy steps in a row that it stands
+        self._steady = 0  # policy steps in a row in which it stands
 
     def _decide(self, state: State) -> None:
         sensed = self.sense(state)
@@ -213,7 +213,7 @@ class OnnxPolicy:
         if not np.isfinite(action).all():
             names = self.action.names
             bad = ", ".join(names[i] for i in np.flatnonzero(~np.isfinite(action)))
-            self.fault = f"the network answers with what is no number: {bad}"
+            self.fault = f"the network returns NaN or infinity: {bad}"
             return
         self._last_action = np.clip(action, -1.0, 1.0)
         self._following = next_target(

@@ -20,7 +20,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.contract import Fact, PolicyContract
 from humanoid_getup.policy.observation import list_terms
-from humanoid_getup.policy.onnx_file import seal_model
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
 from robots import Robot
 from robots.files import atomic_path
@@ -176,7 +176,8 @@ def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
     model = onnx.load(str(file))
     for node in model.graph.node:
         node.ClearField("metadata_props")  # stack traces, with this machine's paths
-    file.write_bytes(seal_model(model.SerializeToString(), contract.to_json()))
+    onnx.helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
+    file.write_bytes(seal_model(model.SerializeToString()))
 
 
 def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:

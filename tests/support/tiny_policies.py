@@ -9,7 +9,7 @@ from onnx import TensorProto, helper, numpy_helper
 from humanoid_getup.policy.action import ActionSpec, build_action_spec
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import list_terms
-from humanoid_getup.policy.onnx_file import seal_model
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from robots import Robot
 
 
@@ -55,10 +55,10 @@ def save_policy(
         [numpy_helper.from_array(np.float32(value), name) for name, value in values.items()],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
-    content = model.SerializeToString()
     if contract is not None:
-        content = seal_model(content, contract or contract_of(robot).to_json())
-    file.write_bytes(content)
+        text = contract or contract_of(robot).to_json()
+        helper.set_model_props(model, {CONTRACT_KEY: text})
+    file.write_bytes(seal_model(model.SerializeToString()))
     return file
 
 

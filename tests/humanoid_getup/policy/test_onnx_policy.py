@@ -101,7 +101,7 @@ def test_a_contract_that_is_none_is_refused(tiny: Robot, tmp_path: Path):
 def test_weights_that_are_no_numbers_are_refused(tiny: Robot, tmp_path: Path, value: float):
     weight = weights_of(tiny, gyro=value)
     file = save_policy(tmp_path / "p.onnx", tiny, weight=weight)
-    with pytest.raises(PolicyError, match="answers with what is no number"):
+    with pytest.raises(PolicyError, match="returns NaN or infinity"):
         OnnxPolicy.load(file, tiny, PERIOD)
 
 
@@ -230,7 +230,7 @@ def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(
     sent = [policy.step(state) for state in states]
     assert [command.is_limp for command in sent] == [False] * 5 + [True] * 6
     assert policy.done
-    assert policy.fault == "the network answers with what is no number: l_hip together"
+    assert policy.fault == "the network returns NaN or infinity: l_hip together"
     policy.reset(state_of(tiny))
     assert (policy.done, policy.fault) == (False, None)
 

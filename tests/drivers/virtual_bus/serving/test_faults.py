@@ -442,21 +442,23 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
         FaultSchedule.from_file(file, IDS)
     told = str(caught.value)
     assert "\n" not in told
-    assert told.startswith(f"{file}: unknown table 'other', allowed fault; fault 1: kill: at is -1")
+    assert told.startswith(
+        f"{file}: unknown table 'other', expected fault; fault 1: kill: at is -1"
+    )
     for part in (
-        "fault 1: kill: at is -1, allowed a number from 0 to 1e+06 s",
-        "fault 1: kill: id is 300, allowed an integer from 0 to 252",
-        "fault 2: kind is 'melt', allowed lose_request,",
-        "fault 3: trip: id is 9, allowed 1, 2, 3",
-        "fault 3: trip: error is 'fire', allowed voltage, overheating, encoder, shock, overload",
-        "fault 3: trip: unknown field 'color', allowed kind, at, id, error",
-        "fault 4: flip: rate is 2, allowed a number from 0 to 1",
-        "fault 5: lose: count is 0, allowed an integer from 1 to",
-        "fault 5: lose: has a rate and also a count or an id, allowed one or the other",
+        "fault 1: kill: at is -1, expected a number from 0 to 1e+06 s",
+        "fault 1: kill: id is 300, expected an integer from 0 to 252",
+        "fault 2: kind is 'melt', expected lose_request,",
+        "fault 3: trip: id is 9, expected 1, 2, 3",
+        "fault 3: trip: error is 'fire', expected voltage, overheating, encoder, shock, overload",
+        "fault 3: trip: unknown field 'color', expected kind, at, id, error",
+        "fault 4: flip: rate is 2, expected a number from 0 to 1",
+        "fault 5: lose: count is 0, expected an integer from 1 to",
+        "fault 5: lose: has a rate and also a count or an id, expected only one of them",
         "fault 6: sag: at is nan",
-        "fault 6: sag: voltage is missing, allowed a number from 0 to 30 V",
-        "fault 7: lose: has a time to last and no rate, allowed a rate",
-        "fault 8: kind is 5, allowed",
+        "fault 6: sag: voltage is missing, expected a number from 0 to 30 V",
+        "fault 7: lose: has a duration without a rate, expected both",
+        "fault 8: kind is 5, expected",
     ):
         assert part in told
     assert len(caught.value.faults) == 14
@@ -465,8 +467,8 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("fault = 3", r"fault is 3, allowed \[\[fault\]\] tables"),
-        ("fault = [1]", "fault 1: is 1, allowed a table"),
+        ("fault = 3", r"fault is 3, expected \[\[fault\]\] tables"),
+        ("fault = [1]", "fault 1: is 1, expected a table"),
         ("[[fault]", "not TOML"),
     ],
 )

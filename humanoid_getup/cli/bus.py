@@ -45,7 +45,7 @@ class ServeBus(WorldOptions):
     """Latency timer of the USB adapter [s]; FTDI adapters are shipped with 0.016."""
 
     def find_faults(self) -> list[str]:
-        """Tell all that is wrong with the options' values."""
+        """List all problems of the options' values."""
         faults = super().find_faults()
         if self.voltage is not None and not 0.0 < self.voltage <= 48.0:
             faults.append(f"voltage is {self.voltage:g} V, expected above 0 V, at most 48 V")

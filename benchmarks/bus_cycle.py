@@ -64,7 +64,7 @@ def robot_at(baud: int) -> Robot:
 
 
 def serve(baud: int, pipe: Connection) -> None:
-    """Serve a bus until told to stop."""
+    """Serve a bus until a message arrives."""
     robot = VirtualRobot(Simulation(robot_at(baud)), powered=True)
     for servo in robot.servos:
         servo.poke("return_delay_time", 0)
@@ -305,8 +305,8 @@ def main() -> None:
                     continue
             case["bus_late_us"] = lateness[0] * 1e6
             cases[f"{name} at {baud / 1e6:g} Mbps"] = case
-            told = ", ".join(f"{key} {value:.4g}" for key, value in case.items())
-            print(f"{name:22} {baud / 1e6:g} Mbps: {told}", flush=True)
+            figures = ", ".join(f"{key} {value:.4g}" for key, value in case.items())
+            print(f"{name:22} {baud / 1e6:g} Mbps: {figures}", flush=True)
     if options.json:
         record = {"name": "bus_cycle", "seed": None, "n": options.cycles, "cases": cases}
         Path(options.json).write_text(json.dumps(record, indent=1) + "\n", "utf-8")

@@ -1,4 +1,4 @@
-"""Arbitrary instructions for the virtual servos, and what must hold after each of them."""
+"""Fuzz the virtual servos with arbitrary instructions, checking invariants after each."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class ChainTally:
 
     @property
     def has_failed(self) -> bool:
-        """Tell whether a register held what no write may put there."""
+        """Return whether a register held what no write may put there."""
         return bool(self.violations)
 
 
@@ -261,7 +261,7 @@ def check_registers(device: VirtualDevice, before: bytes, was_locked: bool) -> l
         value = device.peek(item.name)
         is_tripped = item.name == "bus_watchdog" and value == -1
         if item.writable and not item.allows(value) and not is_tripped:
-            found.append(f"{item.name} is {value}, allowed are {item.lower} to {item.upper}")
+            found.append(f"{item.name} is {value}, expected {item.lower} to {item.upper}")
     if isinstance(device, VirtualServo):
         found += check_servo(device, before)
         if was_locked and device.peek("torque_enable"):
@@ -323,5 +323,5 @@ def fast_lengths(packet: Packet) -> list[int]:
 
 
 def is_under_torque(device: VirtualDevice) -> bool:
-    """Tell whether a device's EEPROM is locked."""
+    """Return whether a device's EEPROM is locked."""
     return isinstance(device, VirtualServo) and device.torque_on

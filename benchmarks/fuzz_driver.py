@@ -1,8 +1,7 @@
-"""Fuzz the driver: a robot under torque whose answers are damaged, doubled, replaced by noise.
+"""Fuzz the driver: replies to a robot under torque are damaged, doubled or replaced by noise.
 
-Whatever comes, the driver must not raise, the servos must never be sent beyond their limits,
-and what the driver calls fresh must be what the encoders tell, but for the damage that a 16-bit
-CRC lets through by chance.
+The driver must not raise, must never command servos beyond their limits, and must report as fresh
+only true encoder positions, except for damage that a 16-bit CRC misses by chance.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class DriverTally:
 
     @property
     def has_failed(self) -> bool:
-        """Tell whether chance alone does not explain the outcome."""
+        """Whether the outcome is too bad to be chance."""
         bound = self.expected_wrong + 6.0 * self.expected_wrong**0.5 + 3.0
         return self.beyond > 0 or self.believed_wrong > bound
 

@@ -1,9 +1,9 @@
-"""Feed random and mutated bytes to all that takes bytes from a servo bus.
+"""Fuzz everything that parses bytes of a servo bus, with random and mutated bytes.
 
-The frame parser and the decoder of fast answers get good frames, damaged ones and noise in
-one stream. They must neither crash nor hang, must find every frame that came whole, and may
-take damaged bytes for a frame only as often as a 16-bit CRC lets them by chance. The virtual
-servos get arbitrary instructions; no register may ever hold what it must not.
+The frame parser and the decoder of fast replies get good frames, damaged ones and noise in one
+stream. They must neither crash nor hang, must find every intact frame, and may accept damaged
+bytes as a frame only as often as a 16-bit CRC does by chance. The virtual servos get arbitrary
+instructions; no register may ever hold an invalid value.
 
     python benchmarks/fuzz_protocol.py --bytes 10000000 --seed 0
 
@@ -66,7 +66,7 @@ class Tally:
 
     @property
     def has_failed(self) -> bool:
-        """Tell whether chance alone does not explain the outcome."""
+        """Whether the outcome is too bad to be chance."""
         bound = self.expected_collisions + 6.0 * self.expected_collisions**0.5 + 6.0
         return self.lost > 0 or self.collisions > bound
 

@@ -19,7 +19,7 @@ from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.options import WorldOptions, find_start
 
-LOOK = 0.2  # s between two looks whether a bus still runs
+CHECK_PERIOD = 0.2  # s between two checks that the buses still run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,27 +30,27 @@ class ServeBus(WorldOptions):
     """
 
     origin: Annotated[str, arg(name="from", metavar="supine|prone|left|right|FILE")] = "supine"
-    """How the robot lies: the class of a fall to draw, or a posture file."""
+    """Initial posture: class of a sampled fall, or a posture file."""
     link: Annotated[Path | None, arg(metavar="PATH")] = None
-    """Where the port shall appear; without it, in a folder of its own."""
+    """Path of the port; default: in a temporary folder."""
     lock_step: bool = False
-    """Let time pass with the client's sync writes of goals, not with the clock."""
+    """Advance time with the client's sync writes of goals instead of the clock."""
     faults: Annotated[Path | None, arg(metavar="FILE")] = None
-    """TOML file of faults to come."""
+    """TOML file of faults to inject."""
     powered: bool = False
-    """Start with the servos' power on; without it, the board must switch it on."""
+    """Start with servo power on; without it, a client must switch it on at the board."""
     voltage: Annotated[float | None, arg(metavar="V")] = None
-    """Supply [V]; without it, the robot's nominal one."""
+    """Supply [V]; default: the robot's nominal voltage."""
     latency: Annotated[float, arg(metavar="S")] = 0.0
-    """How often the USB adapter hands bytes over [s]; as shipped 0.016."""
+    """Latency timer of the USB adapter [s]; FTDI adapters are shipped with 0.016."""
 
     def find_faults(self) -> list[str]:
-        """Tell all that is wrong with the options' values."""
+        """List all problems of the options' values."""
         faults = super().find_faults()
         if self.voltage is not None and not 0.0 < self.voltage <= 48.0:
-            faults.append(f"voltage is {self.voltage:g} V, allowed above 0 V, at most 48 V")
+            faults.append(f"voltage is {self.voltage:g} V, expected above 0 V, at most 48 V")
         if not 0.0 <= self.latency <= 0.1:
-            faults.append(f"latency is {self.latency:g} s, allowed 0 s to 0.1 s")
+            faults.append(f"latency is {self.latency:g} s, expected 0 s to 0.1 s")
         return faults
 
     def run(self) -> int:
@@ -80,7 +80,7 @@ class ServeBus(WorldOptions):
 
 
 def describe(robot: VirtualRobot) -> str:
-    """Compose what a client needs to know of a virtual bus."""
+    """Compose the banner: rate, and how the servos get power."""
     text = f"getup: {robot.robot.name} on a virtual bus at {robot.bus.baud} bit/s, Ctrl-C ends it"
     board = robot.board
     if board is None or all(servo.powered for servo in robot.servos):
@@ -94,11 +94,11 @@ def describe(robot: VirtualRobot) -> str:
 
 
 def _serve(ports: VirtualPorts) -> None:
-    """Wait until somebody interrupts, or a bus ends by itself."""
-    forever = threading.Event()
+    """Wait for an interrupt, or for a bus that ends by itself."""
+    never = threading.Event()
     try:
         while all(bus.running for bus in ports.buses.values()):
-            forever.wait(LOOK)
+            never.wait(CHECK_PERIOD)
     except KeyboardInterrupt:
         return
-    raise BadInputError("the virtual bus ended by itself")
+    raise BadInputError("the virtual bus stopped unexpectedly")

@@ -1,4 +1,4 @@
-"""A robot on a virtual bus for the commands that look at one, and a person who holds it."""
+"""A robot on a virtual bus for tests of commands, and a person who moves it by hand."""
 
 import json
 import shutil

@@ -1,6 +1,6 @@
-"""A port without a device file: instructions go straight to a chain of virtual servos.
+"""A port in memory: instructions go straight to a chain of virtual servos.
 
-For tests and fuzzing: no thread, no pseudo-terminal, and any answer may be spoiled.
+For tests and fuzzers: no thread, no pseudo-terminal, and any reply can be modified.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from drivers.virtual_bus.serving.lock_step import QUIET, ends_cycle, expects_rep
 
 
 class MemoryPort:
-    """Answers at once; ``spoil`` may change what comes back, and ``unplugged`` ends all."""
+    """Replies at once; ``spoil`` modifies replies, ``unplugged`` makes every access fail."""
 
     def __init__(self, chain: Chain, baud: int, physics: Physics | None = None) -> None:
         """Plug a port into a chain.
 
         Args:
-            chain: Who answers.
-            baud: Speed [bit/s].
-            physics: Physics behind it, moved on by a period with each sync write of goals.
+            chain: Devices on the port.
+            baud: Baud rate [bit/s].
+            physics: Physics behind them, advanced by one period per sync write of goals.
         """
         self.chain, self.baud, self.physics = chain, baud, physics
         self.path = "memory"
         self.is_open = False
         self.unplugged = False
-        """True when the adapter was pulled out."""
+        """True when the adapter was unplugged."""
         self.opened = 0
         self.sent: list[Packet] = []
         self.spoil: Callable[[Packet, list[bytes]], list[bytes]] = lambda _, answers: answers
-        """Changes the answers to an instruction on their way."""
+        """Modifies the replies to an instruction."""
         self.late: list[bytes] = []
-        """Comes with the next instruction's answers, before them."""
+        """Delivered before the next instruction's replies."""
         self._parser, self._came, self._time = FrameParser(), b"", 0.0
 
     def open(self) -> None:
@@ -50,11 +50,11 @@ class MemoryPort:
         self.is_open = False
 
     def set_baud(self, baud: int) -> None:
-        """Set the speed [bit/s]."""
+        """Set the baud rate [bit/s]."""
         self.baud = baud
 
     def write(self, data: bytes) -> None:
-        """Let instructions be answered at once."""
+        """Execute instructions at once."""
         self._check()
         for packet in self._parser.feed(data):
             if not isinstance(packet, Packet):
@@ -70,20 +70,20 @@ class MemoryPort:
                 self._pass(QUIET)
 
     def read(self, deadline: float) -> bytes:
-        """Return what has come; nothing more will."""
+        """Return the bytes received so far, without waiting."""
         del deadline
         self._check()
         came, self._came = self._came, b""
         return came
 
     def flush(self) -> int:
-        """Throw away what has come; return how many bytes."""
+        """Discard the bytes received so far; return their number."""
         self._check()
         count, self._came = len(self._came), b""
         return count
 
     def frames(self, instruction: int) -> list[Packet]:
-        """List what was sent of one instruction."""
+        """Return the packets sent with one instruction."""
         return [packet for packet in self.sent if packet.instruction == instruction]
 
     def _pass(self, duration: float) -> None:

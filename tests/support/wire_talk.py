@@ -62,7 +62,7 @@ def sense(
     voltage: float = 12.0,
     temperature: float = ROOM,
 ) -> None:
-    """Tell a servo what physics says, calm where unsaid."""
+    """Set what a servo measures; anything not given is at rest."""
     servo.sense(
         ticks=ticks,
         velocity=velocity,

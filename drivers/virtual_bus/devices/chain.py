@@ -1,4 +1,4 @@
-"""A chain: devices on one half-duplex wire, and who answers when."""
+"""A chain of devices on one half-duplex wire: executes instructions, orders the replies."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from drivers.virtual_bus.devices.quirks import BadCrc, Quirks, ReadGap, Watchdog
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Bytes that a device puts on the wire."""
+    """Bytes that a device puts on the wire, and the silence before them."""
 
     device: int
     """Its id."""
     delay: float
-    """Silence before them [s]: from the end of the instruction, or of the answer before."""
+    """Silence before them [s], since the end of the instruction or of the reply before."""
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class MemberRead:
-    """What a group read asks of one device."""
+    """The part of a group read that one device replies to."""
 
     id: int
     address: int
@@ -45,19 +45,19 @@ class MemberRead:
 
 
 class Chain:
-    """Pass instructions to devices and collect what comes back, in the order of the wire.
+    """Passes instructions to devices and collects their replies in the order of the wire.
 
-    Devices of the same id talk at the same time, and what comes back is garbled.
+    Devices of the same id reply at the same time, which garbles their bytes.
     """
 
     def __init__(self, devices: Sequence[VirtualDevice], quirks: Quirks | None = None) -> None:
         self.devices = list(devices)
         self.quirks = quirks or Quirks()
         self._groups: dict[int, Callable[[bytes], list[Reply]]] = {
-            Instruction.SYNC_READ: lambda params: self._answer_reads(_sync_requests(params)),
-            Instruction.BULK_READ: lambda params: self._answer_reads(_bulk_requests(params)),
-            Instruction.FAST_SYNC_READ: lambda params: self._answer_fast(_sync_requests(params)),
-            Instruction.FAST_BULK_READ: lambda params: self._answer_fast(_bulk_requests(params)),
+            Instruction.SYNC_READ: lambda params: self._reply_to_reads(_sync_requests(params)),
+            Instruction.BULK_READ: lambda params: self._reply_to_reads(_bulk_requests(params)),
+            Instruction.FAST_SYNC_READ: lambda params: self._reply_to_fast(_sync_requests(params)),
+            Instruction.FAST_BULK_READ: lambda params: self._reply_to_fast(_bulk_requests(params)),
             Instruction.SYNC_WRITE: lambda params: self._write(_sync_rows(params)),
             Instruction.BULK_WRITE: lambda params: self._write(_bulk_rows(params)),
         }
@@ -65,7 +65,7 @@ class Chain:
         self._seconds: dict[int, list[VirtualDevice]] = {}
 
     def device(self, device_id: int) -> VirtualDevice:
-        """Return the first device of an id.
+        """Find the first device of an id.
 
         Raises:
             LookupError: if there is none.
@@ -74,25 +74,25 @@ class Chain:
             if device.id == device_id:
                 return device
         there = ", ".join(str(device.id) for device in self.devices)
-        raise LookupError(f"no device of id {device_id} on the wire: there are {there}")
+        raise LookupError(f"no device of id {device_id} on the bus, only {there}")
 
     def advance(self, now: float) -> None:
-        """Let time pass until a bus time [s]."""
+        """Advance all devices to a bus time [s]."""
         for device in self.devices:
             device.advance(now)
 
     def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[Reply]:
-        """Let an instruction pass over the wire; return the answers in their order.
+        """Execute an instruction; return the replies in their order on the wire.
 
         Args:
-            item: The instruction, whole or damaged.
-            baud: Its speed [bit/s]; devices set to another do not hear it. None: all hear.
+            item: The instruction, or a damaged one.
+            baud: Its baud rate [bit/s]; devices set to another ignore it. None for all devices.
         """
-        self._call_roll(baud)
+        self._find_listeners(baud)
         if isinstance(item, Damaged):
-            return self._answer_damaged(item)
+            return self._reply_to_damaged(item)
         if item.instruction == Instruction.STATUS:
-            return []  # another device's answer, not an instruction
+            return []  # a reply of another device
         if self.quirks.watchdog_feed is WatchdogFeed.ANY_INSTRUCTION:
             self._feed_watchdogs()
         group = self._groups.get(item.instruction)
@@ -102,8 +102,8 @@ class Chain:
             return self._broadcast(item)
         return self._address(item)
 
-    def _call_roll(self, baud: int | None) -> None:
-        """Find who hears, by id and by secondary id."""
+    def _find_listeners(self, baud: int | None) -> None:
+        """Group the devices that receive at a rate by id and by secondary id."""
         members: dict[int, list[VirtualDevice]] = {}
         seconds: dict[int, list[VirtualDevice]] = {}
         for device in self.devices:
@@ -121,38 +121,38 @@ class Chain:
 
     # One instruction, one id or all ----------------------------------------------------------
 
-    def _answer_damaged(self, item: Damaged) -> list[Reply]:
+    def _reply_to_damaged(self, item: Damaged) -> list[Reply]:
         if self.quirks.bad_crc is BadCrc.SILENT:
             return []
         devices = self._members.get(item.id, [])
-        return _talk(devices, lambda device: Status(item.id, ErrorNumber.CRC | device.alert))
+        return _collect(devices, lambda device: Status(item.id, ErrorNumber.CRC | device.alert))
 
     def _address(self, packet: Packet) -> list[Reply]:
         devices = self._members.get(packet.id, [])
-        answers = _talk(devices, lambda device: device.handle(packet.instruction, packet.params))
+        replies = _collect(devices, lambda device: device.handle(packet.instruction, packet.params))
         for device in self._seconds.get(packet.id, []):
             device.handle(packet.instruction, packet.params, addressing=Addressing.SECONDARY)
-        return answers
+        return replies
 
     def _broadcast(self, packet: Packet) -> list[Reply]:
         if packet.instruction == Instruction.PING:
-            return self._answer_roll_call()
+            return self._ping_all()
         for devices in self._members.values():
             for device in devices:
                 device.handle(packet.instruction, packet.params, addressing=Addressing.BROADCAST)
         return []
 
-    def _answer_roll_call(self) -> list[Reply]:
-        """Reply a ping to all: each id has its slot of time."""
-        answers: list[Reply] = []
+    def _ping_all(self) -> list[Reply]:
+        """Reply to a broadcast ping: each id has its time slot."""
+        replies: list[Reply] = []
         now = 0.0  # s since the instruction
         for device_id, devices in sorted(self._members.items()):
-            (answer,) = _talk(devices, lambda device: device.handle(Instruction.PING))
+            (reply,) = _collect(devices, lambda device: device.handle(Instruction.PING))
             slot = device_id * self.quirks.ping_slot
-            delay = max(answer.delay, slot - now)
-            answers.append(Reply(device_id, delay, answer.data))
-            now += delay + _duration(len(answer.data), devices[0].baud)
-        return answers
+            delay = max(reply.delay, slot - now)
+            replies.append(Reply(device_id, delay, reply.data))
+            now += delay + _duration(len(reply.data), devices[0].baud)
+        return replies
 
     # Group writes ----------------------------------------------------------------------------
 
@@ -170,8 +170,8 @@ class Chain:
 
     # Group reads -----------------------------------------------------------------------------
 
-    def _answer_reads(self, requests: Iterable[MemberRead]) -> list[Reply]:
-        answers: list[Reply] = []
+    def _reply_to_reads(self, requests: Iterable[MemberRead]) -> list[Reply]:
+        replies: list[Reply] = []
         waited = 0.0
         for request in requests:
             devices = [d for d in self._members.get(request.id, ()) if d.answers_reads]
@@ -180,18 +180,18 @@ class Chain:
                     break
                 waited += self._slot(request.length + OVERHEAD + 1)
                 continue
-            (answer,) = _talk(devices, partial(_read, request))
-            answers.append(Reply(answer.device, waited + answer.delay, answer.data))
+            (reply,) = _collect(devices, partial(_read, request))
+            replies.append(Reply(reply.device, waited + reply.delay, reply.data))
             waited = 0.0
-        return answers
+        return replies
 
-    def _answer_fast(self, requests: Iterable[MemberRead]) -> list[Reply]:
-        """Reply a fast read: one frame, written in turn, each piece with the CRC so far."""
+    def _reply_to_fast(self, requests: Iterable[MemberRead]) -> list[Reply]:
+        """Reply to a fast read: one frame, each device's piece ending in the CRC so far."""
         requests = list(requests)
         length = 1 + sum(request.length + 4 for request in requests)
         if length > MAX_LENGTH:
             return []
-        answers: list[Reply] = []
+        replies: list[Reply] = []
         waited, crc = 0.0, 0
         start = HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
         for request in requests:
@@ -206,20 +206,20 @@ class Chain:
             pieces = []
             for device in devices:
                 status = _read(request, device)
-                # The frame's length is told before, so a failed read sends zeros.
+                # The length was sent before, so a failed read sends zeros.
                 piece = start + bytes((status.error, status.id))
                 piece += status.data or bytes(request.length)
                 pieces.append(piece + struct.pack("<H", crc16(piece, crc)))
             data = _garble(pieces)
             crc = crc16(data, crc)
-            waits = not answers or self.quirks.fast_pieces_wait
+            waits = not replies or self.quirks.fast_pieces_wait
             delay = waited + (devices[0].return_delay if waits else 0.0)
-            answers.append(Reply(request.id, delay, data))
+            replies.append(Reply(request.id, delay, data))
             waited, start = 0.0, b""
-        return answers
+        return replies
 
     def _slot(self, length: int) -> float:
-        """Return how long a silent device's bytes would have taken [s]."""
+        """Return how long the bytes of a silent device would have taken [s]."""
         devices = next(iter(self._members.values()), None)
         return _duration(length, devices[0].baud) if devices else 0.0
 
@@ -233,20 +233,20 @@ def _read(request: MemberRead, device: VirtualDevice) -> Status:
     return Status(request.id, error | device.alert, data)
 
 
-def _talk(
-    devices: Sequence[VirtualDevice], ask: Callable[[VirtualDevice], Status | None]
+def _collect(
+    devices: Sequence[VirtualDevice], handle: Callable[[VirtualDevice], Status | None]
 ) -> list[Reply]:
-    """Let devices of one id answer at once."""
+    """Collect the simultaneous replies of devices of one id."""
     if not devices:
         return []
-    device_id, delay = devices[0].id, devices[0].return_delay  # what they are told may change them
-    statuses = [ask(device) for device in devices]
+    device_id, delay = devices[0].id, devices[0].return_delay  # the instruction may change them
+    statuses = [handle(device) for device in devices]
     frames = [status.encode() for status in statuses if status is not None]
     return [Reply(device_id, delay, _garble(frames))] if frames else []
 
 
 def _garble(frames: Sequence[bytes]) -> bytes:
-    """Overlay frames sent at once, each a byte later than the last: the lower level wins."""
+    """Overlay simultaneous frames, each a byte later than the last: low level wins."""
     if len(frames) == 1:
         return frames[0]
     mixed = bytearray(b"\xff" * (max(map(len, frames)) + len(frames) - 1))

@@ -1,4 +1,4 @@
-"""Devices: what everything on a Dynamixel bus does with an instruction."""
+"""What every device on a Dynamixel bus does with an instruction."""
 
 from __future__ import annotations
 
@@ -12,43 +12,43 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers, WritePlan
 from robots.robot import BAUD_RATES
 
-READ_LEVEL = 1  # status return level from which reads are answered; from 2 on, all is
+READ_LEVEL = 1  # status return level from which reads are answered; from 2 on, everything
 Handler = Callable[[bytes, "Addressing"], int]
 
 
 class Addressing(Enum):
     """By which id an instruction reached a device."""
 
-    OWN = "its own: it answers"
-    SECONDARY = "its secondary id: it obeys silently and leaves EEPROM alone"
-    BROADCAST = "the broadcast id: it obeys silently"
+    OWN = "its own id: it replies"
+    SECONDARY = "its secondary id: no reply, no change of EEPROM"
+    BROADCAST = "the broadcast id: no reply"
 
 
 class VirtualDevice:
-    """Obey ping, read, write, reg write and action over a control table.
+    """Executes ping, read, write, reg write and action on a control table.
 
-    Kinds of devices add instructions to ``_handlers``, rules for a value to ``_checks`` and
-    what follows a write to ``_effects``.
+    Subclasses add instructions to ``_handlers``, value checks to ``_checks`` and side effects of
+    writes to ``_effects``.
     """
 
     def __init__(
         self, table: ControlTable, device_id: int, firmware: int, baud: int, quirks: Quirks
     ) -> None:
-        """Build a device with its registers as from the factory.
+        """Build a device with its registers at factory defaults.
 
         Args:
             table: Its registers.
             device_id: Its id on the bus.
             firmware: Its firmware version.
-            baud: Its speed on the bus [bit/s].
-            quirks: What it does where the manual is silent.
+            baud: Its baud rate [bit/s].
+            quirks: Behavior that the manual leaves open.
         """
         self.table, self.quirks, self.firmware = table, quirks, firmware
         self.registers = Registers(table, quirks.undefined)
         self.alive = True
-        """False behind a broken cable: it neither hears nor answers."""
+        """False behind a broken cable: it neither receives nor replies."""
         self._powered = True
-        self._booted_at = -1.0  # s; it is deaf until then
+        self._booted_at = -1.0  # s; no instruction reaches it before
         self.now = 0.0
         self._heard = 0.0
         self._stored: tuple[int, bytes] | None = None
@@ -75,37 +75,37 @@ class VirtualDevice:
 
     @property
     def secondary_id(self) -> int | None:
-        """Return the second id that it obeys."""
+        """Return its secondary id, None for none."""
         return None
 
     @property
     def baud(self) -> int:
-        """Return its speed on the bus [bit/s]."""
+        """Return its baud rate [bit/s]."""
         return BAUD_RATES[self.registers.memory[self._at_baud]]
 
     @property
     def return_delay(self) -> float:
-        """Return the time between an instruction and its answer [s]."""
+        """Return the time between an instruction and its reply [s]."""
         return self.registers.memory[self._at_delay] * 2e-6
 
     @property
     def listens(self) -> bool:
-        """Tell whether instructions reach it."""
+        """Whether instructions reach it."""
         return self.alive and self._powered and self.now >= self._booted_at
 
     @property
     def answers_reads(self) -> bool:
-        """Tell whether its status return level lets it answer reads."""
+        """Whether its status return level makes it reply to reads."""
         return self.registers.memory[self._at_level] >= READ_LEVEL
 
     @property
     def alert(self) -> int:
-        """Return the alert bit of its answers."""
+        """Return the alert bit of its replies."""
         return 0
 
     @property
     def powered(self) -> bool:
-        """Tell whether it has its supply; switching that on boots it."""
+        """Whether it has power; switching that on boots it."""
         return self._powered
 
     @powered.setter
@@ -122,23 +122,23 @@ class VirtualDevice:
         return self.registers[name]
 
     def poke(self, name: str, value: int) -> None:
-        """Set a register as the factory would, whatever its rights and range."""
+        """Set a register, regardless of access rights and range."""
         self.registers[name] = value
 
     def hear(self) -> None:
-        """Take note of traffic, for the bus watchdog."""
+        """Reset the bus watchdog."""
         self._heard = self.now
 
     def advance(self, now: float) -> None:
-        """Let time pass until a bus time [s]."""
+        """Advance to a bus time [s]."""
         self.now = now
 
     def handle(
         self, instruction: int, params: bytes = b"", *, addressing: Addressing = Addressing.OWN
     ) -> Status | None:
-        """Obey an instruction; return the answer unless it stays silent."""
+        """Execute an instruction; return the reply, None for none."""
         self.hear()
-        # What it answers with may be changed by what it is told: the old values count.
+        # The instruction may change what the reply is made of: the old values count.
         device_id, alert, level = self.id, self.alert, self.registers.memory[self._at_level]
         if instruction == Instruction.PING:
             data = self._identity()
@@ -162,7 +162,7 @@ class VirtualDevice:
     def write(self, address: int, data: bytes, *, addressing: Addressing = Addressing.OWN) -> int:
         """Set registers, all of them or none; return an `ErrorNumber`."""
         self.hear()
-        error, plan, values = self._judge(address, data, addressing)
+        error, plan, values = self._check_write(address, data, addressing)
         if error:
             return error
         memory = self.registers.memory
@@ -172,13 +172,13 @@ class VirtualDevice:
             if effect is not None:
                 effect(value)
         if plan.remaps:
-            self.registers.forget_plans()
+            self.registers.clear_plans()
         return ErrorNumber.NONE
 
-    def _judge(
+    def _check_write(
         self, address: int, data: bytes, addressing: Addressing
     ) -> tuple[int, WritePlan, list[int]]:
-        """Tell what a write would do: an `ErrorNumber`, or the items and their values."""
+        """Check a write: return an `ErrorNumber`, or the items and their values."""
         plan = self.registers.plan_write(address, len(data))
         values: list[int] = []
         if plan.error:
@@ -216,7 +216,7 @@ class VirtualDevice:
         if len(params) < 3:
             return ErrorNumber.DATA_LENGTH
         address, data = params[0] | params[1] << 8, params[2:]
-        error, _, _ = self._judge(address, data, addressing)
+        error, _, _ = self._check_write(address, data, addressing)
         if error:
             return error
         self._store_write((address, data))
@@ -235,16 +235,16 @@ class VirtualDevice:
         if "registered_instruction" in self.registers:
             self.registers["registered_instruction"] = int(stored is not None)
 
-    # What a kind of device adds ------------------------------------------------------------
+    # For subclasses ----------------------------------------------------------------------
 
     def _is_locked(self) -> bool:
         return False
 
     def _boot(self) -> None:
-        """Start from power-up values, after a while."""
+        """Restart with power-up values after the reboot time."""
         self._stored = None
         self._booted_at = self.now + self.quirks.reboot_time
 
     def _lose_power(self) -> None:
-        """Forget what only power keeps."""
+        """Clear what is lost without power."""
         self._stored = None

@@ -1,4 +1,4 @@
-"""What registers keep over a reboot, a factory reset, a backup."""
+"""Reboot, factory reset and backup: which registers keep their values."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ KEPT = {
 
 
 class Backup:
-    """The stored copy of a servo's table: EEPROM, gains, profile, indirect addresses (e-manual)."""
+    """Stored copy of EEPROM, gains, profile and indirect addresses of a servo (e-manual)."""
 
     def __init__(self) -> None:
         self._values: dict[str, int] = {}
 
     @property
     def is_ready(self) -> bool:
-        """Tell whether something is stored."""
+        """Whether a copy is stored."""
         return bool(self._values)
 
     def store(self, registers: Registers) -> None:
@@ -44,11 +44,11 @@ class Backup:
         self._values = {item.name: registers[item.name] for item in items}
 
     def restore_eeprom(self, registers: Registers) -> None:
-        """Bring the stored EEPROM back."""
+        """Restore the EEPROM."""
         self._restore(registers, eeprom=True)
 
     def restore_ram(self, registers: Registers) -> None:
-        """Bring the stored gains, profile and indirect addresses back."""
+        """Restore gains, profile and indirect addresses."""
         self._restore(registers, eeprom=False)
 
     def _restore(self, registers: Registers, *, eeprom: bool) -> None:
@@ -58,18 +58,18 @@ class Backup:
 
 
 def reset_eeprom(registers: Registers, kept: Reset) -> None:
-    """Bring EEPROM back to what the factory wrote, but for what is kept."""
+    """Reset EEPROM to factory defaults, except what is kept."""
     items = (item for item in registers.table if item.eeprom and item.writable)
     reset(registers, (item for item in items if item.name not in KEPT[kept]))
 
 
 def reset_ram(registers: Registers) -> None:
-    """Bring RAM back to its values at power-up; measured items stay."""
+    """Reset RAM to its power-up values; measured items stay."""
     reset(registers, (item for item in registers.table if not item.eeprom))
 
 
 def reset(registers: Registers, items: Iterable[Item]) -> None:
-    """Bring items back to their defaults."""
+    """Reset items to their defaults."""
     for item in items:
         if item.default is not None:
             registers[item.name] = item.default
@@ -90,7 +90,7 @@ CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset 
 
 
 class Maintenance:
-    """Reboot, clear, factory reset and backup of one servo."""
+    """Executes reboot, clear, factory reset and backup on one servo."""
 
     def __init__(self, servo: VirtualServo, backup: Backup) -> None:
         self._servo, self._backup = servo, backup

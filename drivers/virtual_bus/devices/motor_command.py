@@ -1,4 +1,4 @@
-"""What a servo's registers ask of its motor."""
+"""The command that the registers of a servo give its motor."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ POSITION_MODES = frozenset(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorCommand:
-    """What the motor shall do now, in the horn's own direction."""
+    """Command to the motor, in the horn's own direction."""
 
     torque_on: bool
     mode: OperatingMode
     target_ticks: float
-    """Where the position loop aims, turns included, as if the homing offset were 0."""
+    """Target of the position loop, turns included, without homing offset."""
     p_gain: int
     """Register value of the position loop's gain, as are the next two."""
     i_gain: int
@@ -33,10 +33,10 @@ class MotorCommand:
     pwm_limit: float
     """Largest share of the supply, 0 to 1."""
     current_limit: float
-    """[A]; infinite for a model that cannot limit it."""
+    """[A]; infinite for a model without current limit."""
     goal_current: float
     """For current mode [A]."""
     goal_velocity: float
-    """For velocity mode, its ramp applied [rad/s]."""
+    """For velocity mode, after its ramp [rad/s]."""
     goal_pwm: float
     """For PWM mode, share of the supply, -1 to 1."""

@@ -1,4 +1,4 @@
-"""Motion: the trajectory on which a servo's position or velocity follows its goal."""
+"""Profiles: how position or velocity goals of a servo are approached over time."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ProfileTrajectory:
 
     @property
     def end(self) -> float:
-        """Return when the goal is reached [s]."""
+        """Return the time at which the goal is reached [s]."""
         return self.start + self.speed_up + self.hold + self.slow_down
 
     def at(self, now: float) -> tuple[float, float]:
@@ -60,20 +60,20 @@ class ProfileTrajectory:
         position += self.cruise * self.hold
         t -= self.hold
         if t >= self.slow_down:
-            return self.goal, 0.0  # the last moment, lost in rounding
+            return self.goal, 0.0  # rounding at the very end
         velocity = self.cruise * (1.0 - t / self.slow_down)
         return position + 0.5 * (self.cruise + velocity) * t, velocity
 
 
 def plan_step(start: float, goal: float) -> ProfileTrajectory:
-    """Be at the goal at once."""
+    """Jump to the goal."""
     return ProfileTrajectory(start, goal, 0.0, goal)
 
 
 def plan_by_velocity(
     start: float, position: float, velocity: float, goal: float, top: float, acceleration: float
 ) -> ProfileTrajectory:
-    """Go as fast as a top speed [ticks/s] and an acceleration [ticks/s²] allow.
+    """Plan the fastest trajectory within a speed [ticks/s] and an acceleration [ticks/s²].
 
     Args:
         start: Now [s].
@@ -92,7 +92,7 @@ def plan_by_velocity(
         return ProfileTrajectory(
             start, position, cruise, goal, cruise, hold=hold, shape=ProfileShape.RECTANGLE
         )
-    # Braking now would end beyond the goal: then the way leads back.
+    # If braking now overshoots the goal, the trajectory turns back.
     stop = velocity * abs(velocity) / (2.0 * acceleration)
     side = math.copysign(1.0, way - stop)
     v, d = side * velocity, side * way
@@ -111,15 +111,15 @@ def plan_by_velocity(
 def plan_by_time(
     start: float, position: float, velocity: float, goal: float, total: float, ramp: float
 ) -> ProfileTrajectory:
-    """Arrive after a given time.
+    """Plan a trajectory of a given duration.
 
     Args:
         start: Now [s].
         position: Where the trajectory is now [ticks].
         velocity: How fast it is now [ticks/s].
         goal: Where it ends, at rest [ticks].
-        total: Duration of the motion [s]; 0 for no profile.
-        ramp: Duration of each ramp [s]; no more than half of the whole counts.
+        total: Duration of the trajectory [s]; 0 for no profile.
+        ramp: Duration of each ramp [s], at most half of the total.
     """
     if total <= 0.0:
         return plan_step(start, goal)
@@ -137,15 +137,15 @@ def plan_by_time(
 
 
 def approach(value: float, goal: float, step: float) -> float:
-    """Move a value towards a goal by one step at most."""
+    """Move a value toward a goal by at most one step."""
     return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)
 
 
-MOST = 0x7FFFFFFF  # counts that a register of four bytes holds
+MAX_COUNTS = 0x7FFFFFFF  # of a signed four-byte register
 
 
 class PositionControl:
-    """Follow goals by the profile registers, and show the trajectory in its registers."""
+    """Follows goals by the profile registers and updates the trajectory registers."""
 
     def __init__(self, registers: Registers) -> None:
         self._registers = registers
@@ -153,25 +153,25 @@ class PositionControl:
         self._speed_scale = table["profile_velocity"].scale  # rad/s
         self._acceleration_scale = table["profile_acceleration"].scale  # rad/s²
         self.position = 0.0
-        """Where the trajectory is [ticks, as registers show them]."""
+        """Present position of the trajectory, as in the registers [ticks]."""
         self.speed = 0.0
-        """Where the ramp of velocity mode is [rad/s]."""
+        """Present velocity of the ramp in velocity mode [rad/s]."""
         self.running = False
-        """True while the goal is not reached yet."""
+        """True until the goal is reached."""
         self.shape = ProfileShape.STEP
         self._velocity = 0.0  # ticks/s
         self._trajectory: ProfileTrajectory | None = None
         self._goal_speed, self._acceleration = 0.0, 0.0
 
     def halt(self, position: float) -> None:
-        """Stay at a position [ticks], with no velocity."""
+        """Hold a position [ticks]."""
         self.position, self._velocity = position, 0.0
         self.speed = self._goal_speed = 0.0
         self._trajectory, self.running, self.shape = None, False, ProfileShape.STEP
         self._show()
 
     def aim(self, now: float, goal: float) -> None:
-        """Set out for a position [ticks] by the profile registers."""
+        """Start toward a position [ticks] by the profile registers."""
         velocity, acceleration = self._profile()
         if not velocity:  # the usual case: no profile
             self.halt(goal)
@@ -196,7 +196,7 @@ class PositionControl:
         self._show()
 
     def aim_speed(self, goal: float) -> None:
-        """Set out for a velocity [rad/s]; only the profile's acceleration counts."""
+        """Start toward a velocity [rad/s]; only the acceleration of the profile applies."""
         _, acceleration = self._profile()
         self._goal_speed = goal
         if not acceleration:
@@ -209,7 +209,7 @@ class PositionControl:
         self._show()
 
     def advance(self, now: float, duration: float) -> None:
-        """Go on along the trajectory; of use while ``running``."""
+        """Advance along the trajectory while ``running``."""
         if self._trajectory is not None:
             self.position, self._velocity = self._trajectory.at(now)
             self.running = now < self._trajectory.end
@@ -227,5 +227,5 @@ class PositionControl:
     def _show(self) -> None:
         speed = self._velocity * RAD_PER_TICK or self.speed
         speed_counts, position = round(speed / self._speed_scale), round(self.position)
-        self._registers["velocity_trajectory"] = max(-MOST, min(MOST, speed_counts))
-        self._registers["position_trajectory"] = max(-MOST, min(MOST, position))
+        self._registers["velocity_trajectory"] = max(-MAX_COUNTS, min(MAX_COUNTS, speed_counts))
+        self._registers["position_trajectory"] = max(-MAX_COUNTS, min(MAX_COUNTS, position))

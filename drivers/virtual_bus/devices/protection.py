@@ -1,4 +1,4 @@
-"""Protection: what a servo trips over."""
+"""Protection of a servo against voltage, heat and overload."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STALL_CURRENTS = OTHER_STALL_CURRENTS | {
 
 
 class Protection:
-    """Judge supply, temperature and load by the limits in the registers."""
+    """Checks supply, temperature and load against the limits in the registers."""
 
     def __init__(self, registers: Registers, quirks: Quirks) -> None:
         self._registers = registers
@@ -31,17 +31,17 @@ class Protection:
         self.reload()
 
     def reload(self) -> None:
-        """Take over the limits."""
+        """Reload the limits from the registers."""
         registers = self._registers
         self._hottest = registers["temperature_limit"]
         self._lowest = registers["min_voltage_limit"]
         self._highest = registers["max_voltage_limit"]
 
     def restart(self) -> None:
-        """Forget the load so far."""
+        """Reset the overload model."""
         self._overload.heat = 0.0
 
-    def judge(self, voltage: float, temperature: float) -> int:
+    def check(self, voltage: float, temperature: float) -> int:
         """Return the `HardwareError` bits for a supply [V] and a temperature [°C]."""
         bits = 0
         if not self._lowest <= round(voltage * 10.0) <= self._highest:
@@ -51,12 +51,12 @@ class Protection:
         return bits
 
     def advance(self, current: float, duration: float) -> bool:
-        """Let a current [A] flow for a duration [s]; tell whether that is too much load."""
+        """Apply a current [A] for a duration [s]; return whether it overloads the servo."""
         return self._overload.advance(current, duration)
 
 
 class OverloadModel:
-    """Heat of a winding, as a share of what full stall would bring it to in the long run.
+    """Heat of a winding, as a share of its steady state at stall.
 
     A first-order model of current squared: it follows ``(current / stall)²`` with the time
     constant of `Quirks.overload_time` and trips above the square of `Quirks.overload_share`.
@@ -69,7 +69,7 @@ class OverloadModel:
         self.heat = 0.0
 
     def advance(self, current: float, duration: float) -> bool:
-        """Warm by a current [A] for a duration [s]; tell whether it is too much."""
+        """Apply a current [A] for a duration [s]; return whether the limit is exceeded."""
         if not self.heat and not current:
             return False
         share = current / self._stall_current

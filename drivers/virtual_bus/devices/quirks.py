@@ -1,8 +1,7 @@
-"""Quirks: what the manual leaves open, as switches.
+"""Choices for device behavior that the e-manual leaves open.
 
-The e-manual tells what a healthy device does. Where it is silent, or vague, or at odds with
-what users see, the virtual bus can be told what to do, so that a driver can be shown to
-live with either.
+Where the manual is silent, vague or contradicted by users' experience, the virtual devices can
+be configured either way, so that a driver can be tested against both.
 """
 
 from __future__ import annotations
@@ -14,28 +13,28 @@ from drivers.dynamixel.protocol2 import ErrorNumber
 
 
 class ReadGap(Enum):
-    """What the devices listed after a silent one do in a group read."""
+    """Behavior of the devices listed after a silent one in a group read."""
 
     SLOT_STAYS_EMPTY = "each waits for its own slot, the silent one's stays empty"
     CHAIN_BREAKS = "each waits for the one before it, so all after a silent one are silent"
 
 
 class BadCrc(Enum):
-    """What a device does with a broken instruction."""
+    """Reaction of a device to an instruction with a wrong CRC."""
 
-    SILENT = "it says nothing"
-    ANSWERED = "it answers with error 3"
+    SILENT = "no reply"
+    ANSWERED = "a reply with error 3"
 
 
 class WatchdogFeed(Enum):
-    """What counts as traffic for a device's bus watchdog."""
+    """Traffic that resets the bus watchdog of a device."""
 
     ANY_INSTRUCTION = "any instruction on the bus"
     OWN_INSTRUCTION = "instructions that concern the device"
 
 
 class UndefinedRegisters(Enum):
-    """What happens to addresses without an item inside a longer read or write."""
+    """Treatment of addresses without an item inside a longer read or write."""
 
     ZEROS = "they read as zeros and writing them does nothing"
     ACCESS_ERROR = "the whole instruction fails with error 7"
@@ -43,51 +42,51 @@ class UndefinedRegisters(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Quirks:
-    """One choice for everything that the manual leaves open."""
+    """One choice for each point that the manual leaves open."""
 
     sync_gap: ReadGap = ReadGap.SLOT_STAYS_EMPTY
-    """A dead member of a sync or bulk read. The manual shows only complete answers; it does
-    not say how a device knows that its turn has come."""
+    """A silent member of a sync or bulk read. The manual shows complete replies only and does not
+    say how a device recognizes its turn."""
     fast_gap: ReadGap = ReadGap.CHAIN_BREAKS
-    """The same in a fast read, whose single frame cannot be whole any more: the manual
-    does not say whether the later devices still write their pieces."""
+    """The same in a fast read, whose single frame is incomplete then: the manual does not say
+    whether later devices still send their pieces."""
     fast_pieces_wait: bool = False
     """Whether each device of a fast read waits its return delay before its piece. The manual
-    defines the delay from instruction to answer and calls all pieces together one answer."""
+    defines the delay from instruction to reply and calls all pieces together one reply."""
     bad_crc: BadCrc = BadCrc.SILENT
-    """The manual lists error 3 but a device cannot trust the id of a broken frame; silence
-    is what users see."""
+    """The manual lists error 3, but a device cannot trust the id of a damaged frame; users
+    observe silence."""
     strict_stuffing: bool = False
-    """Whether a frame whose body holds an unstuffed FF FF FD is refused (by the wire, which
-    sees the bytes). The manual demands stuffing; it does not say what happens without."""
+    """Whether an instruction that contains an unstuffed FF FF FD is ignored. The manual requires
+    byte stuffing and does not say what happens without."""
     watchdog_feed: WatchdogFeed = WatchdogFeed.ANY_INSTRUCTION
-    """The manual speaks of instruction packets without saying whose."""
+    """The manual says "instruction packets" without saying addressed to which device."""
     undefined: UndefinedRegisters = UndefinedRegisters.ZEROS
-    """The manual gives error 7 for undefined addresses, yet its own clients read over gaps;
-    an instruction that begins in one fails in either case."""
+    """The manual gives error 7 for undefined addresses, yet its own clients read across gaps.
+    An instruction that begins in a gap fails in either case."""
     limit_error: ErrorNumber = ErrorNumber.DATA_LIMIT
-    """Number for a goal beyond a configured limit: by the manual's wording 6, but 4 (out of
-    range) fits as well and is what X series are said to send."""
+    """Error for a goal beyond a configured limit: 6 by the manual's wording, though X series
+    reportedly send 4 (out of range)."""
     torque_on_seeds_goal: bool = True
-    """Whether torque on makes the present position the goal. The manual tells only that goals
+    """Whether torque on sets the goal to the present position. The manual only says that goals
     may be written before; without this, an old goal makes the servo jump."""
     locked_torque_error: ErrorNumber = ErrorNumber.NONE
-    """Number for torque on after a shutdown: the manual says that only a reboot helps, not
-    what the refused write is answered. With NONE the register just stays 0."""
+    """Error for torque on after a shutdown: the manual says that only a reboot helps, not how the
+    write is answered. With NONE the register stays 0 without an error."""
     voltage_error_clears: bool = True
-    """Whether the voltage bit goes when the voltage is good again. The manual says for none of
-    the bits how they go, except by reboot."""
+    """Whether the voltage bit is cleared when the voltage is back in range. The manual mentions
+    no other way to clear error bits than a reboot."""
     reboot_time: float = 0.3
     """Silence after a reboot or power-up [s]; not in the manual."""
     ping_slot: float = 0.003
-    """Time that each id has for its answer to a broadcast ping [s]; not in the manual, this
-    is what the vendor's library waits per id."""
+    """Time slot of each id for its reply to a broadcast ping [s]; not in the manual, this is the
+    time that the vendor's library waits per id."""
     in_position_ticks: int = 20
-    """Distance at which Moving Status tells arrival; the manual gives no figure."""
+    """Distance at which Moving Status reports arrival; the manual gives no figure."""
     following_error_ticks: int = 100
-    """Distance to the trajectory that Moving Status tells as error; no figure either."""
+    """Distance to the trajectory that Moving Status reports as following error; no figure."""
     overload_share: float = 0.8
-    """Share of the stall current that a servo bears for ever. The manual speaks of a
+    """Share of the stall current that a servo sustains indefinitely. The manual mentions a
     persistent load above the maximum output and gives no curve."""
     overload_time: float = 3.0
     """Time constant of the overload model [s]; not in the manual. At full stall a cold servo

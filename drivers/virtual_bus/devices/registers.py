@@ -1,4 +1,4 @@
-"""Registers: a control table in memory, and what a range of addresses means in it."""
+"""A control table in memory: reads and writes of address ranges."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.dynamixel.control_table import ControlTable, Item
 from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.virtual_bus.devices.quirks import UndefinedRegisters
 
-MOST_PLANS = 256  # spans remembered; clients use a handful, a fuzzer many
+MAX_PLANS = 256  # cached; clients use a handful, a fuzzer many
 _Plan = TypeVar("_Plan")
 _POINTER, _TARGET = "indirect_address_", "indirect_data_"
 
@@ -22,7 +22,7 @@ class Field:
 
     name: str
     offset: int
-    """Its first byte in the data."""
+    """Position of its first byte in the data."""
     address: int
     codec: struct.Struct
     lower: int
@@ -31,10 +31,10 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class WritePlan:
-    """What a write to a span means, whatever its data."""
+    """The items that a write to an address range sets, whatever its data."""
 
     error: int = 0
-    """Why it can never work, an `ErrorNumber`."""
+    """`ErrorNumber` if the range cannot be written at all."""
     fields: tuple[Field, ...] = ()
     eeprom: bool = False
     """True when it touches EEPROM."""
@@ -43,7 +43,7 @@ class WritePlan:
 
 
 class Registers:
-    """The bytes of a control table."""
+    """The memory of a control table."""
 
     def __init__(
         self, table: ControlTable, undefined: UndefinedRegisters = UndefinedRegisters.ZEROS
@@ -55,7 +55,7 @@ class Registers:
         self._addresses = {item.name: item.address for item in table.items.values()}
         self._defined = bytearray(table.size)
         self._redirected = bytearray(table.size)
-        self._pointers: dict[int, int] = {}  # address of indirect data -> of its pointer
+        self._pointers: dict[int, int] = {}  # address of indirect data -> address of its pointer
         for item in table.items.values():
             self._defined[item.address : item.address + item.size] = b"\x01" * item.size
             if item.name.startswith(_TARGET):
@@ -70,21 +70,21 @@ class Registers:
         return self._codecs[name].unpack_from(self.memory, self._addresses[name])[0]
 
     def __setitem__(self, name: str, value: int) -> None:
-        """Set an item's value, whatever its rights and range."""
+        """Set an item's value, regardless of access rights and range."""
         self._codecs[name].pack_into(self.memory, self._addresses[name], value)
         if name.startswith(_POINTER):
-            self.forget_plans()
+            self.clear_plans()
 
     def __contains__(self, name: str) -> bool:
-        """Tell whether the table has an item."""
+        """Return whether the table has an item."""
         return name in self._addresses
 
     def value_or_zero(self, name: str) -> int:
-        """Return an item's value, 0 where the table has no such item."""
+        """Return an item's value, 0 if the table lacks it."""
         return self.__getitem__(name) if name in self._addresses else 0
 
     def read(self, address: int, length: int) -> tuple[int, bytes]:
-        """Return an `ErrorNumber` and the bytes of a span."""
+        """Return an `ErrorNumber` and the bytes of an address range."""
         end = address + length
         if not length:
             return ErrorNumber.DATA_LENGTH, b""
@@ -100,25 +100,25 @@ class Registers:
         addresses = self._reads.get((address, length))
         if addresses is None:
             addresses = self._resolve(address, length)
-            _remember(self._reads, (address, length), addresses)
+            _cache(self._reads, (address, length), addresses)
         memory = self.memory
         return 0, bytes([memory[a] for a in addresses])
 
     def plan_write(self, address: int, length: int) -> WritePlan:
-        """Tell what a write to a span would do."""
+        """Return what a write to an address range sets."""
         plan = self._writes.get((address, length))
         if plan is None:
             plan = self._plan_write(address, length)
-            _remember(self._writes, (address, length), plan)
+            _cache(self._writes, (address, length), plan)
         return plan
 
-    def forget_plans(self) -> None:
-        """Look indirect addresses up anew."""
+    def clear_plans(self) -> None:
+        """Clear the cache after a change of indirect addresses."""
         self._reads.clear()
         self._writes.clear()
 
     def _resolve(self, address: int, length: int) -> list[int]:
-        # Indirect data that points to indirect data is plain memory there, not a chain.
+        # Indirect data that points to indirect data reads plain memory there.
         pointers, memory = self._pointers, self.memory
         return [
             memory[pointers[a]] | memory[pointers[a] + 1] << 8 if a in pointers else a
@@ -153,7 +153,7 @@ class Registers:
 
 
 def codec_of(item: Item) -> struct.Struct:
-    """Return what packs and unpacks an item, little endian."""
+    """Return the little-endian codec of an item."""
     letter = {1: "b", 2: "h", 4: "i"}[item.size]
     return struct.Struct("<" + (letter if item.signed else letter.upper()))
 
@@ -171,7 +171,7 @@ def _field_of(item: Item, offset: int, codec: struct.Struct) -> Field:
     return Field(item.name, offset, item.address, codec, lower, upper)
 
 
-def _remember(plans: dict[tuple[int, int], _Plan], span: tuple[int, int], plan: _Plan) -> None:
-    if len(plans) >= MOST_PLANS:
+def _cache(plans: dict[tuple[int, int], _Plan], span: tuple[int, int], plan: _Plan) -> None:
+    if len(plans) >= MAX_PLANS:
         plans.clear()
     plans[span] = plan

@@ -1,7 +1,7 @@
-"""Sensors: what physics tells, as a servo's registers show it.
+"""The measured registers of a servo: position, velocity, load, supply, moving flags.
 
-The horn turns in its own direction and without end; a position register counts from the homing
-offset, in the drive mode's direction, from the turn in which it was last folded.
+The horn turns endlessly in its own direction; the position register counts in the direction of the
+drive mode, from the homing offset and from the turn to which it was last reset.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
 MAX_HOMING_IN_ONE_TURN = 1024  # ticks; larger offsets are ignored in mode 3 (e-manual)
-NOMINAL_VOLTAGE = 12.0  # V, or the middle of what the model bears
+NOMINAL_VOLTAGE = 12.0  # V, or the middle of the model's range
 _SIDE_BY_SIDE = struct.Struct("<hhii")  # PWM, load, velocity, position: so in every servo's table
 
 
 class Sensors:
-    """The present values and the moving flags of a servo."""
+    """Converts physical quantities to the present-value and moving registers of a servo."""
 
-    def __init__(self, registers: Registers, motion: PositionControl, quirks: Quirks) -> None:
-        self._registers, self._motion, self._quirks = registers, motion, quirks
+    def __init__(self, registers: Registers, control: PositionControl, quirks: Quirks) -> None:
+        self._registers, self._control, self._quirks = registers, control, quirks
         table = registers.table
         self._has_current = "present_current" in table
         self._load_scale = table["present_current" if self._has_current else "present_load"].scale
@@ -44,7 +44,7 @@ class Sensors:
         self.sign = 1.0
         """-1 when the drive mode reverses the servo."""
         self.offset = 0.0
-        """Register minus signed horn [ticks]."""
+        """Register value minus signed horn position [ticks]."""
         self._ticks, self._speed, self._pwm_share = 0.5 * TICKS_PER_TURN, 0.0, 0.0
         self._turns = 0.0  # ticks that bring the position into one turn
         self._speed_counts = self._position_counts = 0
@@ -52,11 +52,11 @@ class Sensors:
 
     @property
     def position(self) -> int:
-        """Return the position as the register shows it [ticks]."""
+        """Return the value of the position register [ticks]."""
         return round(self.sign * self._ticks + self.offset)
 
     def to_horn(self, position: float) -> float:
-        """Convert a position [ticks] to the horn's own."""
+        """Convert a register position [ticks] to the horn's own."""
         return self.sign * (position - self.offset)
 
     def take(
@@ -68,7 +68,7 @@ class Sensors:
         voltage: float,
         temperature: float,
     ) -> None:
-        """Measure; see `VirtualServo.sense`."""
+        """Set the measured quantities; see `VirtualServo.sense`."""
         self._ticks, self._speed, self._pwm_share = ticks, velocity, pwm_share
         self.current, self.voltage, self.temperature = current, voltage, temperature
         self._show()
@@ -81,7 +81,7 @@ class Sensors:
         self.reload()
 
     def reload(self) -> None:
-        """Take over what the registers configure."""
+        """Reload the configuration from the registers."""
         registers = self._registers
         self._mode = registers["operating_mode"]
         # Reversed, ticks count down; the homing offset keeps its sign (e-manual).
@@ -115,20 +115,22 @@ class Sensors:
         self.show_flags()
 
     def show_flags(self) -> None:
-        """Set Moving and Moving Status (e-manual) by motion and position."""
-        motion, position = self._motion, self._position_counts
-        running = motion.running
-        status = running << 1 | motion.shape << 4
+        """Update Moving and Moving Status (e-manual)."""
+        control, position = self._control, self._position_counts
+        running = control.running
+        status = running << 1 | control.shape << 4
         if self._mode in POSITION_MODES:
             quirks = self._quirks
-            arrived = abs(self._registers["goal_position"] - position) <= quirks.in_position_ticks
-            astray = abs(motion.position - position) > quirks.following_error_ticks
-            status |= arrived | (astray and self._registers["torque_enable"]) << 3
+            has_arrived = (
+                abs(self._registers["goal_position"] - position) <= quirks.in_position_ticks
+            )
+            is_off_path = abs(control.position - position) > quirks.following_error_ticks
+            status |= has_arrived | (is_off_path and self._registers["torque_enable"]) << 3
         memory, at = self._registers.memory, self._at_flags
         memory[at] = running or abs(self._speed_counts) > self._threshold
         memory[at + 1] = status
 
 
 def clamp(value: int, limit: int) -> int:
-    """Return the nearest value not farther from 0 than a limit."""
+    """Clamp a value to a symmetric limit."""
     return max(-limit, min(limit, value))

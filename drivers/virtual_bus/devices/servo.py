@@ -1,4 +1,4 @@
-"""A virtual Dynamixel servo: everything but its motor, which is physics'."""
+"""A virtual Dynamixel servo: everything but its motor, which physics simulates."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ class VirtualServo(VirtualDevice):
         baud: int = 57_600,
         quirks: Quirks | None = None,
     ) -> None:
-        """Build a servo as shipped, its horn in the middle of the turn.
+        """Build a servo at factory defaults, its horn in the middle of the turn.
 
         Args:
             servo_id: Its id on the bus.
             model: Name of its control table.
             firmware: Its firmware version.
-            baud: Its speed on the bus [bit/s].
-            quirks: What it does where the manual is silent; None for the defaults.
+            baud: Its baud rate [bit/s].
+            quirks: Behavior that the manual leaves open; None for the defaults.
         """
         quirks, table = quirks or Quirks(), table_named(model, firmware)
         super().__init__(table, servo_id, firmware, baud, quirks)
-        self._motion, self._backup = PositionControl(self.registers), Backup()
-        self._sensors = Sensors(self.registers, self._motion, quirks)
+        self._control, self._backup = PositionControl(self.registers), Backup()
+        self._sensors = Sensors(self.registers, self._control, quirks)
         self._protection = Protection(self.registers, quirks)
         self._farthest_goal = table["goal_position"].upper or 0
         self._at_tick = table["realtime_tick"].address
@@ -74,40 +74,37 @@ class VirtualServo(VirtualDevice):
             "drive_mode": self._change_direction,
             "torque_enable": self._switch_torque,
             "bus_watchdog": self._set_watchdog,
-            "goal_position": self._aim,
-            "goal_velocity": self._aim_speed,
+            "goal_position": self._set_position_goal,
+            "goal_velocity": self._set_velocity_goal,
             "goal_current": self._take_current,
             "goal_pwm": self._take_pwm,
         }
 
-    # What others see ------------------------------------------------------------------------
+    # For bus and physics ------------------------------------------------------------------------
 
     @property
     def secondary_id(self) -> int | None:
-        """Return the second id that it obeys, None for none."""
+        """Return its secondary id, None for none."""
         second = self.registers.memory[self._at_secondary]
         return second if second <= MAX_ID else None
 
     @property
     def alert(self) -> int:
-        """Return the alert bit of its answers: set while there is a hardware error."""
+        """Return the alert bit of its replies, set while there is a hardware error."""
         return ALERT if self._hardware_error else 0
 
     @property
     def torque_on(self) -> bool:
-        """Tell whether it drives its motor."""
+        """Whether it drives its motor."""
         return self._torque_on
 
     @property
     def has_profile(self) -> bool:
-        """Tell whether its trajectory is on the way to a goal."""
-        return self._motion.running
+        """Whether a profile is being executed."""
+        return self._control.running
 
     def poke(self, name: str, value: int) -> None:
-        """Set a register as the factory would, whatever its rights and range.
-
-        What is measured comes by `sense` alone.
-        """
+        """Set a register, regardless of access rights and range; `sense` sets measured ones."""
         super().poke(name, value)
         effect = self._effects.get(name)
         if effect is not None and name != "operating_mode":
@@ -125,7 +122,7 @@ class VirtualServo(VirtualDevice):
         voltage: float,
         temperature: float,
     ) -> None:
-        """Take what physics says, in the horn's own direction.
+        """Set the measured quantities, in the horn's own direction.
 
         Args:
             ticks: Position of the horn, turns included.
@@ -140,32 +137,32 @@ class VirtualServo(VirtualDevice):
             self._protect()
 
     def motor_command(self) -> MotorCommand:
-        """Return what the motor shall do."""
+        """Return the present command to the motor."""
         if self._motor_command is None:
             self._motor_command = self._compute_motor_command()
         return self._motor_command
 
     def trip(self, error: HardwareError) -> None:
-        """Raise a hardware error; if it is one to shut down for, go limp until a reboot."""
+        """Set a hardware error; if the shutdown register has it, torque is off until a reboot."""
         self._set_hardware_error(self._hardware_error | error)
         if error & self.peek("shutdown"):
             self._is_shut_down = True
             self._release()
 
     def reboot(self, *, restore: bool = False) -> None:
-        """Restart with the RAM of a power-up, deaf for a while; ``restore`` its backup of RAM."""
+        """Restart with RAM at its defaults, or restored from the backup."""
         self._boot()
         if restore:
             self._backup.restore_ram(self.registers)
             self._reload()
 
     def clear_turns(self) -> None:
-        """Bring the position back into one turn, and stay there."""
+        """Bring the position back into one turn and hold it."""
         self._sensors.fold()
         self._seed_goal()
 
     def advance(self, now: float) -> None:
-        """Let time pass until a bus time [s]: clock, watchdog, profile, overload."""
+        """Advance to a bus time [s]: clock, watchdog, profile, overload."""
         duration, self.now = now - self.now, now
         if not self._powered or now < self._booted_at:
             return
@@ -177,8 +174,8 @@ class VirtualServo(VirtualDevice):
         if self._torque_on:
             if self._watchdog > 0 and now - self._heard > self._watchdog * WATCHDOG_UNIT:
                 self._trip_watchdog()
-            if self._motion.running:
-                self._motion.advance(now, duration)
+            if self._control.running:
+                self._control.advance(now, duration)
                 self._motor_command = None
                 self._sensors.show_flags()
         if self._protection.advance(self._sensors.current, duration):
@@ -197,7 +194,7 @@ class VirtualServo(VirtualDevice):
         return MotorCommand(
             torque_on=self._torque_on,
             mode=OperatingMode(self._mode),
-            target_ticks=self._sensors.to_horn(self._motion.position),
+            target_ticks=self._sensors.to_horn(self._control.position),
             p_gain=registers["position_p_gain"],
             i_gain=registers["position_i_gain"],
             d_gain=registers["position_d_gain"],
@@ -206,14 +203,14 @@ class VirtualServo(VirtualDevice):
             pwm_limit=min(abs(pwm), 1.0),
             current_limit=current_limit,
             goal_current=sign * goal_current,
-            goal_velocity=sign * self._motion.speed,
+            goal_velocity=sign * self._control.speed,
             goal_pwm=sign * pwm,
         )
 
     # Protection --------------------------------------------------------------------------------
 
     def _protect(self) -> None:
-        bits = self._protection.judge(self._sensors.voltage, self._sensors.temperature)
+        bits = self._protection.check(self._sensors.voltage, self._sensors.temperature)
         if new := bits & ~self._hardware_error:
             self.trip(HardwareError(new))
         gone = self._hardware_error & ~bits & HardwareError.VOLTAGE
@@ -225,7 +222,7 @@ class VirtualServo(VirtualDevice):
         self.registers["hardware_error_status"] = self._hardware_error
 
     def _trip_watchdog(self) -> None:
-        """Stop where it is: silence for too long."""
+        """Stop at the present position after too long a silence."""
         registers = self.registers
         registers["bus_watchdog"] = self._watchdog = TRIPPED
         for name in PROFILE:
@@ -262,9 +259,9 @@ class VirtualServo(VirtualDevice):
             if self.quirks.torque_on_seeds_goal:
                 self._seed_goal()
             elif self._mode in POSITION_MODES:
-                self._aim(self.registers["goal_position"])
+                self._set_position_goal(self.registers["goal_position"])
             if self._mode == OperatingMode.VELOCITY:
-                self._aim_speed(self.registers["goal_velocity"])
+                self._set_velocity_goal(self.registers["goal_velocity"])
 
     def _engage(self) -> None:
         self._torque_on, self._heard = True, self.now
@@ -277,23 +274,23 @@ class VirtualServo(VirtualDevice):
         self._halt()
 
     def _halt(self) -> None:
-        """Stay where it is."""
-        self._motion.halt(self._sensors.position)
+        """Hold the present position."""
+        self._control.halt(self._sensors.position)
         self._motor_command = None
 
     def _seed_goal(self) -> None:
-        """Make the present position the goal."""
+        """Set the goal to the present position."""
         self.registers["goal_position"] = clamp(self._sensors.position, self._farthest_goal)
         self._halt()
 
-    def _aim(self, goal: int) -> None:
+    def _set_position_goal(self, goal: int) -> None:
         if self._mode in POSITION_MODES and self._takes_goals():
-            self._motion.aim(self.now, goal)
+            self._control.aim(self.now, goal)
             self._sensors.show_flags()
 
-    def _aim_speed(self, goal: int) -> None:
+    def _set_velocity_goal(self, goal: int) -> None:
         if self._mode == OperatingMode.VELOCITY and self._takes_goals():
-            self._motion.aim_speed(goal * self.table["goal_velocity"].scale)
+            self._control.aim_speed(goal * self.table["goal_velocity"].scale)
             self._sensors.show_flags()
 
     def _take_current(self, goal: int) -> None:
@@ -309,7 +306,7 @@ class VirtualServo(VirtualDevice):
             self._takes_goals()
 
     def _takes_goals(self) -> bool:
-        """Tell whether the motor follows a goal of its mode, which may switch torque on."""
+        """Return whether the motor follows goals; a goal may switch torque on."""
         self._motor_command = None
         if not self._torque_on and self.peek("drive_mode") & DriveMode.TORQUE_BY_GOAL:
             self._halt()
@@ -317,10 +314,10 @@ class VirtualServo(VirtualDevice):
                 self._engage()
         return self._torque_on
 
-    # What configuration does ---------------------------------------------------------------------
+    # Configuration ---------------------------------------------------------------------
 
     def _reload(self, value: int = 0) -> None:
-        """Take over what the registers configure."""
+        """Reload the configuration from the registers."""
         del value
         self._mode = self.peek("operating_mode")
         self._watchdog = self.peek("bus_watchdog")
@@ -332,7 +329,7 @@ class VirtualServo(VirtualDevice):
         self._watchdog, self._heard = value, self.now
 
     def _clamp_goals(self, value: int = 0) -> None:
-        """Keep goals inside limits that have become narrower."""
+        """Clamp goals to the present limits."""
         del value
         registers = self.registers
         for quantity in ("pwm", "current", "velocity"):
@@ -354,7 +351,7 @@ class VirtualServo(VirtualDevice):
         self.clear_turns()
 
     def _free_goals(self) -> None:
-        """Set the goals that are limits as well to their widest (e-manual, Operating Mode)."""
+        """Set the goals that also act as limits to their maximum (e-manual, Operating Mode)."""
         for quantity in ("pwm", "current"):
             if (name := f"goal_{quantity}") in self.registers:
                 self.registers[name] = self.registers[f"{quantity}_limit"]
@@ -370,7 +367,7 @@ class VirtualServo(VirtualDevice):
         self._release()
 
     def _restart(self) -> None:
-        """Set RAM as at power-up."""
+        """Set RAM to its power-up values."""
         registers = self.registers
         reset_ram(registers)
         startup = registers.value_or_zero("startup_configuration")

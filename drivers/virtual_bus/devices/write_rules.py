@@ -1,4 +1,4 @@
-"""WriteRules: what a servo accepts in an item beyond the item's own range."""
+"""Value checks of a servo that depend on its other registers."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 
-TRIPPED = -1  # what bus_watchdog reads after it stopped the servo
+TRIPPED = -1  # value of bus_watchdog after it stopped the servo
 LONGEST_PROFILE = 32737  # ms, of a time-based profile (e-manual)
 
 
 class WriteRules:
-    """Judge values by the other registers; each check returns an `ErrorNumber`."""
+    """Checks values against other registers; each check returns an `ErrorNumber`."""
 
     def __init__(self, registers: Registers, quirks: Quirks) -> None:
         self._registers, self._quirks = registers, quirks
@@ -36,7 +36,7 @@ class WriteRules:
         return ErrorNumber.NONE if known else ErrorNumber.DATA_RANGE
 
     def _check_drive_mode(self, bits: int) -> int:
-        # The upper end of its range is the mask of the bits that the model has.
+        # The upper end of its range is the mask of the model's bits.
         return ErrorNumber.DATA_RANGE if bits & ~self._drive_bits else ErrorNumber.NONE
 
     def _check_watchdog(self, value: int) -> int:

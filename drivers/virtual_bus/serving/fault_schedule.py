@@ -1,4 +1,4 @@
-"""The kinds of faults that a schedule may name: what each needs, does and ends with."""
+"""Schedules of faults: reads them from a TOML file and injects them at their times."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from robots.validation import is_number, shown
 
 @dataclass(frozen=True, kw_only=True)
 class ScheduledFault:
-    """One entry: what happens when; fields that its kind does not have are None."""
+    """One entry of a schedule; fields that its kind does not have are None."""
 
     at: float
     """Bus time [s]."""
     kind: str
     duration: float | None = None
-    """Time after which it ends again [s]; None for never."""
+    """Duration [s]; None for no end."""
     device: int | None = None
     """Id; None for the whole bus."""
     rate: float | None = None
-    """Share of answers, requests or bytes, 0 to 1."""
+    """Share of replies, requests or bytes, 0 to 1."""
     count: int | None = None
-    """Number of answers or requests."""
+    """Number of replies or requests."""
     seconds: float | None = None
-    """How long an answer is kept back [s]."""
+    """How long a reply is held back [s]."""
     error: str | None = None
     """Name of a hardware error, in lower case."""
     temperature: float | None = None
@@ -42,16 +42,16 @@ class ScheduledFault:
 
 @dataclass(frozen=True)
 class FaultKind:
-    """What a kind of fault needs, and does."""
+    """Fields and actions of one kind of fault."""
 
     start: Callable[[FaultInjector, Any], None]
     end: Callable[[FaultInjector, Any], None] | None = None
-    """None where nothing ends."""
+    """None if the fault has no end."""
     needs: tuple[str, ...] = ()
     takes: tuple[str, ...] = ()
 
 
-def _disturb_line(faults: FaultInjector, fault: ScheduledFault) -> None:
+def _start_line_fault(faults: FaultInjector, fault: ScheduledFault) -> None:
     kind = LineFault(fault.kind)
     if kind is LineFault.LATE:
         faults.set_times(late_by=fault.seconds)
@@ -63,7 +63,7 @@ def _disturb_line(faults: FaultInjector, fault: ScheduledFault) -> None:
         faults.set_rate(kind, fault.rate)
 
 
-def _calm_line(faults: FaultInjector, fault: ScheduledFault) -> None:
+def _end_line_fault(faults: FaultInjector, fault: ScheduledFault) -> None:
     if fault.rate is not None:
         faults.set_rate(LineFault(fault.kind), 0.0)
 
@@ -74,7 +74,7 @@ def _line_kind(fault: LineFault) -> FaultKind:
         takes += ("id",)
     if fault in (LineFault.LATE, LineFault.SPLIT):
         takes += ("seconds",)
-    return FaultKind(_disturb_line, _calm_line, takes=takes)
+    return FaultKind(_start_line_fault, _end_line_fault, takes=takes)
 
 
 KINDS: Mapping[str, FaultKind] = {fault.value: _line_kind(fault) for fault in LineFault} | {
@@ -110,13 +110,13 @@ KINDS: Mapping[str, FaultKind] = {fault.value: _line_kind(fault) for fault in Li
     ),
     "replug": FaultKind(lambda faults, _: faults.replug()),
 }
-"""Kinds of faults by their names in a file."""
+"""Kinds of faults by their name in a file."""
 
 Action = Callable[[FaultInjector], None]
 
 
 class FaultScheduleError(SetupError):
-    """A schedule of faults that cannot be used."""
+    """A schedule file is invalid."""
 
     def __init__(self, file: Path, faults: list[str]) -> None:
         super().__init__(f"{file}: {'; '.join(faults)}")
@@ -134,21 +134,21 @@ class FaultSchedule:
         """Read a schedule.
 
         Args:
-            file: TOML file with one ``[[fault]]`` table an entry.
-            devices: Ids on the bus, to check the file's against; none for no check.
+            file: TOML file with one ``[[fault]]`` table per entry.
+            devices: Ids on the bus that the file may name; empty for no check.
 
         Raises:
-            FaultScheduleError: telling all that is wrong at once.
+            FaultScheduleError: listing all problems of the file.
         """
         file = Path(file)
         table = _read_table(file)
         faults: list[str] = []
         entries = table.get("fault", [])
         for key in table.keys() - {"fault"}:
-            faults.append(f"unknown table {shown(key)}, allowed fault")
+            faults.append(f"unknown table {shown(key)}, expected fault")
         if not isinstance(entries, list):
             raise FaultScheduleError(
-                file, [*faults, f"fault is {shown(entries)}, allowed [[fault]] tables"]
+                file, [*faults, f"fault is {shown(entries)}, expected [[fault]] tables"]
             )
         read = [
             _read_entry(entry, f"fault {i}: ", devices, faults)
@@ -159,7 +159,7 @@ class FaultSchedule:
         return cls(tuple(sorted((f for f in read if f), key=lambda fault: fault.at)))
 
     def plan_actions(self) -> list[tuple[float, Action]]:
-        """Return what to do at which bus time [s], in order, ends of faults included."""
+        """Return bus times [s] and actions in order, the ends of faults included."""
         actions: list[tuple[float, Action]] = []
         for fault in self.faults:
             kind = KINDS[fault.kind]
@@ -171,7 +171,7 @@ class FaultSchedule:
 
 @dataclass(frozen=True)
 class NumberRange:
-    """Allowed values of a number in a file."""
+    """Expected range of a number in a file."""
 
     lower: float
     upper: float
@@ -179,7 +179,7 @@ class NumberRange:
     whole: bool = False
 
     def holds(self, value: object) -> bool:
-        """Tell whether a value may stand here."""
+        """Return whether a value is in the range."""
         if not is_number(value) or (self.whole and not isinstance(value, int)):
             return False
         return self.lower <= value <= self.upper
@@ -200,7 +200,7 @@ RANGES: Mapping[str, NumberRange] = {
     "temperature": NumberRange(-40.0, 200.0, "°C"),
     "voltage": NumberRange(0.0, 30.0, "V"),
 }
-"""Allowed numbers by their names in a file."""
+"""Ranges of numbers by their name in a file."""
 ERRORS = tuple(str(error.name).lower() for error in HardwareError)
 _ATTRIBUTES = {"for": "duration", "id": "device"}
 
@@ -217,14 +217,14 @@ def _read_table(file: Path) -> dict[str, Any]:
 def _read_entry(
     entry: Any, owner: str, devices: Collection[int], faults: list[str]
 ) -> ScheduledFault | None:
-    """Read one entry; None, and faults added, if anything about it is wrong."""
+    """Read one entry; on problems, add them to ``faults`` and return None."""
     if not isinstance(entry, dict):
-        faults.append(f"{owner}is {shown(entry)}, allowed a table")
+        faults.append(f"{owner}is {shown(entry)}, expected a table")
         return None
     name = entry.get("kind")
     if not isinstance(name, str) or name not in KINDS:
-        told = f"is {shown(name)}" if "kind" in entry else "is missing"
-        faults.append(f"{owner}kind {told}, allowed {', '.join(KINDS)}")
+        state = f"is {shown(name)}" if "kind" in entry else "is missing"
+        faults.append(f"{owner}kind {state}, expected {', '.join(KINDS)}")
         return None
     kind, owner = KINDS[name], f"{owner}{name}: "
     found = list(_find_entry_faults(entry, kind, devices))
@@ -237,23 +237,23 @@ def _read_entry(
 
 def _find_entry_faults(entry: dict[str, Any], kind: FaultKind, devices: Collection[int]):
     needs = ("at", *kind.needs)
-    allowed = ("kind", *needs, *kind.takes)
+    known = ("kind", *needs, *kind.takes)
     for key in needs:
         if key not in entry:
-            yield f"{key} is missing, allowed {RANGES.get(key) or ', '.join(ERRORS)}"
+            yield f"{key} is missing, expected {RANGES.get(key) or ', '.join(ERRORS)}"
     for key, value in entry.items():
-        if key not in allowed:
-            yield f"unknown field {shown(key)}, allowed {', '.join(allowed)}"
+        if key not in known:
+            yield f"unknown field {shown(key)}, expected {', '.join(known)}"
         elif key == "error" and value not in ERRORS:
-            yield f"error is {shown(value)}, allowed {', '.join(ERRORS)}"
+            yield f"error is {shown(value)}, expected {', '.join(ERRORS)}"
         elif key in RANGES and not RANGES[key].holds(value):
-            yield f"{key} is {shown(value)}, allowed {RANGES[key]}"
+            yield f"{key} is {shown(value)}, expected {RANGES[key]}"
         elif key == "id" and devices and value not in devices:
-            yield f"id is {value}, allowed {', '.join(map(str, sorted(devices)))}"
+            yield f"id is {value}, expected {', '.join(map(str, sorted(devices)))}"
     if "rate" in entry and ("count" in entry or "id" in entry):
-        yield "has a rate and also a count or an id, allowed one or the other"
+        yield "has a rate and also a count or an id, expected only one of them"
     if "for" in entry and "rate" in kind.takes and "rate" not in entry:
-        yield "has a time to last and no rate, allowed a rate"
+        yield "has a duration without a rate, expected both"
 
 
 def _bind(act: Callable[[FaultInjector, Any], None], fault: ScheduledFault) -> Action:

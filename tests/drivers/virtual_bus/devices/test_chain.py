@@ -455,5 +455,5 @@ def test_a_cut_cable_trips_the_watchdog_behind_it():
 
 
 def test_a_device_that_is_not_there_is_named_with_those_that_are():
-    with pytest.raises(LookupError, match=r"no device of id 7 on the wire: there are 1, 2"):
+    with pytest.raises(LookupError, match=r"no device of id 7 on the bus, only 1, 2"):
         servos(1, 2).device(7)

@@ -101,7 +101,10 @@ def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
 
 
 def pool_rng(seed: int) -> np.random.Generator:
-    """Make the source of a training's falls: another one than evaluations draw theirs from."""
+    """Make the random source of a training's falls; no evaluation's seed gives the same.
+
+    Evaluations draw from ``default_rng(seed)``, which differs for every seed below 2**32.
+    """
     return np.random.default_rng([seed, POOL_SEED])
 
 

@@ -34,13 +34,18 @@ def save_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
 
 
 def load_arrays(
-    path: Path, keys: Collection[str], max_bytes: int = MAX_BYTES
+    path: Path,
+    keys: Collection[str],
+    *,
+    optional: Collection[str] = (),
+    max_bytes: int = MAX_BYTES,
 ) -> dict[str, NDArray[Any]]:
     """Read the arrays of an .npz file: numbers and texts.
 
     Args:
         path: File.
-        keys: Names of all its arrays.
+        keys: Names of the arrays that it must have.
+        optional: Names of others that it may have.
         max_bytes: Largest size, of the file and of all its arrays together [bytes].
 
     Raises:
@@ -52,8 +57,8 @@ def load_arrays(
         if not content.startswith(b"PK\x03\x04"):
             raise ArchiveError("it is not an .npz archive")
         with zipfile.ZipFile(BytesIO(content)) as archive:
-            _check_directory(archive, keys, max_bytes)
-            return {key: _read_array(archive, key) for key in keys}
+            found = _check_directory(archive, keys, optional, max_bytes)
+            return {key: _read_array(archive, key) for key in (*keys, *optional) if key in found}
     except ArchiveError:
         raise
     except (zipfile.BadZipFile, zlib.error, *DAMAGE) as error:
@@ -92,14 +97,16 @@ def to_numbers(array: NDArray[Any], key: str, shape: tuple[int | None, ...]) -> 
     return numbers
 
 
-def _check_directory(archive: zipfile.ZipFile, keys: Collection[str], max_bytes: int) -> None:
-    """Check names and sizes as the archive's directory states them."""
+def _check_directory(
+    archive: zipfile.ZipFile, keys: Collection[str], optional: Collection[str], max_bytes: int
+) -> list[str]:
+    """Check names and sizes as the archive's directory states them; return the names."""
     members = archive.infolist()
     found = [member.filename.removesuffix(".npy") for member in members]
     problems = [f"key '{key}' is missing" for key in keys if key not in found]
-    problems += [f"unknown key {shown(key)}" for key in found[:20] if key not in keys]
-    if not problems and len(found) != len(keys):
-        problems.append(f"it has {len(found)} members, expected {len(keys)}")
+    problems += [f"unknown key {shown(key)}" for key in found[:20] if key not in {*keys, *optional}]
+    if not problems and len(found) != len(set(found)):
+        problems.append(f"it has {len(found)} members, expected {len(set(found))}")
     size = sum(member.file_size for member in members)
     if size > max_bytes:
         problems.append(f"it unpacks to {size} bytes, expected at most {max_bytes}")
@@ -110,6 +117,7 @@ def _check_directory(archive: zipfile.ZipFile, keys: Collection[str], max_bytes:
     ]
     if problems:
         raise ArchiveError("; ".join(problems[:20]))
+    return found
 
 
 def _read_array(archive: zipfile.ZipFile, key: str) -> NDArray[Any]:

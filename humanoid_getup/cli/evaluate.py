@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, arg
@@ -24,7 +23,7 @@ from humanoid_getup.cli.output import (
     write_json,
 )
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
-from humanoid_getup.simulation.falls import CLASSES, FallSet, sample_falls
+from humanoid_getup.simulation.falls import CLASSES, FallSet, sample_fall_set
 from humanoid_getup.simulation.world import World
 
 if TYPE_CHECKING:
@@ -156,10 +155,7 @@ class EvalPolicy(WorldOptions):
                 return FallSet.load(self.falls, world.robot).choose(self.n // len(CLASSES))
         counts = {kind: self.n // len(CLASSES) for kind in CLASSES}
         with Console(stderr=True).status("falling"):
-            drawn = sample_falls(world, counts, np.random.default_rng(self.seed))
-        falls = FallSet(
-            robot=world.robot.name, scene=world.scene.name, seed=self.seed, falls=tuple(drawn)
-        )
+            falls = sample_fall_set(world, counts, self.seed)
         if self.falls is not None:
             falls.save(self.falls)
         return falls

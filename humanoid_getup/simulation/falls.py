@@ -46,11 +46,13 @@ class Settling:
     """Time after the drop [s]."""
     next_check: float = 1.0
     """Time between checks of those that still move [s]."""
-    longest: float = 3.0
+    longest: float = 10.0
     """Time after which a robot that still moves is left out [s]."""
 
 
-SETTLING = Settling(speed=0.02)
+# Limp joints creep at 0.025 rad/s (median) under the weight they carry, and go on for minutes;
+# of 96 OP3 91 are slower than 0.05 after 3 s, 94 after 6 s.
+SETTLING = Settling(speed=0.05)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,23 +76,45 @@ def classify(orientation: Array) -> str | None:
     return "left" if y > 0.0 else "right"
 
 
+def sample_fall_set(world: World, counts: dict[str, int], seed: int) -> FallSet:
+    """Drop limp robots as :func:`sample_falls` does, and count those that did not settle."""
+    falls, dropped, left_out = _sample(world, counts, np.random.default_rng(seed))
+    return FallSet(
+        robot=world.robot.name,
+        scene=world.scene.name,
+        seed=seed,
+        falls=tuple(falls),
+        dropped=dropped,
+        left_out=left_out,
+    )
+
+
 def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator) -> list[Fall]:
     """Drop limp robots until every class has its count.
 
-    Random joints inside the limits, in any orientation, dropped limp and settled until
-    still; then classed, and rejected where the class is full or the robot does not lie.
+    Random joints inside the limits, in any orientation, dropped limp and settled for up to
+    10 s; the few that still move are left out. Then they are classed, and rejected where the
+    class is full or the robot does not lie.
 
     Args:
         world: Robot and scene.
         counts: How many of each class; "lateral" stands for left or right.
-        rng: Source of the falls; the same one gives the same falls.
+        rng: Random source of the falls; the same one gives the same falls.
 
     Raises:
         FallError: if a class does not come up.
     """
+    return _sample(world, counts, rng)[0]
+
+
+def _sample(
+    world: World, counts: dict[str, int], rng: np.random.Generator
+) -> tuple[list[Fall], int, int]:
+    """Sample falls; return them, how many robots were dropped and how many were left out."""
     sim = VecSim(world, BATCH)
     wanted = dict(counts)
     falls: list[Fall] = []
+    left_out = 0
     for batch in itertools.count():
         if not any(wanted.values()):
             break
@@ -101,6 +125,7 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
                 f"{missing} missing after {batch * BATCH} falls"
             )
         qpos, settled = drop(sim, SETTLING, rng)
+        left_out += int(np.sum(~settled))
         for posture in (read_posture(world.robot, world.model, q) for q in qpos[settled]):
             found = classify(posture.orientation)
             if found is None:
@@ -110,7 +135,8 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
                 wanted[key] -= 1
                 falls.append(Fall(posture=posture, start_class=found))
     order = list(counts)
-    return sorted(falls, key=lambda fall: order.index(_counted_as(fall.start_class, counts)))
+    falls.sort(key=lambda fall: order.index(_counted_as(fall.start_class, counts)))
+    return falls, batch * BATCH, left_out
 
 
 def _counted_as(start_class: str, counts: dict[str, int]) -> str:
@@ -138,16 +164,15 @@ def drop(
     hold = _count_sample_steps(sim)
     sample_time = hold * model.opt.timestep
     window = round(settling.window / sample_time)
-    settled = np.zeros(sim.n, dtype=bool)
-    time, duration = 0.0, settling.first_check
-    while time < settling.longest - 1e-9 and not settled.all():
-        targets = np.zeros((sim.n, round(duration / sample_time), robot.n))
-        went = sim.advance(targets, hold, ("qpos",))["qpos"]
+    moving, time, duration = sim.everyone, 0.0, settling.first_check
+    while time < settling.longest - 1e-9 and len(moving):
+        targets = np.zeros((len(moving), round(duration / sample_time), robot.n))
+        went = sim.advance(targets, hold, ("qpos",), moving)["qpos"]
         time, duration = time + duration, settling.next_check
+        qpos[moving] = went[:, -1]
         speed = np.abs(np.diff(went[:, -window:], axis=1)).max(axis=(1, 2)) / sample_time
-        new = ~settled & (speed < settling.speed) & ~sim.diverged
-        qpos[new] = went[new, -1]
-        settled |= new
+        moving = moving[(speed >= settling.speed) | sim.diverged[moving]]
+    settled = ~np.isin(sim.everyone, moving)
     return qpos, settled
 
 
@@ -193,6 +218,8 @@ def sample_drop(
 
 FALL_KEYS = ("robot", "scene", "seed", "position", "orientation", "joint_pos", "start_class")
 """Keys of a file of falls."""
+COUNT_KEYS = ("dropped", "left_out")
+"""Keys that older files of falls do not have."""
 
 
 class FallSetError(ValueError):
@@ -216,6 +243,10 @@ class FallSet:
     seed: int
     """From which they were drawn."""
     falls: tuple[Fall, ...]
+    dropped: int | None = None
+    """Number of robots that were dropped for it; ``None`` if not counted."""
+    left_out: int | None = None
+    """Number of those that still moved after 10 s and were left out; ``None`` as above."""
 
     def choose(self, each: int) -> FallSet:
         """Choose the first falls of every class.
@@ -245,6 +276,9 @@ class FallSet:
             "joint_pos": np.array([posture.joint_pos for posture in postures]),
             "start_class": np.array([fall.start_class for fall in self.falls]),
         }
+        for key in COUNT_KEYS:
+            if getattr(self, key) is not None:
+                arrays[key] = getattr(self, key)
         save_arrays(file, arrays)
 
     @staticmethod
@@ -255,7 +289,7 @@ class FallSet:
             FallSetError: if the file cannot be read, is damaged, or is of another robot.
         """
         try:
-            return _read_falls(load_arrays(file, FALL_KEYS), robot)
+            return _read_falls(load_arrays(file, FALL_KEYS, optional=COUNT_KEYS), robot)
         except OSError as error:
             raise FallSetError(file, error.strerror or str(error)) from error
         except ValueError as error:
@@ -266,9 +300,10 @@ def _read_falls(arrays: dict[str, NDArray[Any]], robot: Robot) -> FallSet:
     name, scene = (to_text(arrays[key], key) for key in ("robot", "scene"))
     if name != robot.name:
         raise ValueError(f"it is of robot {shown(name)}, expected '{robot.name}'")
-    seed, classes = arrays["seed"], arrays["start_class"]
-    if seed.shape != () or seed.dtype.kind not in "iu":
-        raise ValueError("seed is not an integer")
+    for key in ("seed", *COUNT_KEYS):
+        if key in arrays and (arrays[key].shape != () or arrays[key].dtype.kind not in "iu"):
+            raise ValueError(f"{key} is not an integer")
+    classes = arrays["start_class"]
     if classes.ndim != 1 or classes.dtype.kind != "U" or not np.isin(classes, CLASSES).all():
         raise ValueError(f"start_class is not a list of {', '.join(CLASSES)}")
     widths = {"position": 3, "orientation": 4, "joint_pos": robot.n}
@@ -277,7 +312,8 @@ def _read_falls(arrays: dict[str, NDArray[Any]], robot: Robot) -> FallSet:
         Fall(posture=Posture(position=p, orientation=q, joint_pos=v), start_class=str(kind))
         for p, q, v, kind in zip(*rows, classes, strict=True)
     )
-    return FallSet(robot=name, scene=scene, seed=int(seed), falls=falls)
+    counts = {key: int(arrays[key]) for key in COUNT_KEYS if key in arrays}
+    return FallSet(robot=name, scene=scene, seed=int(arrays["seed"]), falls=falls, **counts)
 
 
 HELD_TIME = 1.5  # s in which a held posture comes to rest

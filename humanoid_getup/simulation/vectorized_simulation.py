@@ -102,13 +102,16 @@ class VecSim:
         self.read("ctrl")[ids] = qpos[:, self._layout.qpos]
         self._compute_sensors(ids)
 
-    def advance(self, targets: Array, hold: int, record: tuple[str, ...] = ()) -> dict[str, Array]:
+    def advance(
+        self, targets: Array, hold: int, record: tuple[str, ...] = (), ids: Ids | None = None
+    ) -> dict[str, Array]:
         """Send joint targets one after another.
 
         Args:
-            targets: Joint targets [rad], (N, T, n).
+            targets: Joint targets [rad], (N, T, n), a row per world that is stepped.
             hold: Physics steps that each of them is held.
             record: MjData fields to return.
+            ids: Worlds that are stepped; ``None`` for all.
 
         Returns:
             Each field at the end of every target, (N, T, ...).
@@ -117,7 +120,7 @@ class VecSim:
         warnings = self.batch.warning[..., 1]
         warnings[:] = 0
         control = np.repeat(targets, hold, axis=1)
-        rolled = self.batch.rollout(control.shape[1], control, record=record)
+        rolled = self.batch.rollout(control.shape[1], control, record=record, ids=ids)
         self.diverged = np.any(warnings > 0, axis=1)
         return {name: rolled[name][:, hold - 1 :: hold] for name in record}
 

@@ -2,8 +2,16 @@ import numpy as np
 import pytest
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import classify, sample_falls
+from humanoid_getup.simulation.falls import (
+    FallSet,
+    Settling,
+    classify,
+    drop,
+    sample_fall_set,
+    sample_falls,
+)
 from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.vectorized_simulation import VecSim
 from robots import quaternion
 from robots.kinematics import lowest_point, place
 
@@ -73,3 +81,25 @@ def test_joints_are_far_from_home(falls, world):
     home = world.robot.standing.joint_pos
     for fall in falls:
         assert np.abs(fall.posture.joint_pos - home).max() > 0.8
+
+
+def test_almost_every_drop_settles_and_what_does_not_is_counted(world, tmp_path):
+    fall_set = sample_fall_set(world, {"supine": 2, "prone": 2}, seed=5)
+    assert len(fall_set.falls) == 4
+    assert fall_set.dropped is not None and fall_set.dropped % 24 == 0
+    assert fall_set.left_out is not None and fall_set.left_out <= 0.05 * fall_set.dropped
+    file = tmp_path / "falls.npz"
+    fall_set.save(file)
+    loaded = FallSet.load(file, world.robot)
+    assert (loaded.dropped, loaded.left_out) == (fall_set.dropped, fall_set.left_out)
+
+
+def test_a_robot_that_moves_longer_is_given_more_time(world):
+    """At a bound below the creep of limp joints, time settles more of them, never fewer."""
+    settled = []
+    for longest in (3.0, 5.0):
+        sim = VecSim(world, 12)
+        settling = Settling(speed=0.02, longest=longest)
+        settled.append(drop(sim, settling, np.random.default_rng(0))[1])
+    assert np.all(settled[1] >= settled[0])
+    assert settled[1].sum() > settled[0].sum()

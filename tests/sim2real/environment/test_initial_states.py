@@ -1,6 +1,8 @@
 """Where episodes begin."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -8,7 +10,10 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.simulation.falls import FallError, Settling
+from humanoid_getup.simulation import falls as falls_module
+from humanoid_getup.simulation.falls import FallError, Settling, sample_falls
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
 from robots.kinematics import lowest_point, place
 from sim2real.environment import initial_states as starts_module
@@ -22,7 +27,10 @@ from sim2real.environment.initial_states import (
     mirror_starts,
     sample_stands,
 )
+from sim2real.environment.make_env import make_get_up
 from sim2real.environment.training_simulation import TrainingSim
+from sim2real.training.config import RECIPES
+from sim2real.training.train import load_pool
 
 
 def test_what_fails_is_drawn_more_often():
@@ -152,3 +160,34 @@ def test_who_has_no_arms_stands_as_described():
     model = make_world(tiny, "flat", delays=False).model
     stands = sample_stands(tiny, model, 4, np.random.default_rng(0))
     assert np.array_equal(stands, np.tile(place(tiny, model, tiny.standing), (4, 1)))
+
+
+@pytest.fixture
+def drops(monkeypatch) -> list[np.ndarray]:
+    """Record where robots are dropped from, by whichever function drops them."""
+    recorded: list[np.ndarray] = []
+    sample = falls_module.sample_drop
+
+    def record(*arguments: Any) -> np.ndarray:
+        recorded.append(sample(*arguments))
+        return recorded[-1]
+
+    monkeypatch.setattr(falls_module, "sample_drop", record)
+    return recorded
+
+
+def test_training_and_evaluation_never_draw_the_same_fall(drops, tiny, tmp_path):
+    """Through the functions that draw them, for every pair of some seeds."""
+    world = World.build(tiny, load_scene("flat"))
+    for seed in range(4):
+        sample_falls(world, {"supine": 1}, np.random.default_rng(seed))
+    evaluation = {qpos.tobytes() for qpos in drops}
+    drops.clear()
+    recipe = replace(RECIPES["quick"], falls=4)
+    for seed in range(4):
+        load_pool(tiny, recipe, seed, tmp_path / f"{seed}.npz")
+        make_get_up(1, robot=str(tiny.folder), falls=4, seed=seed, threads=1)
+    training = {qpos.tobytes() for qpos in drops}
+    assert len(evaluation) >= 4 * 24
+    assert len(training) >= 4 * 4
+    assert not evaluation & training

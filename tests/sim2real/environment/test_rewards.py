@@ -120,6 +120,28 @@ def test_sitting_earns_less_than_standing_and_more_than_lying(name):
     assert sitting > lying
 
 
+COSTS = {
+    torque: change(torque=[[1.0, 0.0]]),
+    head_strike: change(head_fall=2.0, height=0.0),
+    dropping: change(fall_speed=2.0),
+    haste: change(asked=[[1.0, 0.0]]),
+    demanding: change(asked=[[1.0, 0.0]]),
+    action_change: change(action=[[1.0, 0.0]], last_action=[[-1.0, 0.0]]),
+    joint_speed: change(joint_speed=[[0.5, -0.5]]),
+    restless: change(joint_speed=[[0.5, -0.1]], away=[[0.2, -0.1]]),
+}
+
+
+@pytest.mark.parametrize("name", sorted(REWARDS))
+def test_costs_cost_and_rewards_pay_in_every_recipe(name):
+    for reward in REWARDS[name]:
+        inputs = COSTS.get(reward.term, STANDING)
+        part = score((reward,), inputs)[0].item()
+        assert part < 0.0 if reward.term in COSTS else part > 0.0
+    charged = {reward.term for reward in REWARDS[name]} & COSTS.keys()
+    assert len(charged) == (2 if name == "quick" else 8)
+
+
 def test_the_parts_of_a_score_are_named_and_sum_up():
     rewards = (Reward(stands, 0.5), Reward(way_up, 0.25))
     total, parts = score(rewards, STANDING)

@@ -2,77 +2,69 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
-from rich.console import Console
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.backends import BackendChoice
+from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.options import RunOptions, find_start, find_start_faults, load_policy
-from humanoid_getup.cli.results import hand_over
-from humanoid_getup.cli.session import WHERE_IT_LAY, try_to_rise
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
-from humanoid_getup.policy.onnx_policy import LONGEST
-from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import RiseOptions, Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.selection import ByRecord
-from humanoid_getup.strategies.track_record import (
-    BY_PWM,
-    BY_TORQUE,
-    PLAN,
-    POLICY,
-    TrackRecord,
-    Way,
-    load_records,
+from humanoid_getup.cli.options import (
+    Origin,
+    PolicyName,
+    RunOptions,
+    find_start,
+    find_start_faults,
+    load_policy,
 )
-from robots import Robot
+from humanoid_getup.cli.output import phase
 
-AUTO = "auto"
-METHODS = (PLAN, POLICY, AUTO)
+if TYPE_CHECKING:
+    from humanoid_getup.cli.backends import BackendChoice
+    from humanoid_getup.motions.motion_database import MotionDatabase
+    from humanoid_getup.simulation.world import World
+    from humanoid_getup.strategies.learned_rise import LearnedRise
+    from humanoid_getup.strategies.plan import Strategy
+    from humanoid_getup.strategies.track_record import TrackRecord, Way
+    from robots import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
 class RiseCommand(RunOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
-    origin: Annotated[str | None, arg(name="from", metavar="supine|prone|left|right|FILE")] = None
-    """How a simulated robot lies: class of the fall to draw, or a posture file."""
-    attempts: int = 3
-    """How often to try before asking for help."""
-    method: Annotated[str, arg(metavar="plan|policy|auto")] = PLAN
-    """Plan a motion, run a trained policy, or what has the better record for how it lies."""
-    policy: Annotated[str, arg(metavar="NAME|FILE")] = "robust"
-    """A policy's name in the robot's folder, or an .onnx file."""
+    origin: Origin = None
+    attempts: Annotated[int, at_least(1)] = 3
+    """Number of attempts before giving up."""
+    method: Literal["plan", "policy", "auto"] = "plan"
+    """Plan a motion, run a policy, or use what has the better track record for the start."""
+    policy: PolicyName = "robust"
     planning: bool = True
-    """Plan a path to the rising motion, or go there straight."""
+    """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True
-    """Send the path through physics, or play it as it is; never on a real robot."""
+    """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
 
     def find_faults(self) -> list[str]:
-        """Tell all that is wrong with the options' values."""
+        """Report all that is wrong beyond the type and range of single values."""
         faults = super().find_faults()
         faults += find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
-        if self.attempts < 1:
-            faults.append(f"attempts is {self.attempts}, allowed 1 or more")
-        if self.method not in METHODS:
-            faults.append(f"method is '{self.method}', allowed {', '.join(METHODS)}")
         if self.is_real and not self.filtering:
-            faults.append("no-filtering is allowed only for a simulated robot")
+            faults.append("--no-filtering requires a simulated robot")
         return faults
 
     def run(self) -> int:
-        """Lie down, or find the robot lying, and rise."""
-        world = self.load_stage()
+        """Place the robot, or find it lying, and rise."""
+        with phase("loading"):
+            import numpy as np
+
+            from humanoid_getup.cli.results import hand_over
+            from humanoid_getup.cli.session import WHERE_IT_LAY, try_to_rise
+
+            world = self.load_stage()
         means = self._load_means(world.robot)
         rng = np.random.default_rng(self.seed)
-        with Console(stderr=True).status("falling") as status, self.open_body(world) as body:
+        with phase("sampling a fall") as tell, self.open_body(world) as body:
             plans = self._make_plans(world, body, means)
             start = None if self.origin is None else find_start(world, self.origin, rng)
             rise = try_to_rise(
@@ -83,11 +75,11 @@ class RiseCommand(RunOptions):
                 self,
                 rng,
                 attempts=self.attempts,
-                # Without the filter, what is asked for is to see the raw path fail or stand.
+                # Without the filter, the purpose is to see whether the raw path stands.
                 preflight=self.filtering,
-                tell=status.update,
+                tell=tell,
             )
-            status.update("drawing")
+            tell("drawing")
             extra = {
                 "method": self.method,
                 "planning": self.planning,
@@ -97,14 +89,23 @@ class RiseCommand(RunOptions):
 
     def _load_means(self, robot: Robot) -> _Means:
         """Load what the method needs, before any robot is touched."""
+        from humanoid_getup.motions.motion_database import load_database
+        from humanoid_getup.strategies.learned_rise import LearnedRise
+        from humanoid_getup.strategies.track_record import POLICY, TrackRecord, Way, load_records
+
         with refusing():
-            records = load_records(robot) if self.method == AUTO else TrackRecord()
+            records = load_records(robot) if self.method == "auto" else TrackRecord()
             database = None if self.method == POLICY else load_database(robot)
         learned = self.method == POLICY or records.knows(Way(POLICY, self.policy))
         policy = load_policy(robot, self.policy, self.torque_limit) if learned else None
         return _Means(database, policy and LearnedRise(policy, self.policy), records)
 
     def _make_plans(self, world: World, body: BackendChoice, means: _Means) -> Strategy:
+        from humanoid_getup.strategies.plan import RiseOptions
+        from humanoid_getup.strategies.planned_rise import PlannedRise
+        from humanoid_getup.strategies.selection import ByRecord
+        from humanoid_getup.strategies.track_record import BY_PWM, BY_TORQUE, PLAN, POLICY, Way
+
         ways: dict[Way, Strategy] = {}
         if means.database is not None:
             options = RiseOptions(
@@ -123,7 +124,7 @@ class RiseCommand(RunOptions):
 
 @dataclass(frozen=True)
 class _Means:
-    """What ways of rising are made of, as far as the method needs them."""
+    """Inputs of the strategies, as far as the method needs them."""
 
     database: MotionDatabase | None
     policy: LearnedRise | None
@@ -134,30 +135,31 @@ class _Means:
 class RunPolicy(RunOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
-    policy: Annotated[Positional[str], arg(metavar="POLICY")]
-    """A policy's name in the robot's folder, or an .onnx file."""
-    origin: Annotated[str | None, arg(name="from", metavar="supine|prone|left|right|FILE")] = None
-    """How a simulated robot lies: class of the fall to draw, or a posture file."""
-
-    longest: Annotated[float, arg(metavar="S")] = LONGEST
-    """Time after which it ends, standing or not [s]."""
+    policy: Positional[PolicyName]
+    origin: Origin = None
+    longest: Annotated[float | None, positive("s"), arg(metavar="S")] = None
+    """Time after which the run ends, standing or not [s]; default: 12."""
 
     def find_faults(self) -> list[str]:
-        """Tell all that is wrong with the options' values."""
+        """Report all that is wrong beyond the type and range of single values."""
         faults = super().find_faults()
-        faults += find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
-        if not 0.0 < self.longest < math.inf:
-            faults.append(f"longest is {self.longest:g} s, allowed a finite number above 0 s")
-        return faults
+        return faults + find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
 
     def run(self) -> int:
-        """Lie down, or find the robot lying, and let the policy rise."""
-        world = self.load_stage()
+        """Place the robot, or find it lying, and let the policy rise."""
+        with phase("loading"):
+            import numpy as np
+
+            from humanoid_getup.cli.results import hand_over
+            from humanoid_getup.cli.session import WHERE_IT_LAY, try_to_rise
+            from humanoid_getup.strategies.learned_rise import LearnedRise
+
+            world = self.load_stage()
         policy = load_policy(world.robot, self.policy, self.torque_limit, self.longest)
         plans = LearnedRise(policy, Path(self.policy).stem)
         rng = np.random.default_rng(self.seed)
-        with Console(stderr=True).status("falling") as status, self.open_body(world) as body:
+        with phase("sampling a fall") as tell, self.open_body(world) as body:
             start = None if self.origin is None else find_start(world, self.origin, rng)
-            rise = try_to_rise(world, body, plans, start, self, rng, attempts=1, tell=status.update)
-            status.update("drawing")
+            rise = try_to_rise(world, body, plans, start, self, rng, attempts=1, tell=tell)
+            tell("drawing")
             return hand_over(rise, world, self, self.origin or WHERE_IT_LAY, {"method": "policy"})

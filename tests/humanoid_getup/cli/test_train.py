@@ -123,5 +123,5 @@ def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeyp
     monkeypatch.setattr("humanoid_getup.cli.train.Learned.note", interrupt)
     code, _, error = run(*TINY, "--iterations", "4")
     assert code == 130
-    assert "the same command goes on from it" in error
+    assert "the same command continues from it" in error
     assert Path("mine/checkpoint.pt").read_bytes() == before

@@ -193,7 +193,7 @@ def test_the_command_tells_that_the_twin_did_the_same(swing, tmp_path, capsys):
     out = tmp_path / "out"
     code = parse(swing, "--robot", TINY, "--out", out, "--json", tmp_path / "figures.json").run()
     assert code == 0
-    assert "the twin did exactly the same" in capsys.readouterr().out
+    assert "the twin moved exactly as logged" in capsys.readouterr().out
     assert sorted(path.name for path in out.iterdir()) == [
         "flight.png",
         "replay.json",

@@ -1,4 +1,4 @@
-"""Writing files: complete or not at all."""
+"""Files: written completely or not at all, and read up to a size."""
 
 from __future__ import annotations
 
@@ -13,6 +13,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 MAX_LINKS = 40  # as many symbolic links in a row as Linux follows
+
+
+def read_bounded(path: Path, max_bytes: int) -> bytes:
+    """Read a file of a limited size.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it is larger.
+    """
+    with path.open("rb") as file:
+        content = file.read(max_bytes + 1)
+    if len(content) > max_bytes:
+        raise ValueError(f"it has more than {max_bytes} bytes, expected a smaller file")
+    return content
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:

@@ -41,7 +41,7 @@ class Posture:
             raise ValueError("a posture holds only finite numbers")
         norm = float(np.linalg.norm(self.orientation))
         if abs(norm - 1.0) > UNIT_TOLERANCE:
-            raise ValueError(f"orientation has length {norm:.4f}, allowed 1 (a unit quaternion)")
+            raise ValueError(f"orientation has length {norm:.4f}, expected 1 (a unit quaternion)")
 
     @property
     def gravity_b(self) -> Array:
@@ -122,7 +122,7 @@ def _find_faults(record: Any, robot: Robot) -> list[str]:
         norm = math.hypot(*record["orientation"])
         if abs(norm - 1.0) > UNIT_TOLERANCE:
             length = f"{norm:.4f}" if norm < 1e3 else f"{norm:.3e}"
-            faults.append(f"orientation has length {length}, allowed 1 (a unit quaternion)")
+            faults.append(f"orientation has length {length}, expected 1 (a unit quaternion)")
     return faults + _joint_faults(record.get("joint_pos"), robot)
 
 

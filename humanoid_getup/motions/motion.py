@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import zipfile
-import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -14,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
+from robots.arrays import NUMBERS, load_arrays, save_arrays, to_text
 from robots.posture import UNIT_TOLERANCE
 from robots.quaternion import Array
 
@@ -23,11 +21,6 @@ START_CLASSES: tuple[StartClass, ...] = get_args(StartClass)
 MIRRORED_CLASS: dict[StartClass, StartClass] = {"left": "right", "right": "left"}
 MIRRORED_SUFFIX = "_mirrored"
 
-DAMAGE = (
-    *(ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, AttributeError),
-    *(MemoryError, RuntimeError, KeyError),  # RecursionError, NotImplementedError among them
-)
-"""What reading a damaged archive may raise."""
 TEXTS = ("name", "robot", "start_class", "strategy", "provenance")
 ARRAYS = ("time", "position", "orientation", "joint_pos", "joint_target", "entry")
 KEYS = TEXTS + ARRAYS
@@ -75,13 +68,13 @@ class Motion:
 
     def _find_faults(self) -> list[str]:
         if self.start_class not in START_CLASSES:
-            return [f"start_class is '{self.start_class}', allowed {', '.join(START_CLASSES)}"]
+            return [f"start_class is '{self.start_class}', expected {', '.join(START_CLASSES)}"]
         faults = _shape_faults(self)
         if faults:
             return faults
         for key in ("time", "position", "orientation", "joint_pos", "joint_target"):
             if not np.all(np.isfinite(getattr(self, key))):
-                faults.append(f"{key} holds {_first_odd(getattr(self, key))}, allowed finite")
+                faults.append(f"{key} holds {_first_odd(getattr(self, key))}, expected finite")
         if faults:
             return faults
         if np.any(np.diff(self.time) <= 0.0):
@@ -90,7 +83,9 @@ class Motion:
         length = np.linalg.norm(self.orientation, axis=1)
         worst = int(np.argmax(np.abs(length - 1.0)))
         if abs(length[worst] - 1.0) > UNIT_TOLERANCE:
-            faults.append(f"orientation of frame {worst} has length {length[worst]:.4f}, allowed 1")
+            faults.append(
+                f"orientation of frame {worst} has length {length[worst]:.4f}, expected 1"
+            )
         return faults
 
     @property
@@ -140,16 +135,9 @@ class Motion:
         )
 
     def save(self, path: Path) -> None:
-        """Write the motion as .npz with the keys of `KEYS`; a reader never sees half of it."""
+        """Write the motion as .npz with the keys of `KEYS`."""
         record: dict[str, Any] = {key: getattr(self, key) for key in KEYS}
-        record["provenance"] = json.dumps(self.provenance, sort_keys=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        try:
-            with temporary.open("wb") as file:
-                np.savez_compressed(file, **record)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        save_arrays(path, record | {"provenance": json.dumps(self.provenance, sort_keys=True)})
 
     def save_csv(self, path: Path, robot: Robot) -> None:
         """Write time, root, joint angles and servo targets as columns with a header."""
@@ -164,46 +152,29 @@ class Motion:
         """Load a motion file.
 
         Raises:
-            ValueError: one line that names the file, its fault and what is allowed.
+            ValueError: one line that names the file, what is wrong and what is expected.
         """
         try:
             return cls(**_read(path))
         except OSError as error:
             raise ValueError(f"motion file {path}: {error.strerror or error}") from error
-        except DAMAGE as error:
-            fault = str(error).splitlines()[0] if str(error) else type(error).__name__
+        except (ValueError, RecursionError) as error:
+            reason = str(error).splitlines()[0]
             raise ValueError(
-                f"motion file {path}: {fault} (allowed: an .npz as `Motion.save` writes it)"
+                f"motion file {path}: {reason} (expected: an .npz as `Motion.save` writes it)"
             ) from error
 
 
 def _read(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file:
-        if file.read(4) != b"PK\x03\x04":
-            raise ValueError("it is not an .npz archive")
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as archive:
-            missing = [key for key in KEYS if key not in archive.files]
-            unknown = [key for key in archive.files if key not in KEYS]
-            if missing or unknown:
-                raise ValueError(
-                    "; ".join(
-                        [f"key '{key}' is missing" for key in missing]
-                        + [f"unknown key '{key}'" for key in unknown]
-                    )
-                )
-            record: dict[str, Any] = {key: archive[key] for key in archive.files}
-    for key in TEXTS:
-        if record[key].shape != () or record[key].dtype.kind != "U":
-            raise ValueError(f"{key} is not a text")
-        record[key] = str(record[key])
+    record: dict[str, Any] = load_arrays(path, KEYS)
+    record |= {key: to_text(record[key], key) for key in TEXTS}
     record["provenance"] = json.loads(record["provenance"])
     if not isinstance(record["provenance"], dict) or not all(
         isinstance(value, str | int | float) for value in record["provenance"].values()
     ):
         raise ValueError("provenance is not an object of texts and numbers")
     for key in ARRAYS:
-        if record[key].dtype.kind not in "fiub":
+        if record[key].dtype.kind not in NUMBERS:
             raise ValueError(f"{key} is not an array of numbers")
         record[key] = record[key].astype(bool if key == "entry" else float)
     return record
@@ -211,7 +182,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _shape_faults(motion: Motion) -> list[str]:
     if motion.time.ndim != 1 or motion.time.size == 0:
-        return [f"time has shape {motion.time.shape}, allowed (T,) with T > 0"]
+        return [f"time has shape {motion.time.shape}, expected (T,) with T > 0"]
     frames = len(motion.time)
     n = motion.joint_pos.shape[-1] if motion.joint_pos.ndim else 0
     allowed = {
@@ -222,7 +193,7 @@ def _shape_faults(motion: Motion) -> list[str]:
         "entry": (frames,),
     }
     return [
-        f"{key} has shape {getattr(motion, key).shape}, allowed {shape}"
+        f"{key} has shape {getattr(motion, key).shape}, expected {shape}"
         for key, shape in allowed.items()
         if getattr(motion, key).shape != shape
     ]

@@ -5,15 +5,19 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.simulation.rollout import Conditions, Rehearsal
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
+from robots.arrays import load_arrays, save_arrays, to_numbers, to_text
 from robots.kinematics import lowest_point, place, read_posture
 from robots.quaternion import Array
+from robots.validation import shown
 
 CLASSES = ("supine", "prone", "left", "right")
 DROP_HEIGHT = 0.02  # m under the lowest point
@@ -145,6 +149,20 @@ def sample_drop(
     raise FallError(f"robot '{robot.name}' presses into itself in {MOST_SAMPLES} random postures")
 
 
+FALL_KEYS = ("robot", "scene", "seed", "position", "orientation", "joint_pos", "start_class")
+"""Keys of a file of falls."""
+
+
+class FallSetError(ValueError):
+    """A file does not hold falls of the robot; the message is one line."""
+
+    def __init__(self, file: Path, reason: str) -> None:
+        super().__init__(
+            f"falls {file}: {reason} (expected: an .npz as `getup eval --falls` writes it)"
+        )
+        self.file, self.reason = file, reason
+
+
 @dataclass(frozen=True, kw_only=True)
 class FallSet:
     """Falls of one robot, and where they come from."""
@@ -173,52 +191,51 @@ class FallSet:
         return replace(self, falls=tuple(fall for falls in kinds.values() for fall in falls[:each]))
 
     def save(self, file: Path) -> None:
-        """Write an .npz file: robot, scene, seed, position, orientation, joint_pos, start_class."""
+        """Write an .npz file with the keys of `FALL_KEYS`."""
         file.parent.mkdir(parents=True, exist_ok=True)
-        partial = file.with_suffix(".part.npz")
-        np.savez_compressed(
-            partial,
-            robot=self.robot,
-            scene=self.scene,
-            seed=self.seed,
-            position=np.array([fall.posture.position for fall in self.falls]),
-            orientation=np.array([fall.posture.orientation for fall in self.falls]),
-            joint_pos=np.array([fall.posture.joint_pos for fall in self.falls]),
-            start_class=np.array([fall.start_class for fall in self.falls]),
-        )
-        partial.replace(file)
+        postures = [fall.posture for fall in self.falls]
+        arrays = {
+            "robot": self.robot,
+            "scene": self.scene,
+            "seed": self.seed,
+            "position": np.array([posture.position for posture in postures]),
+            "orientation": np.array([posture.orientation for posture in postures]),
+            "joint_pos": np.array([posture.joint_pos for posture in postures]),
+            "start_class": np.array([fall.start_class for fall in self.falls]),
+        }
+        save_arrays(file, arrays)
 
     @staticmethod
     def load(file: Path, robot: Robot) -> FallSet:
         """Read a robot's falls.
 
         Raises:
-            OSError: if the file cannot be read.
-            ValueError: if it holds no falls, or another robot's.
+            FallSetError: if the file cannot be read, is damaged, or is of another robot.
         """
         try:
-            with np.load(file) as stored:
-                values = dict(stored)
-            rows = zip(
-                values["position"],
-                values["orientation"],
-                values["joint_pos"],
-                values["start_class"],
-                strict=True,
-            )
-            name, width = str(values["robot"]), values["joint_pos"].shape[1]
-            if name != robot.name or width != robot.n:
-                raise ValueError(
-                    f"robot '{name}' with {width} joints, allowed '{robot.name}' with {robot.n}"
-                )
-            falls = tuple(
-                Fall(posture=Posture(position=p, orientation=q, joint_pos=v), start_class=str(kind))
-                for p, q, v, kind in rows
-            )
-            scene, seed = str(values["scene"]), int(values["seed"])
-        except (KeyError, IndexError, ValueError, EOFError) as error:
-            raise ValueError(f"{file} is no set of falls of this robot: {error}") from error
-        return FallSet(robot=name, scene=scene, seed=seed, falls=falls)
+            return _read_falls(load_arrays(file, FALL_KEYS), robot)
+        except OSError as error:
+            raise FallSetError(file, error.strerror or str(error)) from error
+        except ValueError as error:
+            raise FallSetError(file, str(error)) from error
+
+
+def _read_falls(arrays: dict[str, NDArray[Any]], robot: Robot) -> FallSet:
+    name, scene = (to_text(arrays[key], key) for key in ("robot", "scene"))
+    if name != robot.name:
+        raise ValueError(f"it is of robot {shown(name)}, expected '{robot.name}'")
+    seed, classes = arrays["seed"], arrays["start_class"]
+    if seed.shape != () or seed.dtype.kind not in "iu":
+        raise ValueError("seed is not an integer")
+    if classes.ndim != 1 or classes.dtype.kind != "U" or not np.isin(classes, CLASSES).all():
+        raise ValueError(f"start_class is not a list of {', '.join(CLASSES)}")
+    widths = {"position": 3, "orientation": 4, "joint_pos": robot.n}
+    rows = [to_numbers(arrays[key], key, (len(classes), n)) for key, n in widths.items()]
+    falls = tuple(
+        Fall(posture=Posture(position=p, orientation=q, joint_pos=v), start_class=str(kind))
+        for p, q, v, kind in zip(*rows, classes, strict=True)
+    )
+    return FallSet(robot=name, scene=scene, seed=int(seed), falls=falls)
 
 
 HELD_TIME = 1.5  # s in which a held posture comes to rest

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import mujoco
 import numpy as np
@@ -17,6 +15,7 @@ from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.policy.action import CYCLES
 from humanoid_getup.simulation.falls import FallError, sample_drop
 from robots import Robot, quaternion
+from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
 from robots.kinematics import place
 from robots.quaternion import Array
 from sim2real.environment.conditions import Conditions
@@ -66,9 +65,7 @@ class StartPool:
 
     def save(self, file: Path, robot: Robot) -> None:
         """Write the starts to an .npz file, and whose they are."""
-        partial = file.with_suffix(f".{os.getpid()}.part.npz")  # several processes may write
-        np.savez_compressed(partial, qpos=self.qpos, robot=robot.name)
-        partial.replace(file)
+        save_arrays(file, {"qpos": self.qpos, "robot": robot.name})
 
     @staticmethod
     def load(file: Path, robot: Robot, width: int) -> StartPool:
@@ -83,17 +80,15 @@ class StartPool:
             ValueError: if the file holds none, or those of another robot.
         """
         try:
-            with np.load(file) as stored:
-                qpos, name = stored["qpos"], str(stored["robot"])
-        except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+            arrays = load_arrays(file, ("qpos", "robot"))
+            name = to_text(arrays["robot"], "robot")
+            qpos = to_numbers(arrays["qpos"], "qpos", (None, width))
+            if name != robot.name:
+                raise ArchiveError(f"it is of robot '{name}', expected '{robot.name}'")
+        except (OSError, ArchiveError) as error:
             raise ValueError(
-                f"{file} holds no starts, allowed an .npz of falls: {error}"
+                f"{file} holds no starts, expected an .npz of falls: {error}"
             ) from error
-        if name != robot.name or qpos.shape[1:] != (width,):
-            raise ValueError(
-                f"{file} holds starts of robot '{name}' in an array {qpos.shape}, "
-                f"allowed '{robot.name}' and (any, {width})"
-            )
         return StartPool.of(qpos)
 
 

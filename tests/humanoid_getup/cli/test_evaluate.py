@@ -62,3 +62,13 @@ def test_unknown_physics_and_too_few_falls_are_told(
     gentle = ("--physics", "menagerie servos")  # it asks for a part of the supply
     assert main(("eval", "gentle", "--n", "4", "--falls", falls, *gentle)) == 2
     assert "a policy's own limit of the supply" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kept", [0, 100, -40])
+def test_a_damaged_set_of_falls_is_refused_in_one_line(
+    policy: str, falls: str, kept: int, capsys: pytest.CaptureFixture[str]
+):
+    Path(falls).write_bytes(Path(falls).read_bytes()[:kept])
+    assert main(("eval", policy, "--n", "4", "--falls", falls)) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert f"falls {falls}: it is" in line

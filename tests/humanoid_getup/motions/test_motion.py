@@ -76,7 +76,7 @@ def test_the_table_has_a_column_for_every_angle(tmp_path: Path):
 @pytest.mark.parametrize(
     ("changes", "culprit"),
     [
-        ({"start_class": "asleep"}, "allowed supine, prone, left, right, squat"),
+        ({"start_class": "asleep"}, "expected supine, prone, left, right, squat"),
         ({"time": np.array([0.0, 0.1, 0.1, 0.2, 0.3])}, "not after frame 1"),
         ({"time": np.zeros((0,))}, "time has shape"),
         ({"joint_target": np.zeros((FRAMES, 3))}, "joint_target has shape"),

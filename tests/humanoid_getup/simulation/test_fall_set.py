@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
+from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet, FallSetError
 from robots import Posture, Robot
 
 
@@ -43,12 +43,54 @@ def test_as_many_of_every_class_are_chosen_or_none(op3: Robot):
         falls.choose(3)
 
 
-def test_a_file_of_something_else_is_refused(op3: Robot, tmp_path: Path):
-    text = tmp_path / "falls.npz"
-    text.write_text("nothing")
-    with pytest.raises(ValueError, match="is no set of falls"):
-        FallSet.load(text, op3)
-    other = make_falls(op3, ("prone",))
-    FallSet(robot="pepper", scene="flat", seed=0, falls=other.falls).save(tmp_path / "other.npz")
-    with pytest.raises(ValueError, match="robot 'pepper' with 20 joints, allowed 'op3' with 20"):
-        FallSet.load(tmp_path / "other.npz", op3)
+def spoil(file: Path, **changes: object) -> None:
+    with np.load(file) as stored:
+        arrays = dict(stored) | changes
+    np.savez(file, **{key: value for key, value in arrays.items() if value is not None})
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"position": None}, "key 'position' is missing"),
+        ({"extra": 1}, "unknown key 'extra'"),
+        ({"robot": "pepper"}, "it is of robot 'pepper', expected 'op3'"),
+        ({"robot": np.zeros(3)}, "robot is not a text"),
+        ({"seed": 0.5}, "seed is not an integer"),
+        ({"position": np.zeros((2, 2))}, r"position has shape \(2, 2\), expected \(2, 3\)"),
+        ({"position": np.zeros((1, 3))}, r"position has shape \(1, 3\), expected \(2, 3\)"),
+        ({"joint_pos": np.zeros((2, 19))}, r"joint_pos has shape \(2, 19\)"),
+        ({"joint_pos": np.full((2, 20), np.nan)}, "joint_pos holds nan, expected finite"),
+        ({"position": np.full((2, 3), "a")}, "position is not an array of numbers"),
+        ({"orientation": np.ones((2, 4))}, "orientation has length 2.0000, expected 1"),
+        ({"start_class": np.array(["prone", "asleep"])}, "start_class is not a list of supine"),
+        ({"start_class": np.zeros(2)}, "start_class is not a list of supine"),
+        ({"start_class": "prone"}, "start_class is not a list of supine"),
+        ({"scene": np.array([{}], dtype=object)}, "scene has type object"),
+    ],
+)
+def test_a_damaged_set_is_refused_in_one_line(op3: Robot, tmp_path: Path, changes, told):
+    file = tmp_path / "falls.npz"
+    make_falls(op3, ("prone", "left")).save(file)
+    spoil(file, **changes)
+    with pytest.raises(FallSetError, match=told) as refusal:
+        FallSet.load(file, op3)
+    assert str(refusal.value).startswith(f"falls {file}: ")
+    assert str(refusal.value).isprintable()
+    assert refusal.value.file == file
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"nothing", b"PK\x03\x04", b"PK\x05\x06" + bytes(18), None]
+)
+def test_a_file_of_something_else_is_refused(op3: Robot, tmp_path: Path, content: bytes | None):
+    file = tmp_path / "falls.npz"
+    make_falls(op3, ("prone",)).save(file)
+    file.write_bytes(file.read_bytes()[:-40] if content is None else content)
+    with pytest.raises(FallSetError):
+        FallSet.load(file, op3)
+
+
+def test_a_file_that_cannot_be_read_is_refused(op3: Robot, tmp_path: Path):
+    with pytest.raises(FallSetError, match="Is a directory"):
+        FallSet.load(tmp_path, op3)

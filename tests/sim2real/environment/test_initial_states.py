@@ -57,10 +57,9 @@ def test_a_pool_of_another_robot_or_of_another_width_is_refused(tmp_path: Path, 
     file = tmp_path / "falls.npz"
     StartPool.of(falls).save(file, op3)
     tiny = load_robot("tests/robots/tiny")
-    told = f"starts of robot 'op3' in an array \\(16, 27\\), allowed '{tiny.name}' and \\(any, 9\\)"
-    with pytest.raises(ValueError, match=told):
-        StartPool.load(file, tiny, 9)
-    with pytest.raises(ValueError, match=r"allowed 'op3' and \(any, 28\)"):
+    with pytest.raises(ValueError, match=f"it is of robot 'op3', expected '{tiny.name}'"):
+        StartPool.load(file, tiny, 27)
+    with pytest.raises(ValueError, match=r"qpos has shape \(16, 27\), expected \(any, 28\)"):
         StartPool.load(file, op3, 28)
 
 

@@ -87,7 +87,10 @@ class Train(RobotOption):
 
     def run(self) -> int:
         """Train, or continue a training."""
-        if faults := find_folder_faults(self.out, ()):
+        faults = find_folder_faults(self.out, ())
+        if self.parent is not None and not self.parent.is_dir():
+            faults.append(f"--from is {self.parent}, expected the folder of a training")
+        if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()
         with phase("loading torch"), needing("train"):

@@ -24,9 +24,17 @@ SCRATCH = ".getup-"
 WIDTH = 120  # characters of a line that goes to no terminal
 
 
+class PipeConsole(Console):
+    """A console that leaves a closed pipe to `main`; rich would exit with code 1."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise the `BrokenPipeError` again."""
+        raise
+
+
 def console_for(json: str | None) -> Console:
     """Return the console for people: standard error where JSON takes standard output."""
-    console = Console(stderr=json == STANDARD_OUTPUT, highlight=False)
+    console = PipeConsole(stderr=json == STANDARD_OUTPUT, highlight=False)
     if not console.is_terminal:
         console.width = WIDTH
     return console

@@ -125,9 +125,7 @@ GROUPS: dict[str, list[Case]] = {
         case("eval empty.onnx --n 4", "empty.onnx"),
     ],
     "train and export": [
-        case(
-            "train --out mine --recipe slow", "--recipe is 'slow', expected quick, robust or"
-        ),
+        case("train --out mine --recipe slow", "--recipe is 'slow', expected quick, robust or"),
         case("train --out mine --threads -2", "--threads is -2, expected 0 or more"),
         case("train --out mine --iterations 0", "--iterations is 0, expected 1 or more"),
         case("train --out mine --robots 0", "--robots is 0, expected 1 or more"),

@@ -52,7 +52,7 @@ class Calibrate(RobotOption):
 
     def run(self) -> int:
         """Measure, ask, save; 0 when saved, 1 when the person did not want it."""
-        faults = find_json_faults(self.json) + find_port_faults("dynamixel", self.port)
+        faults = find_json_faults(self.json) + find_port_faults(None, self.port)
         if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()

@@ -37,7 +37,7 @@ class Doctor(RobotOption):
 
     def run(self) -> int:
         """Look, judge, tell; 0 when the robot is healthy, 3 when it must not move like this."""
-        faults = find_json_faults(self.json) + find_port_faults("dynamixel", self.port)
+        faults = find_json_faults(self.json) + find_port_faults(None, self.port)
         if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()

@@ -137,7 +137,9 @@ GROUPS: dict[str, list[Case]] = {
         case("export folder --out folder", "folder: is a folder, expected a file"),
     ],
     "ports": [
-        case("rise --backend dynamixel", "requires --port", "--port /dev/ttyUSB0"),
+        case(
+            "rise --backend dynamixel", "--backend dynamixel requires --port", "--port /dev/ttyUSB0"
+        ),
         case("rise --from supine --port /dev/x", "--port is /dev/x", "virtual or dynamixel"),
         case(
             "rise --from supine --backend dynamixel --port /dev/x",
@@ -161,7 +163,7 @@ GROUPS: dict[str, list[Case]] = {
         case("scan --port none --baud 1234567", "1234567"),
         case("scan --baud fast", "--baud is 'fast', expected a whole number"),
         case("scan --baud 1000000 --all-bauds", "baud"),
-        case("doctor", "requires --port"),
+        case("doctor", "--port is missing", "--port /dev/ttyUSB0"),
         case("doctor --port none", "none"),
         case("doctor --port a=none --port b=none", "--port main=PATH"),
         case("calibrate --port none --yes", "none"),

@@ -78,7 +78,7 @@ def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
         ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is no whole checkpoint"),
         ("recipe.json", b"{", "recipe.json is no recipe of a training"),
         ("recipe.json", b"[1]", "recipe.json is no recipe of a training"),
-        ("falls.npz", b"PK", "falls.npz holds no starts, allowed an .npz"),
+        ("falls.npz", b"PK", "falls.npz holds no starts, expected an .npz"),
     ],
 )
 def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: bytes, told: str):

@@ -379,7 +379,8 @@ def print_markdown() -> None:
             print(f"## {group.capitalize()}\n\n| `getup ...` | line | exit code |\n|---|---|---|")
             for case in filter(is_possible, cases):
                 code, _, error = run(case)
-                cells = [case.command, error.removeprefix("getup: ").strip()]
+                error = error.removeprefix("getup: ").replace(f"{Path.cwd()}/", "").strip()
+                cells = [case.command, error]
                 cells = [re.sub(r"x{50,}", "xxx...", cell).replace("|", "\\|") for cell in cells]
                 print(f"| `{cells[0]}` | {cells[1]} | {code} |")
             print()

@@ -14,13 +14,12 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.ports import name_ports
 from humanoid_getup.execution.recovery import RebootsServos
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, TorqueLimit
+from robots import Posture, TorqueLimit
 
 TWIN, VIRTUAL, DYNAMIXEL = "twin", "virtual", "dynamixel"
-BACKENDS = (TWIN, VIRTUAL, DYNAMIXEL)
 RELEASES = {"limp": Release.LIMP, "hold": Release.HOLD}
 LOCK_STEP_MARGIN = 0.2  # s to wait for an answer: nothing is timed, and the machine may be busy
 
@@ -58,11 +57,11 @@ def open_body(
     release: str = "limp",
     seed: int = 0,
 ) -> Iterator[BackendChoice]:
-    """Make a robot of one of `BACKENDS`, not yet connected; take away what was made.
+    """Open a backend, not yet connected; remove at the end what was created.
 
     Args:
         world: Robot and scene.
-        backend: One of `BACKENDS`; a virtual one with ports is a bus that runs elsewhere.
+        backend: twin, virtual or dynamixel; a virtual one with ports is a bus that runs elsewhere.
         ports: Serial ports: a path, or NAME=PATH for each of several.
         realtime: Let a simulated robot live at the speed of life.
         release: What is left when the robot's bus is closed, one of `RELEASES`.
@@ -103,28 +102,3 @@ def open_body(
             place=lambda posture: served.main.call(lambda: virtual.place(posture)),
             services=driver,
         )
-
-
-def find_port_faults(backend: str, ports: Sequence[str]) -> list[str]:
-    """Tell what is wrong with the choice of ports for a backend."""
-    if backend == TWIN and ports:
-        return [f"port is {', '.join(ports)}, allowed with the backends virtual and dynamixel only"]
-    if backend == DYNAMIXEL and not ports:
-        return ["port is missing, allowed the path of a serial port: --port /dev/ttyUSB0"]
-    return []
-
-
-def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
-    """Give each of a robot's ports its path.
-
-    Raises:
-        BadInputError: telling which ports the robot has.
-    """
-    wanted = [port.name for port in robot.bus.ports] if robot.bus else []
-    if len(wanted) == 1 and len(ports) == 1 and "=" not in ports[0]:
-        return {wanted[0]: ports[0]}
-    named = dict(port.split("=", 1) for port in ports if "=" in port)
-    if len(named) != len(ports) or sorted(named) != sorted(wanted):
-        told = " ".join(f"--port {name}=PATH" for name in wanted) or "none: it has no servo bus"
-        raise BadInputError(f"port is {', '.join(ports)}, allowed for robot '{robot.name}': {told}")
-    return named

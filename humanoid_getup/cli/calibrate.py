@@ -29,11 +29,11 @@ from drivers.service.calibrate import (
     save,
 )
 from drivers.service.session import RobotBus, open_robot_bus
-from humanoid_getup.cli.backends import DYNAMIXEL, find_port_faults, name_ports
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.options import RobotOption
 from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
+from humanoid_getup.cli.ports import find_port_faults, name_ports
 from robots import Joint, Robot, load_posture, load_robot
 from robots.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
@@ -69,7 +69,7 @@ class Calibrate(RobotOption):
 
     def run(self) -> int:
         """Measure, ask, save; 0 if saved, 1 if the person did not want it."""
-        faults = find_json_faults(self.json) + find_port_faults(DYNAMIXEL, self.port)
+        faults = find_json_faults(self.json) + find_port_faults(None, self.port)
         if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()

@@ -34,7 +34,7 @@ class Range:
         lower, upper = self.format(self.lower), self.format(self.upper)
         prefix = "" if self.step == 1 else f"a multiple of {self.step}, "
         if not self.excludes_lower:
-            limits = f"{lower} or more" if math.isinf(self.upper) else f"{lower} to {upper}"
+            limits = f"{lower} or more" if math.isinf(self.upper) else f"{self.lower:g} to {upper}"
         elif math.isinf(self.upper):
             limits = f"above {lower}"
         else:
@@ -82,7 +82,9 @@ def _find_fault(value: Any, hint: Any) -> str | None:
         return None
     if choices := _list_choices(kinds):
         return None if value in choices else f"{value!r}, expected {name_choices(choices)}"
-    if isinstance(value, str) and (kinds == {int} or kinds == {float}):
+    if kinds not in ({int}, {float}):
+        return None
+    if not isinstance(value, int | float):
         number = "a whole number" if kinds == {int} else "a number"
         return f"{value!r}, expected {number}" + (f", {limits}" if limits else "")
     if limits is None or value in limits:

@@ -76,7 +76,7 @@ def parse(arguments: Sequence[str]) -> Command:
     group = arguments[0] if arguments and arguments[0] in COMMANDS else ""
     description = COMMANDS[group][1] if group else DESCRIPTION
     listed = list_commands(group, load=completes)
-    _read(listed, f"getup {group}".rstrip(), arguments[bool(group) :], description=description)
+    _read(listed, f"getup {group}".rstrip(), arguments[bool(group) :], description)
     raise BadInputError("expected a command first: getup --help")
 
 
@@ -101,12 +101,12 @@ def list_commands(group: str = "", *, load: bool = False) -> Any:
     return Union[tuple(members)]  # noqa: UP007  (as many as there are)
 
 
-def _read(options: Any, program: str, arguments: Sequence[str], **labels: str) -> Any:
+def _read(options: Any, program: str, arguments: Sequence[str], about: str | None = None) -> Any:
     return tyro.cli(
         options,
         prog=program,
+        description=about,
         args=arguments,
         config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
         registry=registry,
-        **labels,
     )

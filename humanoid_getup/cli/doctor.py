@@ -16,11 +16,11 @@ from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
-from humanoid_getup.cli.backends import DYNAMIXEL, find_port_faults, name_ports
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.options import RobotOption
 from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
+from humanoid_getup.cli.ports import find_port_faults, name_ports
 
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 HEADINGS = ("joint", "id", "model", "fw", "°C", "V", "angle °", "range °", "delay µs", "mode")
@@ -37,7 +37,7 @@ class Doctor(RobotOption):
 
     def run(self) -> int:
         """Check and report; 0 if the robot is healthy, 3 if it must not move."""
-        faults = find_json_faults(self.json) + find_port_faults(DYNAMIXEL, self.port)
+        faults = find_json_faults(self.json) + find_port_faults(None, self.port)
         if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()

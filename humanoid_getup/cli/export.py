@@ -1,4 +1,4 @@
-"""`getup export FOLDER`: make an ONNX file, contract inside, of a training's policy."""
+"""`getup export FOLDER`: write the policy of a training as one ONNX file."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.errors import BadInputError, needing, refusing
+from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.options import RobotOption
-from humanoid_getup.cli.output import console_for, find_file_faults
+from humanoid_getup.cli.output import console_for, find_file_faults, phase
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,19 +21,19 @@ class Export(RobotOption):
     folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
     """Folder of the training."""
     out: Annotated[Path, arg(metavar="FILE")]
-    """ONNX file to write; one that is there is replaced."""
+    """ONNX file to write; an existing file is replaced."""
 
     def run(self) -> int:
         """Export."""
         if faults := find_file_faults(self.out):
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()
-        with needing("train"):
+        with phase("loading torch"), needing("train"):
             from sim2real.training.export import Training, export_policy
-        with refusing():
+        with phase("exporting"), refusing():
             export = export_policy(Training.load(self.folder), robot, self.out)
         console_for(None).print(
             f"{self.out}: {export.size / 1e3:.0f} kB, after {export.iterations} iterations; "
             f"torch and onnxruntime differ by {export.difference:.1e} at most"
         )
-        return 0
+        return DID_IT

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.errors import BadInputError, refusing
@@ -30,8 +30,8 @@ JsonTarget = Annotated[
     str | None,
     arg(metavar="FILE|-", help="Write the results as JSON to a file; - prints JSON alone."),
 ]
-Motion = Annotated[
-    Positional[str],
+MotionName = Annotated[
+    str,
     arg(metavar="MOTION", help="Name of a motion in the robot's database, or an .npz file."),
 ]
 Origin = Annotated[
@@ -42,7 +42,7 @@ Origin = Annotated[
         help="Start of a simulated robot: class of a sampled fall, or a posture file.",
     ),
 ]
-Policy = Annotated[
+PolicyName = Annotated[
     str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
 ]
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")]
@@ -50,7 +50,7 @@ PwmLimited = Annotated[
     bool, arg(help="Apply the torque limit as a PWM limit, as servos in position mode do.")
 ]
 Seed = Annotated[int, at_least(0), arg(help="Random seed.")]
-TorqueLimit = Annotated[
+TorqueLimitOption = Annotated[
     float | None,
     positive("N·m"),
     arg(metavar="N·m", help="Torque limit per servo [N·m]; default: stall torque."),
@@ -108,7 +108,7 @@ class RunOptions(WorldOptions):
     serves a virtual robot of its own."""
     release: Literal["limp", "hold"] = "limp"
     """State of the servos at the end: torque off, or holding the last position."""
-    torque_limit: TorqueLimit = None
+    torque_limit: TorqueLimitOption = None
     realtime: bool = False
     """Run a simulated robot in real time."""
     out: Annotated[Path | None, arg(metavar="DIR")] = None
@@ -149,7 +149,7 @@ def find_start_faults(origin: str | None, *, is_real: bool, needs_one: bool) -> 
 
 def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
     """Sample a settled fall of a class, or load a posture file."""
-    from humanoid_getup.execution.estimation import check_start
+    from humanoid_getup.playback.estimation import check_start
     from humanoid_getup.simulation.falls import CLASSES, Fall, classify, sample_falls
     from robots import load_posture
 

@@ -1,4 +1,4 @@
-"""Where a command's results go: checked before the work, written after it, complete or not at all."""
+"""Where results go: checked before the work, written after it, complete or not at all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from humanoid_getup.cli.errors import BadInputError
 
@@ -25,9 +24,17 @@ SCRATCH = ".getup-"
 WIDTH = 120  # characters of a line that goes to no terminal
 
 
+class PipeConsole(Console):
+    """A console that leaves a closed pipe to `main`; rich would exit with code 1."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise the `BrokenPipeError` again."""
+        raise
+
+
 def console_for(json: str | None) -> Console:
     """Return the console for people: standard error where JSON takes standard output."""
-    console = Console(stderr=json == STANDARD_OUTPUT, highlight=False)
+    console = PipeConsole(stderr=json == STANDARD_OUTPUT, highlight=False)
     if not console.is_terminal:
         console.width = WIDTH
     return console
@@ -127,10 +134,20 @@ def _find_existing(path: Path) -> Path:
 
 
 @contextmanager
-def counting(what: str, total: int) -> Iterator[Callable[[int], None]]:
+def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
     """Show a progress bar on standard error; yield what advances it."""
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn())
+    times = (TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, *times, console=Console(stderr=True)) as progress:
         bar = progress.add_task(what, total=total)
         yield lambda done: progress.advance(bar, done)
 

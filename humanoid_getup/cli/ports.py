@@ -11,13 +11,15 @@ if TYPE_CHECKING:
     from robots import Robot
 
 
-def find_port_faults(backend: str, ports: Sequence[str]) -> list[str]:
-    """Report ports that a backend does not use, and ports that it lacks."""
+def find_port_faults(backend: str | None, ports: Sequence[str]) -> list[str]:
+    """Report ports that a backend does not use, or lacks; ``None``: a command for hardware."""
+    example = "e.g. --port /dev/ttyUSB0"
     if backend == "twin" and ports:
-        told = "expected --backend virtual or dynamixel with it"
-        return [f"--port is {', '.join(ports)}, {told}"]
+        return [f"--port is {', '.join(ports)}, expected --backend virtual or dynamixel with it"]
     if backend == "dynamixel" and not ports:
-        return ["a robot on a bus requires --port, e.g. --port /dev/ttyUSB0"]
+        return [f"--backend dynamixel requires --port, {example}"]
+    if backend is None and not ports:
+        return [f"--port is missing, expected a serial port, {example}"]
     return []
 
 

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.console import Console
-from rich.table import Table
 from tyro.conf import Positional, arg
 
-from drivers.twin.servo_model import AMBIENT_TEMPERATURE
+from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.options import WorldOptions
-from humanoid_getup.cli.output import console_for, to_json, write_json
-from humanoid_getup.cli.play import find_motion
-from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.preflight import MotionVerdict, Severity, preflight
-from humanoid_getup.playback.preflight_rollout import MOST_RISES
-from robots import Robot, TorqueLimit
+from humanoid_getup.cli.options import MotionName, TorqueLimitOption, WorldOptions
+from humanoid_getup.cli.output import console_for, phase, to_json, write_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from humanoid_getup.motions.motion import Motion
+    from humanoid_getup.playback.preflight import MotionVerdict
+    from robots import Robot
 
 SHOWN = 6  # joints in the table, the most loaded first
 
@@ -27,21 +27,24 @@ SHOWN = 6  # joints in the table, the most loaded first
 class Preflight(WorldOptions):
     """Judge a motion by limits, speed, torque at a supply, heat and self-collision."""
 
-    motion: Annotated[Positional[str], arg(metavar="MOTION")]
-    """A motion's name in the robot's database, or an .npz file."""
-    voltage: Annotated[float | None, arg(metavar="V")] = None
-    """Supply at the servos [V]; default: the robot's nominal one."""
-    torque_limit: Annotated[float | None, arg(metavar="N·m")] = None
-    """Torque limit per servo [N·m]; default: stall torque."""
-    temperature: Annotated[float, arg(metavar="°C")] = AMBIENT_TEMPERATURE
-    """Of all servos, before the rise [°C]."""
+    motion: Positional[MotionName]
+    voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
+    """Supply voltage at the servos [V]; default: the robot's nominal one."""
+    torque_limit: TorqueLimitOption = None
+    temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
+    """Temperature of all servos before the rise [°C]."""
 
     def run(self) -> int:
-        """Roll out, judge, report; 0 when the motion may be played, 1 when it is refused."""
-        world = self.load_stage()
-        motion = find_motion(world.robot, self.motion)
+        """Roll out, judge, report; 0 if the motion may be played, 1 if it is refused."""
+        with phase("loading"):
+            from humanoid_getup.cli.rising import find_motion
+            from humanoid_getup.playback.preflight import preflight
+            from robots import TorqueLimit
+
+            world = self.load_stage()
+            motion = find_motion(world.robot, self.motion)
         voltage = world.robot.supply_voltage if self.voltage is None else self.voltage
-        with Console(stderr=True).status("rolling out"), refusing():
+        with phase("rolling out"), refusing():
             verdict = preflight(
                 world,
                 motion,
@@ -96,6 +99,11 @@ def record_verdict(robot: Robot, verdict: MotionVerdict) -> dict[str, Any]:
 
 def print_verdict(robot: Robot, motion: Motion, verdict: MotionVerdict, console: Console) -> None:
     """Print the verdict, its reasons and the most loaded joints."""
+    from rich.table import Table
+
+    from humanoid_getup.playback.preflight import Severity
+    from humanoid_getup.playback.preflight_rollout import MOST_RISES
+
     figures = verdict.figures
     word, color = ("passed", "green") if verdict.passed else ("refused", "red")
     console.print(f"[bold {color}]{motion.name}: {word} at {figures.voltage:.1f} V")

@@ -1,4 +1,4 @@
-"""`getup train`: learn to get up."""
+"""`getup train`: train a get-up policy."""
 
 from __future__ import annotations
 
@@ -10,40 +10,41 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from tyro.conf import arg
 
+from humanoid_getup.cli.checks import at_least
 from humanoid_getup.cli.errors import BadInputError, needing, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.options import RobotOption
-from humanoid_getup.cli.output import console_for, find_folder_faults
+from humanoid_getup.cli.options import RobotOption, Seed
+from humanoid_getup.cli.output import console_for, find_folder_faults, phase
 
-REMEMBERED = 20  # last reports: long enough to be steady, short enough to be honest
+REMEMBERED = 20  # last reports: long enough to be steady, short enough to follow changes
 
 
 class TrainingSpeed:
-    """Rate over the last reports, all that happens between them included."""
+    """Rate over the last reports, including all that happens between them."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, int]] = deque(maxlen=REMEMBERED)
 
     def note(self, now: float, done: int) -> None:
-        """Remember that so much is done at a time [s]."""
+        """Record the amount done at a time [s]."""
         self._seen.append((now, done))
 
     @property
     def rate(self) -> float:
-        """Return what is done a second; nan while nobody can know."""
+        """Return the amount done per second; nan before the second report."""
         if len(self._seen) < 2 or self._seen[-1][0] <= self._seen[0][0]:
             return math.nan
         (began, before), (now, done) = self._seen[0], self._seen[-1]
         return (done - before) / (now - began)
 
     def time_to_go(self, total: int) -> float:
-        """Return how long the rest takes at this rate [s]; nan while nobody can know."""
+        """Return the remaining time at this rate [s]; nan before the second report."""
         if not self.rate > 0.0:
             return math.nan
         return (total - self._seen[-1][1]) / self.rate
@@ -66,42 +67,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Train(RobotOption):
-    """Train a policy that gets the robot up; the same command again goes on where it stopped."""
+    """Train a policy that gets the robot up; the same command again continues a training."""
 
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for checkpoint, progress and TensorBoard files."""
-    recipe: str = "quick"
-    """How to train: quick, robust or gentle."""
+    recipe: Literal["quick", "robust", "gentle"] = "quick"
+    """Training recipe."""
     parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
-    """Folder of a training whose policy this one begins with; without it, from nothing."""
-    seed: int = 0
-    """Seed of all that is left to chance, 0 or more."""
-    threads: int = 0
-    """Threads that step physics; 0 for all that the machine has."""
+    """Folder of a training whose policy is the initial one; default: random weights."""
+    seed: Seed = 0
+    threads: Annotated[int, at_least(0)] = 0
+    """Threads that step physics; 0: all of the machine."""
     device: str = "cpu"
-    """Where the networks learn: cpu or cuda."""
-    iterations: int | None = None
-    """Updates of the policy; without it, what the recipe says."""
-    robots: int | None = None
-    """Robots that rise side by side; without it, what the recipe says."""
-
-    def find_faults(self) -> list[str]:
-        """Tell all that is wrong with the options' values."""
-        least = {"seed": 0, "threads": 0, "iterations": 1, "robots": 1}
-        given = {name: getattr(self, name) for name in least}
-        faults = [
-            f"{name} is {value}, allowed {least[name]} or more"
-            for name, value in given.items()
-            if value is not None and value < least[name]
-        ]
-        return faults + find_folder_faults(self.out, ())
+    """Device of the networks: cpu or cuda."""
+    iterations: Annotated[int | None, at_least(1)] = None
+    """Updates of the policy; default: the recipe's."""
+    robots: Annotated[int | None, at_least(1)] = None
+    """Robots that are simulated side by side; default: the recipe's."""
 
     def run(self) -> int:
-        """Train, or go on with a training."""
-        if faults := self.find_faults():
+        """Train, or continue a training."""
+        faults = find_folder_faults(self.out, ())
+        if self.parent is not None and not self.parent.is_dir():
+            faults.append(f"--from is {self.parent}, expected the folder of a training")
+        if faults:
             raise BadInputError("; ".join(faults))
         robot = self.load_robot()
-        with needing("train"):
+        with phase("loading torch"), needing("train"):
             from sim2real.training.distributed import DistributedProcess
             from sim2real.training.train import train
         recipe = self._choose_recipe()
@@ -125,8 +117,6 @@ class Train(RobotOption):
     def _choose_recipe(self) -> Recipe:
         from sim2real.training.config import RECIPES
 
-        if self.recipe not in RECIPES:
-            raise BadInputError(f"unknown recipe '{self.recipe}': allowed {', '.join(RECIPES)}")
         recipe = RECIPES[self.recipe]
         return replace(
             recipe,
@@ -143,19 +133,19 @@ class Train(RobotOption):
             kind = None
         if kind == "cpu" or (kind == "cuda" and torch.cuda.is_available()):
             return
-        allowed = "cpu or cuda" if torch.cuda.is_available() else "cpu: torch finds no GPU here"
-        raise BadInputError(f"device is '{self.device}', allowed {allowed}")
+        expected = "cpu or cuda" if torch.cuda.is_available() else "cpu: torch finds no GPU here"
+        raise BadInputError(f"--device is '{self.device}', expected {expected}")
 
 
 class Learned:
-    """How far a training is, in words and in a bar."""
+    """Progress of a training, in words and in a bar."""
 
     def __init__(self, show: Callable[..., None]) -> None:
         self._show, self._speed = show, TrainingSpeed()
         self._recent: deque[TrainReport] = deque(maxlen=REMEMBERED)
 
     def note(self, report: TrainReport) -> None:
-        """Take one iteration's report."""
+        """Record one iteration's report."""
         self._recent.append(report)
         self._speed.note(time.monotonic(), report.steps)
         total = report.steps // (report.iteration + 1) * report.iterations
@@ -168,25 +158,25 @@ class Learned:
 
     @property
     def share(self) -> float:
-        """Return the share of falls that ended standing lately; nan for none."""
+        """Return the share of recent falls that ended standing; nan for none."""
         falls = sum(report.falls for report in self._recent)
         return sum(report.stood for report in self._recent) / falls if falls else float("nan")
 
     @property
     def summary(self) -> str:
-        """Tell how the training ended."""
+        """Summarize how the training ended."""
         if not self._recent:
-            return "trained already, for as many iterations as asked for"
+            return "trained already, for the requested number of iterations"
         last = self._recent[-1]
         return (
             f"{last.iteration + 1} iterations, {last.steps / 1e6:.2f} million steps in "
-            f"{format_time(last.seconds)}; lately {self.share:.0%} of falls ended standing"
+            f"{format_time(last.seconds)}; recently {self.share:.0%} of falls ended standing"
         )
 
 
 @contextmanager
 def learning(iterations: int, *, shown: bool) -> Iterator[Learned]:
-    """Show a bar on standard error; yield what moves it on."""
+    """Show a progress bar on standard error; yield what advances it."""
     fields = ("stood", "rate", "left")
     columns = (
         TextColumn("training"),
@@ -200,5 +190,5 @@ def learning(iterations: int, *, shown: bool) -> Iterator[Learned]:
         try:
             yield Learned(lambda **fields: progress.update(bar, **fields))
         except KeyboardInterrupt:
-            console.print("the last checkpoint is kept: the same command goes on from it")
+            console.print("the last checkpoint is kept: the same command continues from it")
             raise

@@ -356,7 +356,7 @@ def test_bad_input_is_one_line(capsys, tmp_path):
     assert "port /dev/nowhere: does not exist" in refuse(capsys, "--port", "/dev/nowhere")
     (tmp_path / "file").write_text("")
     assert "is not a serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
-    assert "allowed for robot 'op3': --port main=PATH" in refuse(capsys, "--port", "arms=/dev/x")
+    assert "for robot 'op3': --port main=PATH" in refuse(capsys, "--port", "arms=/dev/x")
     assert "unknown robot 'nao'" in refuse(capsys, "--robot", "nao", "--port", "/dev/x")
 
 

@@ -1,11 +1,13 @@
-"""Files appear whole and together, or not at all."""
+"""Files appear complete and together, or not at all; devices and links stay what they are."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from humanoid_getup.cli.errors import BadInputError
-from humanoid_getup.cli.output import find_folder_faults, staging, write_json
+from humanoid_getup.cli.output import find_folder_faults, find_json_faults, staging, write_json
 
 NAMES = ("report.json", "strip.png")
 
@@ -53,3 +55,43 @@ def test_trying_a_folder_leaves_nothing_behind(tmp_path: Path):
 def test_json_goes_to_standard_output_alone(capsys: pytest.CaptureFixture[str]):
     write_json("{}\n", "-")
     assert capsys.readouterr() == ("{}\n", "")
+
+
+def test_a_link_is_followed_and_stays(tmp_path: Path):
+    (tmp_path / "elsewhere").mkdir()
+    link = tmp_path / "figures.json"
+    link.symlink_to(tmp_path / "elsewhere" / "real.json")
+    assert find_json_faults(str(link)) == []
+    write_json("{}\n", str(link))
+    assert link.is_symlink()
+    assert (tmp_path / "elsewhere" / "real.json").read_text() == "{}\n"
+
+
+def test_a_fifo_is_written_through(tmp_path: Path):
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    assert find_json_faults(str(fifo)) == []
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit(fifo.read_text)
+        write_json("{}\n", str(fifo))
+        assert read.result(timeout=10.0) == "{}\n"
+    assert fifo.is_fifo()
+
+
+def test_devices_are_written_through():
+    assert find_json_faults("/dev/null") == []
+    write_json("{}\n", "/dev/null")
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(BadInputError, match="output file /dev/full: No space left on device"):
+        write_json("{}\n", "/dev/full")
+    assert Path("/dev/full").is_char_device()
+
+
+def test_a_linked_file_of_an_output_folder_is_followed(tmp_path: Path):
+    real = tmp_path / "real.json"
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.json").symlink_to(real)
+    with staging(tmp_path / "out", NAMES) as scratch:
+        (scratch / "report.json").write_text("new")
+    assert (tmp_path / "out" / "report.json").is_symlink()
+    assert real.read_text() == "new"

@@ -102,42 +102,13 @@ def refuse(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return error
 
 
-RUN = ("--from", "supine", "--out", "out")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (("run", "moonwalk", *RUN), ["unknown policy 'moonwalk'", "an .onnx file"]),
-        (("run", "moonwalk.onnx", *RUN), ["moonwalk.onnx", "No such file"]),
-        (("run", "moonwalk"), ["from is missing"]),
-        (("run", "moonwalk", *RUN, "--longest", "0"), ["longest is 0 s", "above 0 s"]),
-        (("rise", *RUN, "--method", "luck"), ["method is 'luck'", "plan, policy, auto"]),
-        (
-            ("rise", *RUN, "--method", "policy", "--policy", "moonwalk"),
-            ["unknown policy 'moonwalk'"],
-        ),
-        pytest.param(
-            ("export", "nowhere", "--out", "p.onnx"), ["nowhere"], marks=pytest.mark.train
-        ),
-    ],
-)
-def test_a_value_that_cannot_be_used_is_named(capsys, tmp_path, monkeypatch, arguments, told):
-    if arguments[0] == "export":
-        pytest.importorskip("rsl_rl")
-    monkeypatch.chdir(tmp_path)
-    line = refuse(capsys, *arguments)
-    for part in told:
-        assert part in line
-
-
 def test_a_policy_that_does_not_fit_is_refused_with_every_reason(
     capsys, tmp_path, monkeypatch, op3: Robot
 ):
     contract = contract_of(op3, robot="nao", mode="torque").to_json()
     save_policy(tmp_path / "p.onnx", op3, contract=contract)
     monkeypatch.chdir(tmp_path)
-    line = refuse(capsys, "run", "p.onnx", *RUN)
+    line = refuse(capsys, "run", "p.onnx", "--from", "supine", "--out", "out")
     assert "policy file p.onnx: robot: made for 'nao'" in line
     assert "action mode: 'torque'" in line
 

@@ -252,7 +252,6 @@ def test_the_command_passes_refuses_and_writes_its_figures(
         ({"motion": "moonwalk"}, "unknown motion 'moonwalk'"),
         ({"motion": QUICK, "voltage": -3.0}, "voltage is -3 V"),
         ({"motion": QUICK, "torque_limit": 0.0}, "torque limit is 0 N·m"),
-        ({"motion": QUICK, "seed": -1}, "seed is -1"),
     ],
 )
 def test_the_command_names_bad_input(options: dict, told: str):

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tyro
 from paths import TINY
 
 from drivers import Command, Cycle, Ending, GuardLimits, SafetyGuard, State, Twin, run
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
+from humanoid_getup.cli import commands
 from humanoid_getup.cli.errors import BadInputError
-from humanoid_getup.cli.replay import Replay
 from humanoid_getup.reporting.replay import ReplayReport, choose_supply, replay
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
@@ -185,15 +184,15 @@ def test_a_log_of_another_robot_or_without_cycles_cannot_be_replayed(swing, tiny
         replay(FlightRecord.load(tmp_path / "f"), twin_of(tiny), tiny.standing)
 
 
-def parse(*arguments: object) -> Replay:
-    return tyro.cli(Replay, args=[str(argument) for argument in arguments])
+def parse(*arguments: object) -> commands.Command:
+    return commands.parse(["replay", *map(str, arguments)])
 
 
 def test_the_command_tells_that_the_twin_did_the_same(swing, tmp_path, capsys):
     out = tmp_path / "out"
     code = parse(swing, "--robot", TINY, "--out", out, "--json", tmp_path / "figures.json").run()
     assert code == 0
-    assert "the twin did exactly the same" in capsys.readouterr().out
+    assert "the twin moved exactly as logged" in capsys.readouterr().out
     assert sorted(path.name for path in out.iterdir()) == [
         "flight.png",
         "replay.json",
@@ -239,7 +238,7 @@ def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_told(tiny, tmp_path, 
         (("LOG", "--robot", TINY, "--scene", "moon"), "unknown scene 'moon'"),
         (
             ("LOG", "--threshold", "0", "--voltage", "nan"),
-            "threshold is 0 rad, allowed a finite number above 0 rad; voltage is nan V",
+            "--voltage is nan V, expected above 0 V; --threshold is 0 rad, expected above 0 rad",
         ),
         (("LOG", "--json", "LOG/x"), "is not a folder"),
     ],

@@ -1,0 +1,393 @@
+"""Bad input to every command: what is given, what the one line says, and the exit code.
+
+`python tests/support/bad_inputs.py --markdown` runs them all and prints a table for the docs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import io
+import json
+import os
+import re
+import shlex
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from humanoid_getup.motions.motion import Motion
+from robots import Robot, load_robot
+
+MOTION = "squat_to_stand"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line, in a folder made by `make_files`."""
+
+    command: str
+    told: tuple[str, ...]
+    """Parts of the line on standard error."""
+    extra: str | None = None
+    """Package that the command needs; without it, the case is left out."""
+
+
+def case(command: str, *told: str, extra: str | None = None) -> Case:
+    return Case(command, told, extra)
+
+
+GROUPS: dict[str, list[Case]] = {
+    "options": [
+        case("rise --from supine --robot nao", "unknown robot 'nao'", "op3"),
+        case("rise --from supine --robot ''", "unknown robot"),
+        case("rise --from supine --scene moon", "unknown scene 'moon'", "flat"),
+        case("rise --from upside", "unknown start 'upside'", "supine, prone, left, right"),
+        case("rise", "--from is missing", "supine, prone, left, right"),
+        case(
+            "rise --from supine --backend gazebo",
+            "--backend is 'gazebo', expected twin, virtual or dynamixel",
+        ),
+        case("rise --from supine --release drop", "--release is 'drop', expected limp or hold"),
+        case("rise --from supine --method luck", "--method is 'luck', expected plan, policy"),
+        case("rise --from supine --attempts 0", "--attempts is 0, expected 1 or more"),
+        case("rise --from supine --attempts 1.5", "--attempts is '1.5', expected a whole number"),
+        case("rise --from supine --seed -1", "--seed is -1, expected 0 or more"),
+        case("rise --from supine --seed x", "--seed is 'x', expected a whole number"),
+        case("rise --from supine --torque-limit 0", "--torque-limit is 0 N·m", "above 0 N·m"),
+        case("rise --from supine --torque-limit -2.5", "--torque-limit is -2.5 N·m"),
+        case("rise --from supine --torque-limit nan", "--torque-limit is nan N·m"),
+        case("rise --from supine --torque-limit inf", "--torque-limit is inf N·m"),
+        case("rise --from supine --torque-limit much", "--torque-limit is 'much'", "a number"),
+        case(
+            "rise --from supine --seed -1 --torque-limit 0", "--seed is -1", "--torque-limit is 0"
+        ),
+        case("play moonwalk", "unknown motion 'moonwalk'", MOTION, ".npz"),
+        case(f"play {MOTION} --from upside", "unknown start 'upside'"),
+        case(f"play {MOTION} --torque-limit 0", "--torque-limit is 0 N·m"),
+        case("run moonwalk --from supine", "unknown policy 'moonwalk'", "robust", ".onnx"),
+        case("run robust", "--from is missing"),
+        case("run robust --from supine --longest 0", "--longest is 0 s", "above 0 s"),
+        case("run robust --from supine --longest nan", "--longest is nan s"),
+        case("rise --from supine --method policy --policy moonwalk", "unknown policy 'moonwalk'"),
+        case("motions list --robot nao", "unknown robot 'nao'"),
+        case("motions show moonwalk", "unknown motion 'moonwalk'"),
+        case("motions play moonwalk", "unknown motion 'moonwalk'"),
+        case("motions build moonwalk", "unknown motion 'moonwalk'", MOTION),
+        case("motions build --jobs 0", "--jobs is 0, expected 1 or more"),
+        case("motions build --generations -3", "--generations is -3, expected 1 or more"),
+        case("motions build --seed -1", "--seed is -1"),
+        case("preflight moonwalk", "unknown motion 'moonwalk'"),
+        case(f"preflight {MOTION} --voltage 0", "--voltage is 0 V", "above 0 V"),
+        case(f"preflight {MOTION} --voltage nan", "--voltage is nan V"),
+        case(f"preflight {MOTION} --temperature inf", "--temperature is inf °C", "-50 to 150 °C"),
+        case(f"preflight {MOTION} --torque-limit -1", "--torque-limit is -1 N·m"),
+        case("replay empty.mcap --threshold 0", "--threshold is 0 rad", "above 0 rad"),
+        case("replay empty.mcap --voltage -12", "--voltage is -12 V"),
+        case("bench rise --n 0", "--n is 0, expected 1 or more"),
+        case("bench rise --torque-limit nan", "--torque-limit is nan N·m"),
+        case("bench rise --assistance 1.5", "--assistance is 1.5, expected 0 to 1"),
+        case("bench motions --n -1", "--n is -1"),
+        case("bench filter --n many", "--n is 'many', expected a whole number"),
+        case("bench faults --motion moonwalk", "unknown motion 'moonwalk'"),
+        case("bench kill --motion moonwalk", "unknown motion 'moonwalk'"),
+        case("bench soak --duration 0", "--duration is 0 s", "above 0 s, at most 1e+06 s"),
+        case("bench methods --ways moonwalk", "unknown policy 'moonwalk'"),
+        case("bench methods --ways plan empty.onnx", "empty.onnx"),
+    ],
+    "eval": [
+        case("eval moonwalk", "unknown policy 'moonwalk'"),
+        case("eval robust --n 5", "--n is 5, expected a multiple of 4, 4 or more"),
+        case("eval robust --n 0", "--n is 0"),
+        case("eval robust --delay 90", "--delay is 90 ms, expected 0 to 60 ms"),
+        case("eval robust --voltage 0.1", "--voltage is 0.1 V, expected 1 to 30 V"),
+        case("eval robust --friction 0", "--friction is 0, expected 0.01 to 10"),
+        case("eval robust --mass nan", "--mass is nan, expected 0.1 to 10"),
+        case("eval robust --backlash -1", "--backlash is -1 deg, expected 0 to 10 deg"),
+        case("eval robust --weak-servo 2", "--weak-servo is 2, expected 0 to 1"),
+        case("eval robust --push 11", "--push is 11 m/s, expected 0 to 10 m/s"),
+        case("eval robust --imu-tilt 91", "--imu-tilt is 91 deg, expected 0 to 90 deg"),
+        case("eval robust --gyro-bias inf", "--gyro-bias is inf deg/s"),
+        case("eval robust --physics jelly", "--physics is 'jelly', expected 1 ms steps"),
+        case(
+            "eval robust --n 4 --physics 'menagerie servos' --torque-limit 2",
+            "--physics is 'menagerie servos', expected without torque limit",
+        ),
+        case("eval robust --n 4 --falls empty.npz", "empty.npz"),
+        case("eval robust --n 4 --falls text.npz", "text.npz"),
+        case("eval robust --n 4 --falls half.npz", "half.npz"),
+        case("eval robust --n 4 --falls whole.npz", "whole.npz"),
+        case("eval robust --n 4 --falls folder", "folder: is a folder, expected a file"),
+        case("eval empty.onnx --n 4", "empty.onnx"),
+    ],
+    "train and export": [
+        case("train --out mine --recipe slow", "--recipe is 'slow', expected quick, robust or"),
+        case("train --out mine --threads -2", "--threads is -2, expected 0 or more"),
+        case("train --out mine --iterations 0", "--iterations is 0, expected 1 or more"),
+        case("train --out mine --robots 0", "--robots is 0, expected 1 or more"),
+        case("train --out text.txt", "text.txt is not a folder"),
+        case("train --out mine --device abacus", "--device is 'abacus'", extra="rsl_rl"),
+        case("train --out mine --from none", "--from is none, expected the folder of a training"),
+        case("export none --out policy.onnx", "none", extra="rsl_rl"),
+        case("export folder --out policy.onnx", "folder", extra="rsl_rl"),
+        case("export folder --out folder", "folder: is a folder, expected a file"),
+    ],
+    "ports": [
+        case(
+            "rise --backend dynamixel", "--backend dynamixel requires --port", "--port /dev/ttyUSB0"
+        ),
+        case("rise --from supine --port /dev/x", "--port is /dev/x", "virtual or dynamixel"),
+        case(
+            "rise --from supine --backend dynamixel --port /dev/x",
+            "--from is 'supine'",
+            "a real one starts as it lies",
+        ),
+        case(
+            "rise --backend virtual --port a=/dev/x",
+            "--port is a=/dev/x",
+            "robot 'op3': --port main=PATH",
+        ),
+        case(
+            "rise --backend dynamixel --port /dev/x --no-filtering",
+            "--no-filtering requires a simulated robot",
+        ),
+        case("rise --backend dynamixel --port none", "none"),
+        case("rise --backend dynamixel --port text.txt", "text.txt"),
+        case("play squat_to_stand --backend dynamixel --port folder", "folder"),
+        case("scan --port none", "none"),
+        case("scan --port text.txt", "text.txt"),
+        case("scan --port none --baud 1234567", "1234567"),
+        case("scan --baud fast", "--baud is 'fast', expected a whole number"),
+        case("scan --baud 1000000 --all-bauds", "baud"),
+        case("doctor", "--port is missing", "--port /dev/ttyUSB0"),
+        case("doctor --port none", "none"),
+        case("doctor --port a=none --port b=none", "--port main=PATH"),
+        case("calibrate --port none --yes", "none"),
+        case("calibrate --port none --yes --joint tail", "unknown joint 'tail'"),
+        case("calibrate --port none --yes --at floating", "unknown posture 'floating'"),
+        case("bus --voltage -1", "voltage is -1 V", "above 0 V"),
+        case("bus --latency 3", "latency is 3 s"),
+        case("bus --faults none.toml", "none.toml"),
+        case("bus --faults text.txt", "text.txt"),
+        case("bus --faults wrong.toml", "wrong.toml"),
+        case("bus --faults folder", "folder"),
+        case("bus --link none/port", "none/port"),
+        case("bus --from none.json", "unknown start 'none.json'"),
+    ],
+    "posture files": [
+        case("rise --from none.json", "unknown start 'none.json'"),
+        case("rise --from empty.json", "posture file empty.json: not JSON"),
+        case("rise --from text.txt", "posture file text.txt: not JSON"),
+        case("rise --from list.json", "posture file list.json"),
+        case("rise --from no_knee.json", "joint 'l_knee' is missing"),
+        case("rise --from nan_knee.json", "joint 'l_knee' is nan", "finite"),
+        case("rise --from stretched.json", "length 2.0000"),
+        case("rise --from bent.json", "joint 'l_knee' is +9.000 rad", "[-1.798, +2.478] rad"),
+        case("rise --from sunk.json", "100.0 mm into the ground"),
+        case("rise --from high.json", "over the ground"),
+        case("rise --from binary.json", "posture file binary.json: not UTF-8 text"),
+        case("rise --from deep.json", "posture file deep.json", "nested too deep"),
+        case("rise --from unreadable", "unreadable: Permission denied"),
+        case("rise --from folder", "posture file folder: Is a directory"),
+        case(f"play {MOTION} --from bent.json", "joint 'l_knee' is +9.000 rad"),
+        case("run robust --from sunk.json", "100.0 mm into the ground"),
+        case("calibrate --port none --yes --at bent.json", "joint 'l_knee' is +9.000 rad"),
+    ],
+    "motion files": [
+        case("play none.npz", "none.npz", "No such file"),
+        case("play empty.npz", "motion file empty.npz"),
+        case("play text.npz", "motion file text.npz"),
+        case("play half.npz", "motion file half.npz"),
+        case("play flipped.npz", "motion file flipped.npz"),
+        case("play pickled.npz", "motion file pickled.npz"),
+        case("play other.npz", "made for 'nao' with 20 joints", "'op3' with 20"),
+        case("motions show other.npz", "made for 'nao' with 20 joints"),
+        case("preflight folder.npz", "motion file folder.npz"),
+        case("rise --robot broken_motion --from supine", "broken_motion/motions/broken.npz"),
+        case("rise --robot no_motions --from supine", "robot 'op3' has no motions"),
+        case("motions build --robot wrong_keyframes", "wrong_keyframes/keyframes.toml"),
+        case("motions build --robot no_keyframes", "no_keyframes/keyframes.toml"),
+    ],
+    "policy files": [
+        case("run none.onnx --from supine", "none.onnx", "No such file"),
+        case("run empty.onnx --from supine", "policy file empty.onnx"),
+        case("run text.onnx --from supine", "policy file text.onnx"),
+        case("run half.onnx --from supine", "policy file half.onnx"),
+        case("run folder.onnx --from supine", "folder.onnx: Is a directory"),
+        case("run unfit.onnx --from supine", "unfit.onnx", "made for 'nao'", extra="onnx"),
+        case("run bare.onnx --from supine", "bare.onnx", extra="onnx"),
+    ],
+    "flight logs": [
+        case("replay none.mcap", "none.mcap"),
+        case("replay empty.mcap", "empty.mcap"),
+        case("replay text.txt", "text.txt"),
+        case("replay folder", "folder"),
+    ],
+    "robot folders": [
+        case("motions list --robot folder", "unknown robot 'folder'"),
+        case("motions list --robot not_toml", "not_toml/robot.toml: not TOML"),
+        case("motions list --robot not_text", "not_text/robot.toml: not UTF-8 text"),
+        case("motions list --robot no_model", "no_model/model.xml"),
+        case("motions list --robot not_xml", "not_xml/model.xml"),
+        case("motions list --robot wrong_joint", "wrong_joint/robot.toml", "l_tail"),
+        case("rise --robot wrong_calibration --from supine", "wrong_calibration/calibration.toml"),
+        case("calibrate --robot wrong_calibration --port none", "calibration.toml"),
+    ],
+    "outputs": [
+        case("rise --from supine --out text.txt", "text.txt is not a folder"),
+        case("rise --from supine --out text.txt/below", "text.txt is not a folder"),
+        case("rise --from supine --out loop", "loop is not a folder"),
+        case("rise --from supine --out taken", "output file taken/report.json: is a folder"),
+        case("rise --from supine --out " + "x" * 300, "File name too long"),
+        case("rise --from supine --out new/" + "x" * 300, "File name too long"),
+        case("rise --from supine --out /proc/rise", "/proc/rise"),
+        case("rise --from supine --json /proc/figures.json", "/proc"),
+        case("rise --from supine --json folder", "output file folder: is a folder"),
+        case("rise --from supine --json ''", "the name of a file"),
+        case("rise --from supine --json text.txt/below", "text.txt is not a folder"),
+        case("robots --json folder", "output file folder: is a folder"),
+        case("robots --json /dev/full", "output file /dev/full: No space left on device"),
+        case("motions list --json circle", "output file circle"),
+        case("motions list --json " + "x" * 300, "File name too long"),
+        case("motions show squat_to_stand --out folder", "folder: is a folder"),
+        case("motions show squat_to_stand --out /proc/strip.png", "/proc"),
+        case("replay empty.mcap --out text.txt", "text.txt is not a folder"),
+        case("eval robust --n 4 --falls text.txt/below", "text.txt is not a folder"),
+        case("export folder --out text.txt/below", "text.txt is not a folder"),
+        case("doctor --port none --json folder", "folder: is a folder"),
+        case("scan --port none --json folder", "folder: is a folder"),
+    ],
+}
+
+
+def make_files(folder: Path, robot: Robot) -> None:
+    """Make the damaged and wrong files that the cases name."""
+    (folder / "folder").mkdir()
+    (folder / "taken" / "report.json").mkdir(parents=True)
+    (folder / "loop").symlink_to("nowhere")
+    (folder / "circle").symlink_to("circle")
+    for name in ("folder.npz", "folder.onnx"):
+        (folder / name).mkdir()
+    for suffix in ("npz", "onnx", "mcap", "json"):
+        (folder / f"empty.{suffix}").touch()
+    for name in ("text.txt", "text.npz", "text.onnx"):
+        (folder / name).write_text("no numbers here")
+    (folder / "wrong.toml").write_text('[[fault]]\nkind = "earthquake"\nat = -1\n')
+    (folder / "unreadable").write_text("{}")
+    (folder / "unreadable").chmod(0)
+    _make_postures(folder, robot)
+    _make_motions(folder, robot)
+    _make_policies(folder, robot)
+    _make_robots(folder, robot)
+
+
+def _make_postures(folder: Path, robot: Robot) -> None:
+    def save(name: str, **changes: object) -> None:
+        record = json.loads(robot.standing.to_json(robot))
+        knee = changes.pop("l_knee", 0.0)
+        record["joint_pos"]["l_knee"] = knee
+        if knee is None:
+            del record["joint_pos"]["l_knee"]
+        (folder / name).write_text(json.dumps(record | changes))
+
+    x, y, z = robot.standing.position
+    save("no_knee.json", l_knee=None)
+    save("nan_knee.json", l_knee=float("nan"))
+    save("bent.json", l_knee=9.0)
+    save("stretched.json", orientation=[2.0, 0.0, 0.0, 0.0])
+    save("high.json", position=[x, y, z + 5.0])
+    standing = json.loads(robot.standing.to_json(robot))
+    standing["position"] = [x, y, z - 0.1]
+    (folder / "sunk.json").write_text(json.dumps(standing))
+    (folder / "list.json").write_text("[]")
+    (folder / "binary.json").write_bytes(b"\xff\xfe\x00")
+    (folder / "deep.json").write_text("[" * 100_000)
+
+
+def _make_motions(folder: Path, robot: Robot) -> None:
+    file = robot.folder / "motions" / f"{MOTION}.npz"
+    whole = file.read_bytes()
+    (folder / "whole.npz").write_bytes(whole)
+    (folder / "half.npz").write_bytes(whole[: len(whole) // 2])
+    middle = len(whole) // 2
+    flipped = bytes(byte ^ 0xFF for byte in whole[middle : middle + 64])
+    (folder / "flipped.npz").write_bytes(whole[:middle] + flipped + whole[middle + 64 :])
+    np.savez(folder / "pickled.npz", time=np.array([{}], dtype=object))
+    motion = Motion.load(file)
+    fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
+    Motion(**{**fields, "robot": "nao"}).save(folder / "other.npz")
+
+
+def _make_policies(folder: Path, robot: Robot) -> None:
+    whole = (robot.folder / "policies" / "robust.onnx").read_bytes()
+    (folder / "half.onnx").write_bytes(whole[: len(whole) // 2])
+    with contextlib.suppress(ModuleNotFoundError):
+        from tiny_policies import contract_of, save_policy
+
+        contract = contract_of(robot, robot="nao", mode="torque").to_json()
+        save_policy(folder / "unfit.onnx", robot, contract=contract)
+        save_policy(folder / "bare.onnx", robot, contract=None)
+
+
+def _make_robots(folder: Path, robot: Robot) -> None:
+    def copy(name: str, *left_out: str) -> Path:
+        ignore = shutil.ignore_patterns("policies", *left_out)
+        return Path(shutil.copytree(robot.folder, folder / name, ignore=ignore))
+
+    (copy("broken_motion") / "motions" / "broken.npz").write_bytes(b"PK\x03\x04 and no more")
+    copy("no_motions", "motions")
+    copy("no_keyframes", "motions", "keyframes.toml")
+    (copy("wrong_keyframes", "motions") / "keyframes.toml").write_text("motions = 3")
+    (copy("not_toml", "motions") / "robot.toml").write_text("name = ")
+    (copy("not_text", "motions") / "robot.toml").write_bytes(b"\xff\xfe")
+    (copy("no_model", "motions") / "model.xml").unlink()
+    (copy("not_xml", "motions") / "model.xml").write_text("<mujoco")
+    toml = copy("wrong_joint", "motions") / "robot.toml"
+    toml.write_text(toml.read_text("utf-8").replace('"l_knee"', '"l_tail"'), "utf-8")
+    (copy("wrong_calibration") / "calibration.toml").write_text("joints = 3")
+
+
+def is_possible(case: Case) -> bool:
+    """Return whether a case can be tried here: root reads every file, some packages are extras."""
+    if case.extra is not None and importlib.util.find_spec(case.extra) is None:
+        return False
+    return os.geteuid() != 0 or "unreadable" not in case.command
+
+
+def run(case: Case) -> tuple[int, str, str]:
+    """Run a case in this process; return exit code, standard output, standard error."""
+    from humanoid_getup.cli.main import main
+
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        code = main(shlex.split(case.command))
+    return code, out.getvalue(), error.getvalue()
+
+
+def print_markdown() -> None:
+    """Run all cases; print them as a Markdown table."""
+    with tempfile.TemporaryDirectory() as folder:
+        make_files(Path(folder), load_robot("op3"))
+        os.chdir(folder)
+        count = sum(map(len, GROUPS.values()))
+        print(f"{count} cases; each ends with one line, and writes nothing.\n")
+        for group, cases in GROUPS.items():
+            print(f"## {group.capitalize()}\n\n| `getup ...` | line | exit code |\n|---|---|---|")
+            for case in filter(is_possible, cases):
+                code, _, error = run(case)
+                error = error.removeprefix("getup: ").replace(f"{Path.cwd()}/", "").strip()
+                cells = [case.command, error]
+                cells = [re.sub(r"x{50,}", "xxx...", cell).replace("|", "\\|") for cell in cells]
+                print(f"| `{cells[0]}` | {cells[1]} | {code} |")
+            print()
+        os.chdir("/")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] != ["--markdown"]:
+        sys.exit(__doc__)
+    print_markdown()

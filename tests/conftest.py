@@ -1,3 +1,4 @@
+import contextlib
 import os
 import shutil
 from pathlib import Path
@@ -8,6 +9,10 @@ from hypothesis import settings
 from humanoid_getup.cli.main import choose_gl
 
 choose_gl(os.environ)  # before anything imports MuJoCo
+# Triton, which some builds of torch bring, crashes if it is loaded after Mesa's LLVM has
+# rendered a picture in the same process.
+with contextlib.suppress(ImportError):
+    import triton  # noqa: F401  # pyright: ignore[reportMissingImports]
 
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World

@@ -266,7 +266,7 @@ def test_slow_values_of_every_servo_are_fresh_within_half_a_second(op3_rig):
 def test_the_supply_is_measured_in_whole_decivolts(op3, decivolts):
     """Summed as floats, twenty times 14.8 V are 14.800000000000002 V: beyond what servos bear."""
     with Rig(op3) as rig:
-        rig.virtual.body.sag(decivolts / 10)
+        rig.virtual.simulation.supply = decivolts / 10
         state = rig.turn(Command.limp(20), cycles=70)
     assert state.voltage == decivolts / 10
 

@@ -270,7 +270,7 @@ def measure(options: Options, console: Console) -> dict[str, Count]:
                     count.n += result is not None
                     if isinstance(result, Survivor):
                         count.survivors.append(result)
-            console.print(_describe(module, count), markup=False, highlight=False)
+            console.print(_describe(module, count), markup=False, highlight=False, soft_wrap=True)
             if options.json is not None:
                 _write(options, counts)
         while not copies.empty():

@@ -78,6 +78,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "sim2real/policy_evaluation.py": ("tests/sim2real/test_policy_evaluation.py",),
     "sim2real/environment/rewards.py": ("tests/sim2real/environment/test_rewards.py",),
     "humanoid_getup/playback/monitors.py": (
+        "tests/humanoid_getup/playback/test_monitors.py",
         "tests/humanoid_getup/playback/test_supervisor.py",
         "-k=not stored_motion",  # whole rises
     ),

@@ -56,15 +56,15 @@ _JUDGE = (
     "tests/humanoid_getup/evaluation/test_sensor_judge.py",
     "-k=not test_it_sees",  # whole rises: slow, and noticed by the rest
 )
-_BACKEND = "tests/drivers/dynamixel/test_backend.py"
+_BACKEND = ("tests/drivers/dynamixel/test_backend.py", "-k=not told_at_once")  # slow
 _PLANNING = "tests/humanoid_getup/planning"
 TARGETS: dict[str, tuple[str, ...]] = {
     "drivers/safety_guard.py": _GUARD,
     "drivers/safety_limits.py": _GUARD,
     "drivers/control_loop.py": ("tests/drivers/test_control_loop.py",),
-    "drivers/dynamixel/servo_states.py": ("tests/drivers/dynamixel/test_servo_states.py", _BACKEND),
-    "drivers/dynamixel/command_writer.py": (_BACKEND,),
-    "drivers/dynamixel/cyclic_read.py": (_BACKEND,),
+    "drivers/dynamixel/servo_states.py": ("tests/drivers/dynamixel/test_servo_states.py",),
+    "drivers/dynamixel/command_writer.py": _BACKEND,
+    "drivers/dynamixel/cyclic_read.py": _BACKEND,
     "humanoid_getup/planning/rrt_blossom.py": (f"{_PLANNING}/test_rrt_blossom.py",),
     "humanoid_getup/planning/posture_space.py": (f"{_PLANNING}/test_path_planner.py",),
     "humanoid_getup/planning/refinement.py": (f"{_PLANNING}/test_path_planner.py",),
@@ -83,7 +83,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "-k=not stored_motion",  # whole rises
     ),
     "robots/arrays.py": ("tests/robots/test_arrays.py", "-k=not bomb"),
-    "robots/files.py": ("tests/robots/test_files.py",),
+    "robots/files.py": ("tests/robots/test_files.py", "-k=not standard_output"),
 }
 """Modules to mutate, each with the arguments for pytest: the tests that must notice."""
 

@@ -1,13 +1,14 @@
 """The control loop, turned by small controllers."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from recording_backend import RecordingBackend
 
 from drivers import Command, DriverError, Ending, SafetyGuard, Twin, control_loop, run
-from drivers.control_loop import Pacer
+from drivers.control_loop import Pacer, Timing, TimingSummary
 
 
 class Hold:
@@ -150,6 +151,76 @@ def test_deadlines_do_not_drift_however_late_each_cycle_wakes_up(wake_up):
     assert clock.woke == pytest.approx([0.01 * k + wake_up for k in range(1, 1001)])
     assert lates == pytest.approx([wake_up] * 1000)
     assert pacer.overruns == 0
+
+
+def test_each_part_of_a_cycle_is_timed_alone(tiny, backend, monkeypatch):
+    """Reading takes 1 ms of the clock, deciding 2 ms, writing 4 ms, watching 8 ms."""
+    clock, timings = Clock(), []
+    monkeypatch.setattr(control_loop, "time", SimpleNamespace(perf_counter=clock))
+
+    def costing(duration, work):
+        def timed(*arguments):
+            clock.now += duration
+            return work(*arguments)
+
+        return timed
+
+    guard, controller = SafetyGuard(backend), Hold(tiny, cycles=5)
+    monkeypatch.setattr(guard, "read", costing(0.001, guard.read))
+    monkeypatch.setattr(controller, "step", costing(0.002, controller.step))
+    monkeypatch.setattr(guard, "write", costing(0.004, guard.write))
+    watch = costing(0.008, lambda cycle: timings.append(cycle.timing))
+    report = run(controller, guard, max_time=1.0, on_cycle=watch)
+    assert len(timings) == 5
+    for timing in timings:
+        assert vars(timing) == pytest.approx(
+            vars(Timing(late=0.0, read=0.001, step=0.002, write=0.004))
+        )
+    assert report.pace.busy_median == pytest.approx(0.007)
+    assert report.pace.late_max == 0.0
+
+
+def test_a_summary_is_of_delays_and_of_the_parts_summed():
+    late = np.arange(101) * 1e-4  # 0 to 10 ms
+    timings = np.stack([late, late + 1.0, late + 2.0, late + 4.0], axis=1)
+    assert vars(TimingSummary.of(timings)) == pytest.approx(
+        {
+            "late_median": 0.005,
+            "late_p99": 0.0099,
+            "late_max": 0.01,
+            "busy_median": 7.0 + 3 * 0.005,
+            "busy_p99": 7.0 + 3 * 0.0099,
+        }
+    )
+    assert set(vars(TimingSummary.of(np.zeros((0, 4)))).values()) == {0.0}
+
+
+def test_the_report_of_a_paced_run_has_the_delays_of_its_pacer(tiny, backend, monkeypatch):
+    clock = Clock()
+
+    def oversleep(duration):
+        clock.sleep(duration + 0.0015)
+
+    paced = SimpleNamespace(perf_counter=clock)
+    monkeypatch.setattr(control_loop, "time", paced)
+    monkeypatch.setattr(control_loop, "Pacer", lambda period: Pacer(period, clock, oversleep))
+    report = run(Hold(tiny, cycles=9), SafetyGuard(backend), max_time=1.0, realtime=True)
+    assert report.pace.late_median == report.pace.late_max == pytest.approx(0.0015)
+    assert report.overruns == 0
+    assert report.period == 0.008
+
+
+def test_an_overrun_reports_how_late_the_next_cycle_began():
+    clock = Clock()
+    pacer = Pacer(0.01, clock, clock.sleep)
+    clock.now += 0.017
+    pacer.wait()
+    assert pacer.late == pytest.approx(0.007)
+    assert pacer.overruns == 1
+    assert clock.woke == []
+    clock.now += 0.01
+    pacer.wait()  # exactly in time
+    assert (pacer.late, pacer.overruns) == (pytest.approx(0.0), 1)
 
 
 def test_realtime_takes_real_time(tiny, backend):

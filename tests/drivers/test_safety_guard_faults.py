@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recording_backend import RecordingBackend
 
-from drivers import Command, FaultKind, SafetyGuard
+from drivers import Command, FaultKind, GuardLimits, SafetyGuard
 
 PERIOD = RecordingBackend.period
 HOLD, LIMP = 3, 12  # periods, the guard's defaults
@@ -102,3 +102,130 @@ def test_a_stop_outlives_the_connection_and_ends_only_when_cleared(guard, backen
     guard.clear()
     assert not turn(guard, backend, 0.01).is_limp
     assert guard.fault is None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"temperature": np.array([75.0, 25.0])},
+        {"voltage": 10.0},
+        {"imu_age": 0.3},
+        {"joint_age": np.array([0.0, 11.4 * PERIOD])},
+    ],
+)
+def test_what_is_just_within_its_limit_is_no_fault(guard, backend, changes):
+    turn(guard, backend, 0.0)
+    assert not turn(guard, backend, 0.0, **changes).is_limp
+    assert guard.fault is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind"),
+    [
+        ({"temperature": np.array([75.1, 25.0])}, FaultKind.TOO_HOT),
+        ({"voltage": 9.99}, FaultKind.LOW_VOLTAGE),
+        ({"imu_age": 0.301}, FaultKind.LOST_IMU),
+        ({"joint_age": np.array([0.0, 11.6 * PERIOD])}, FaultKind.LOST_JOINTS),
+    ],
+)
+def test_what_is_just_beyond_its_limit_is_a_fault_of_that_moment(guard, backend, changes, kind):
+    turn(guard, backend, 0.0)
+    assert turn(guard, backend, 0.0, **changes, time=0.5).is_limp
+    assert (guard.fault.kind, guard.fault.time) == (kind, 0.5)
+
+
+@pytest.mark.parametrize(("age", "holds"), [(2.4, 0), (2.6, 1)])
+def test_targets_are_held_from_two_and_a_half_periods_without_a_measurement(
+    guard, backend, age, holds
+):
+    turn(guard, backend, 0.01)
+    sent = turn(guard, backend, 0.02, joint_age=np.array([age * PERIOD, 0.0]))
+    assert guard.holds == holds
+    assert sent.joint_pos == pytest.approx(0.01 if holds else 0.02)
+
+
+def test_only_silent_or_faulty_joints_are_named(guard, backend):
+    turn(guard, backend, 0.0)
+    turn(guard, backend, 0.0, joint_age=np.array([0.0, 20 * PERIOD]))
+    assert "r_hip" in str(guard.fault) and "l_hip" not in str(guard.fault)
+    guard.clear()
+    turn(guard, backend, 0.0, joint_age=np.zeros(2), alert=np.array([0, 4]))
+    assert "r_hip" in str(guard.fault) and "l_hip" not in str(guard.fault)
+    guard.clear()
+    turn(guard, backend, 0.0, alert=np.zeros(2, dtype=int), gyro=np.array([0.0, np.nan, 0.0]))
+    assert guard.fault.kind is FaultKind.BAD_MEASUREMENT
+    assert guard.fault.detail == "IMU, supply voltage or time"
+
+
+def test_a_stop_says_so_even_after_another_fault(guard, backend):
+    turn(guard, backend, 0.0, voltage=5.0)
+    guard.stop("the operator pressed the key")
+    turn(guard, backend, 0.0)
+    assert guard.fault.kind is FaultKind.STOPPED
+
+
+def test_a_guard_that_never_derates_keeps_the_full_torque_at_any_temperature(tiny, backend):
+    limits = replace(GuardLimits.of(tiny), max_temperature=np.inf)
+    with SafetyGuard(backend, limits) as guard:
+        sent = turn(guard, backend, 0.0, temperature=np.array([70.0, 400.0]))
+    assert sent.torque_limit == pytest.approx([4.1, 4.1])
+    same = replace(GuardLimits.of(tiny), derate_temperature=75.0)
+    assert same.derate(np.array([74.0, 80.0])) == pytest.approx([4.1, 4.1])
+
+
+def test_torque_below_the_derating_and_beyond_the_limit_stays_in_its_bounds(tiny):
+    limits = GuardLimits.of(tiny)
+    assert limits.derate(np.array([-40.0, 65.0])) == pytest.approx([4.1, 4.1])
+    assert limits.derate(np.array([75.0, 200.0])) == pytest.approx([1.64, 1.64])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"lower": np.array([0.0, 2.0])}, "lower must not exceed upper"),
+        ({"max_velocity": np.array([1.0, -0.1])}, "max_velocity is"),
+        ({"max_velocity": np.array([1.0, np.inf])}, "max_velocity is"),
+        ({"torque_limit": np.array([np.nan, 1.0])}, "torque_limit is"),
+        ({"torque_limit": np.array([-0.1, 1.0])}, "torque_limit is"),
+    ],
+)
+def test_limits_that_limit_nothing_are_refused(tiny, changes, words):
+    with pytest.raises(ValueError, match=words):
+        replace(GuardLimits.of(tiny), **changes)
+
+
+def test_a_joint_that_cannot_move_and_a_servo_without_torque_are_limits_too(tiny):
+    zero = {"max_velocity": np.zeros(2), "torque_limit": np.zeros(2), "lower": tiny.upper}
+    limits = replace(GuardLimits.of(tiny), **zero)
+    assert limits.lower.tolist() == limits.upper.tolist()
+    assert GuardLimits.of(tiny, torque_limit=0.0).torque_limit.tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("field", ["gain_scale", "pwm_limit"])
+def test_a_share_beyond_its_bounds_is_cut_and_counted_for_its_joint(guard, field):
+    guard.read()
+    command = Command.position(guard.robot, np.zeros(2))
+    sent = guard.write(replace(command, **{field: np.array([-0.5, 1.5])}))
+    assert getattr(sent, field).tolist() == [0.0, 1.0]
+    kind = {"gain_scale": "gain", "pwm_limit": "pwm"}[field]
+    assert getattr(guard.clips, kind).tolist() == [1, 1]
+    assert guard.clips.total == 2
+    assert guard.clips.describe(guard.robot) == [
+        f"joint '{name}': {kind} cut 1 times" for name in ("l_hip", "r_hip")
+    ]
+
+
+def test_a_command_without_a_measurement_takes_one_first(tiny, backend):
+    backend.state = replace(backend.state, joint_pos=np.array([0.4, -0.2]))
+    with SafetyGuard(backend) as guard:
+        sent = guard.write(Command.position(tiny, np.array([0.41, -0.2])))
+    assert sent.joint_pos == pytest.approx([0.41, -0.2])
+
+
+def test_a_joint_that_is_released_alone_gets_its_angle_and_the_other_its_target(guard, backend):
+    backend.state = replace(backend.state, joint_pos=np.array([0.2, 0.0]))
+    guard.read()
+    command = Command.position(guard.robot, np.array([0.9, 0.01]))
+    sent = guard.write(replace(command, torque_limit=np.array([0.0, 1.0])))
+    assert sent.joint_pos == pytest.approx([0.2, 0.01])
+    assert guard.clips.total == 0

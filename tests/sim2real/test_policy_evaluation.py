@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.kinematics import place
+from sim2real.environment.randomization import ObservationNoise
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.policy_evaluation import PolicyRollouts, roll_out_policy
 
@@ -50,3 +52,106 @@ def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand():
     assert rollouts.stand_time[2] == pytest.approx(2.0)  # sample 199 ends the 200th period
     for figure in (rollouts.stand_time, rollouts.rms_torque(), rollouts.standing_speed()):
         assert np.isfinite(figure).tolist() == [False, False, True, False, False]
+
+
+@pytest.fixture
+def stood() -> PolicyRollouts:
+    """Two robots at 10 ms: the first stands from 2.0 s to 5.0 s, the second never does."""
+    upright = np.zeros((2, 500), dtype=bool)
+    upright[0, 199:] = True  # sample 199 ends the 200th period
+    torque = np.full((2, 500, 2), 1.0)
+    torque[0, :201] = [[1.0, -7.0]]  # mean square 25 on the way up
+    torque[1, 3, 0] = -9.0
+    joint_vel = np.full((2, 500, 2), 4.0)
+    joint_vel[0, -200:] = [[0.1, -0.7]]  # mean square 0.25 in the last two seconds
+    return PolicyRollouts(
+        period=0.01,
+        upright=upright,
+        qpos=np.zeros((2, 1, 9)),
+        torque=torque,
+        joint_vel=joint_vel,
+        head_impact=np.zeros(2),
+    )
+
+
+def test_torque_is_that_of_the_way_up_and_speed_that_of_the_last_two_seconds(stood):
+    assert stood.stand_time[0] == pytest.approx(2.0)
+    assert stood.rms_torque() == pytest.approx([5.0, np.nan], nan_ok=True)
+    assert stood.standing_speed() == pytest.approx([0.5, np.nan], nan_ok=True)
+    assert stood.peak_torque().tolist() == [7.0, 9.0]
+
+
+def roll_out(world, action, starts, policy, **options) -> PolicyRollouts:
+    noise = ObservationNoise(gravity=0.05, gyro=0.05)
+    sim = TrainingSim(world, len(starts), cycles=action.cycles, noise=noise, threads=1)
+    return roll_out_policy(sim, action, policy, starts, duration=0.3, **options)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_a_policy_asks_beyond_one_counts_as_one(action, world, falls, sign):
+    """In what the servos do, and in the last action that it observes."""
+    observed = []
+
+    def constant(value: float):
+        def policy(observations: np.ndarray) -> np.ndarray:
+            observed.append(observations[:, -1 - action.size : -1])
+            return np.full((len(observations), action.size), value)
+
+        return policy
+
+    one, much, none = (
+        roll_out(world, action, falls[:2], constant(value)) for value in (sign, 5.0 * sign, 0.0)
+    )
+    np.testing.assert_array_equal(one.qpos, much.qpos)
+    assert np.abs(one.qpos - none.qpos).max() > 0.01
+    steps = len(observed) // 3
+    assert not observed[0].any(), "there is no action before the first"
+    assert np.all(np.array(observed[1:steps]) == sign)
+    np.testing.assert_array_equal(observed[:steps], observed[steps : 2 * steps])
+
+
+def test_a_record_has_every_period_and_every_step(op3, action, world, falls):
+    steps = []
+
+    def idle(observations: np.ndarray) -> np.ndarray:
+        return np.zeros((len(observations), action.size))
+
+    rollouts = roll_out(world, action, falls[:3], idle, on_step=steps.append)
+    count = round(0.3 / (action.cycles * op3.control_period))
+    assert steps == list(range(count))
+    periods = count * action.cycles
+    assert rollouts.upright.shape == (3, periods)
+    assert rollouts.torque.shape == rollouts.joint_vel.shape == (3, periods, op3.n)
+    assert rollouts.qpos.shape == (3, count, world.model.nq)
+    assert rollouts.head_impact.shape == (3,)
+    assert rollouts.period == op3.control_period
+    # Each robot begins in its own fall: 50 ms later it is still nearest to that.
+    distance = np.linalg.norm(rollouts.qpos[:, None, 0] - falls[None, :3], axis=2)
+    assert distance.argmin(axis=1).tolist() == [0, 1, 2]
+
+
+def test_noise_comes_from_the_random_source_alone(action, world, falls):
+    def follow(observations: np.ndarray) -> np.ndarray:
+        return observations[:, : action.size]
+
+    def run(rng):
+        return roll_out(world, action, falls[:2], follow, rng=rng).qpos
+
+    np.testing.assert_array_equal(run(None), run(None))
+    np.testing.assert_array_equal(run(np.random.default_rng(1)), run(np.random.default_rng(1)))
+    assert np.abs(run(None) - run(np.random.default_rng(1))).max() > 1e-6
+
+
+def test_the_torque_limit_of_each_robot_is_observed(op3, action, world, falls):
+    sim = TrainingSim(world, 2, cycles=action.cycles, threads=1)
+    limits = DomainParameters.nominal(world, 2, torque_limit=2.05)
+    sim.set_parameters(sim.everyone, limits)
+    seen = []
+
+    def idle(observations: np.ndarray) -> np.ndarray:
+        seen.append(observations[:, -1])
+        return np.zeros((len(observations), action.size))
+
+    roll_out_policy(sim, action, idle, falls[:2], duration=0.1)
+    share = min(2.05 / op3.max_torque.max(), action.pwm_limit)
+    assert np.array(seen) == pytest.approx(np.full((len(seen), 2), share))

@@ -1,5 +1,7 @@
 """What the driver knows of its servos: signs, units, and how far a reply is believed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from drivers.dynamixel.protocol2 import ALERT, Status
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ERROR, SUPPLY, TORQUE, WATCHDOG, ServoStates
+from robots.servo import servo_models
 
 RPM = 2.0 * np.pi / 60.0
 COUNTS = st.integers(-300, 300)
@@ -101,3 +104,128 @@ def test_torque_needs_a_servo_that_is_ready_fresh_and_unlocked(states):
     assert states.permit_torque(every, every, was_paused=False).tolist() == [False, True]
     states.permit_torque(~every, every, was_paused=False)
     assert states.permit_torque(every, every, was_paused=False).all(), "released in between"
+
+
+PERIOD = 0.008
+REACH = 134  # ticks: 30, and 20 rad/s (13038 ticks/s) for one period
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(("leap", "is_believed"), [(REACH, True), (REACH + 1, False)])
+def test_a_position_further_than_any_joint_moves_is_not_believed(states, way, leap, is_believed):
+    update(states, reply(1, 2000, 5, 7), reply(2, 1000))
+    update(states, reply(1, 2000 + way * leap, 6, 8), reply(2, 1001), now=PERIOD)
+    assert states.ticks.tolist() == [2000 + way * leap * is_believed, 1001]
+    assert states.stamp.tolist() == [PERIOD * is_believed, PERIOD]
+    assert states.velocity[0] == pytest.approx((5 + is_believed) * 0.229 * RPM)
+    assert states.current[0] == pytest.approx((7 + is_believed) * 2.69e-3)
+
+
+@pytest.mark.parametrize(("second", "is_confirmed"), [(REACH, True), (REACH + 1, False)])
+def test_a_leap_is_believed_once_the_next_reply_confirms_it(states, second, is_confirmed):
+    update(states, reply(1, 2000), reply(2, 1000))
+    update(states, reply(1, 3500), now=PERIOD)
+    update(states, reply(1, 3500 - second), now=2 * PERIOD)
+    assert states.ticks[0] == (3500 - second if is_confirmed else 2000)
+    update(states, reply(1, 3500 - second + 10), now=3 * PERIOD)
+    assert states.ticks[0] == 3500 - second + 10
+
+
+def test_a_silent_servo_may_be_further_away_the_longer_it_was_silent(states):
+    update(states, reply(1, 2000), reply(2, 1000))
+    far = 2000 + 30 + 13030  # a second's way
+    update(states, reply(1, far), now=1.0)
+    assert states.ticks[0] == far
+
+
+@pytest.mark.parametrize(("silence", "is_unsure"), [(2.4, False), (2.6, True)])
+def test_a_servo_under_torque_that_was_silent_may_have_restarted(states, silence, is_unsure):
+    update(states, reply(1, 2000), reply(2, 1000))
+    states.note_on(np.array([0]))
+    update(states, reply(1, 2000), reply(2, 1000), now=silence * PERIOD)
+    assert states.is_unsure.tolist() == [is_unsure, False]
+
+
+def test_an_alert_keeps_its_known_cause_until_it_is_gone(states):
+    update(states, reply(1, 2000, error=ALERT), reply(2, 1000))
+    assert states.alert.tolist() == [ALERT, 0]
+    states.update_background(0, ERROR, bytes((4,)))
+    update(states, reply(1, 2000, error=ALERT), reply(2, 1000, error=ALERT), now=PERIOD)
+    assert states.alert.tolist() == [4, ALERT]
+    update(states, reply(1, 2000), reply(2, 1000, error=ALERT), now=2 * PERIOD)
+    assert states.alert.tolist() == [0, ALERT]
+    update(states, reply(1, 2000), reply(2, 1000), now=3 * PERIOD)
+    assert states.alert.tolist() == [0, 0]
+
+
+def torque_reply(*has_torque: int) -> Replies:
+    statuses = [Status(k + 1, 0, bytes((torque,))) for k, torque in enumerate(has_torque)]
+    return Replies.of(statuses, 1)
+
+
+def test_torque_registers_are_compared_with_what_was_written(states):
+    states.note_on(np.array([0]))
+    assert states.update_torque(torque_reply(1, 0), is_final=True)
+    flags = (states.must_release, states.must_seed, states.is_unsure)
+    assert not np.array(flags).any()
+    assert not states.update_torque(torque_reply(0, 1), is_final=False)
+    assert [flag.tolist() for flag in flags] == [[False, True], [True, False], [False, False]]
+    assert not states.update_torque(torque_reply(0, 0), is_final=True)
+    assert states.is_unsure.tolist() == [True, False]
+
+
+def test_torque_where_none_was_written_is_released(states):
+    states.update_background(1, TORQUE, b"\1")
+    assert states.must_release.tolist() == [False, True]
+    states.note_off(np.array([1]))
+    assert not states.must_release.any()
+    states.update_background(1, TORQUE, b"\0")
+    assert not states.must_release.any() and not states.is_unsure.any()
+
+
+def test_after_a_pause_every_servo_under_torque_starts_at_its_position(states):
+    for row in (0, 1):
+        states.note_ready(row)
+    states.note_on(np.array([1]))
+    every, none = np.array([True, True]), np.array([False, False])
+    assert states.permit_torque(every, none, was_paused=False).tolist() == [False, True]
+    assert not states.must_seed.any()
+    states.permit_torque(every, none, was_paused=True)
+    assert states.must_seed.tolist() == [False, True]
+    states.note_off(np.array([1]))
+    assert not states.must_seed.any() and not states.is_on.any()
+
+
+def test_a_lost_port_leaves_no_servo_ready_and_locks_those_under_torque(states):
+    for row in (0, 1):
+        states.note_ready(row)
+    states.note_on(np.array([1]))
+    states.note_lost_port(np.array([0, 1]))
+    assert states.is_locked.tolist() == [False, True]
+    assert states.must_release.tolist() == [True, True]
+    assert not (states.is_on | states.is_ready | states.is_unsure).any()
+
+
+def test_a_reboot_makes_a_servo_ready_limp_and_keeps_only_an_alert_that_stays(states):
+    states.note_on(np.array([0, 1]))
+    states.update_background(0, ERROR, bytes((32,)))
+    states.note_rebooted(0, has_alert=False)
+    states.note_rebooted(1, has_alert=True)
+    assert states.is_ready.all() and not states.is_on.any()
+    assert states.alert.tolist() == [0, ALERT]
+
+
+def test_a_restart_takes_torque_and_readiness(states):
+    states.note_ready(0)
+    states.note_on(np.array([0]))
+    states.note_restart(0)
+    assert not (states.is_on | states.is_ready | states.is_unsure).any()
+
+
+def test_a_servo_without_a_current_sensor_reports_its_load(tiny):
+    """A count of load is 0.1 % of full load (e-manual, XL430), here of the stall current."""
+    model = servo_models()["XL430-W250"]
+    joints = tuple(replace(j, servo=replace(j.servo, model=model)) for j in tiny.joints)
+    states = ServoStates(replace(tiny, joints=joints), PERIOD)
+    update(states, reply(1, 2000, 0, 500), reply(2, 1000, 0, 500))
+    assert states.current == pytest.approx([0.5 * model.stall_current, -0.5 * model.stall_current])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drivers import Command, Twin
+from drivers.twin.ground_truth import GroundTruth
 from humanoid_getup.evaluation.judge import GroundTruthJudge, count_episodes, find_impact
 from robots import Posture
 
@@ -17,7 +18,8 @@ def test_a_fault_counts_once_until_it_stayed_away_long_enough():
 def test_a_run_without_a_cycle_did_not_stand(op3):
     outcome = GroundTruthJudge(Twin(op3).simulation, None).conclude()
     assert not outcome.stand.stood
-    assert outcome.peak_torque == 0.0
+    assert outcome.peak_torque == outcome.peak_velocity == outcome.torque_use == 0.0
+    assert outcome.rms_torque == 0.0
     assert outcome.self_collisions == 0
 
 
@@ -27,6 +29,117 @@ def test_an_impact_is_as_fast_as_what_came_down_was_before_it():
     # The first head leaves the ground and comes back with 1.5 and with 0.7 m/s; the second
     # one lay there all the time.
     assert find_impact(touch, speed).tolist() == [1.5, 0.0]
+
+
+def test_a_fault_counts_again_only_after_more_than_the_gap():
+    flags = np.zeros((40, 1), dtype=bool)
+    flags[[0, 12, 25]] = True
+    assert count_episodes(flags, apart=12) == [2]
+
+
+def play(twin: Twin, targets: np.ndarray) -> list[np.ndarray]:
+    """Send targets (T, n); return the true torques after each."""
+    torques = []
+    with twin:
+        for target in targets:
+            twin.write(Command.position(twin.robot, target))
+            torques.append(twin.truth.joint_torque.copy())
+    return torques
+
+
+def test_peaks_and_shares_are_those_of_the_servos_torques(tiny):
+    """Legs that swing in the air, capped at 2 N·m of 4.1: the judge's own arithmetic again."""
+    twin = Twin(tiny)
+    twin.place(
+        Posture(
+            position=np.array([0.0, 0.0, 1.0]),
+            orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+            joint_pos=np.zeros(2),
+        )
+    )
+    judge = GroundTruthJudge(twin.simulation, 2.0)
+    torques = np.array(play(twin, np.tile([-0.5, 0.3], (30, 1))))
+    outcome = judge.conclude()
+    np.testing.assert_array_equal(outcome.torque, torques)
+    assert outcome.peak_torque == pytest.approx(np.abs(torques).max())
+    assert outcome.peak_torque > 0.1
+    assert outcome.torque_use == pytest.approx(outcome.peak_torque / 2.0)
+    assert outcome.rms_torque == pytest.approx(np.sqrt((torques**2).mean()))
+    assert outcome.peak_velocity > 1.0
+    assert outcome.qpos.shape == (30, twin.model.nq)
+    assert not outcome.stand.stood
+    assert not outcome.is_sensed
+
+
+def test_the_torque_of_a_rise_is_that_of_its_way_up_alone(world, op3):
+    """A robot that stands from the first sample on: that sample and the next are its way up."""
+    twin = Twin(op3, world.model)
+    twin.place(op3.standing)
+    judge = GroundTruthJudge(twin.simulation, None)
+    torques = np.array(play(twin, np.tile(op3.standing.joint_pos, (377, 1))))
+    outcome = judge.conclude()
+    assert outcome.stand.stood
+    assert outcome.stand.start_time == pytest.approx(0.008)
+    assert outcome.rms_torque == pytest.approx(np.sqrt((torques[:2] ** 2).mean()))
+    assert outcome.torque_use == pytest.approx((np.abs(torques) / op3.max_torque).max())
+    assert outcome.self_collisions == outcome.ground_penetrations == outcome.limit_violations == 0
+
+
+@pytest.mark.parametrize(("beyond", "count"), [(0.5, 0), (3.0, 1)])
+def test_a_joint_more_than_a_degree_out_of_its_range_is_a_violation(tiny, beyond, count):
+    for angle in (tiny.upper[0] + np.radians(beyond), tiny.lower[0] - np.radians(beyond)):
+        twin = Twin(tiny)
+        twin.place(
+            Posture(
+                position=np.array([0.0, 0.0, 1.0]),
+                orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+                joint_pos=np.array([angle, 0.0]),
+            )
+        )
+        judge = GroundTruthJudge(twin.simulation, None)
+        play(twin, np.array([[angle, 0.0]]))
+        outcome = judge.conclude()
+        assert outcome.limit_violations == count
+        assert outcome.self_collisions == outcome.ground_penetrations == 0
+
+
+@pytest.mark.parametrize(("ground_mm", "itself_mm", "counts"), [(4.9, 0.09, 0), (5.1, 0.11, 1)])
+def test_a_deep_contact_is_a_collision(tiny, monkeypatch, ground_mm, itself_mm, counts):
+    """5 mm in the ground, more than a resting robot ever sinks; 0.1 mm in itself."""
+    depths = {"ground_penetration": ground_mm, "self_penetration": itself_mm}
+    for name, depth in depths.items():
+        monkeypatch.setattr(GroundTruth, name, property(lambda _, depth=depth: depth / 1000.0))
+    twin = Twin(tiny)
+    judge = GroundTruthJudge(twin.simulation, None)
+    play(twin, np.zeros((20, 2)))
+    outcome = judge.conclude()
+    assert outcome.ground_penetrations == outcome.self_collisions == counts
+
+
+def test_a_limp_robot_is_not_judged_and_a_judge_that_concluded_looks_no_more(tiny):
+    twin = Twin(tiny)
+    judge = GroundTruthJudge(twin.simulation, None)
+    with twin:
+        for _ in range(5):
+            twin.write(Command.limp(2))
+        for _ in range(3):
+            twin.write(Command.position(tiny, np.zeros(2)))
+        assert len(judge.conclude().torque) == 3
+        twin.write(Command.position(tiny, np.zeros(2)))
+    assert len(judge.conclude().torque) == 3
+
+
+@pytest.mark.parametrize("touch", ["l_el", "head_tilt", "l_ank_roll"])
+def test_only_a_contact_of_the_feet_is_no_break_of_a_stand(op3, world, monkeypatch, touch):
+    """An upright robot at full height, of which one part is said to touch the world, too."""
+    body = world.model.joint(touch).bodyid[0]
+    monkeypatch.setattr(GroundTruth, "touching_bodies", property(lambda _: np.array([body])))
+    twin = Twin(op3, world.model)
+    twin.place(op3.standing)
+    judge = GroundTruthJudge(twin.simulation, None)
+    play(twin, np.tile(op3.standing.joint_pos, (380, 1)))
+    outcome = judge.conclude()
+    assert outcome.stand.stood == (touch == "l_ank_roll")
 
 
 def test_a_head_that_drops_hits_the_ground_as_fast_as_it_fell(op3):

@@ -1,6 +1,7 @@
 """The judge that has sensors alone, against the one that knows the truth."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import SafetyGuard, Twin, run
+from drivers import Command, Cycle, SafetyGuard, State, Twin, run
+from drivers.control_loop import Timing
+from drivers.safety_limits import ClipCounts
 from drivers.twin.servo_model import SensorNoise, Windings
 from humanoid_getup.evaluation.judge import (
     GroundTruthJudge,
@@ -24,7 +27,7 @@ from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
-from robots.kinematics import GravitySense, place, read_posture, torso_orientation
+from robots.kinematics import GravitySense, lowest_point, place, read_posture, torso_orientation
 
 NOISE = SensorNoise(
     joint_pos=0.001, joint_vel=0.02, joint_current=0.02, gyro=0.01, accelerometer=0.1
@@ -91,7 +94,92 @@ def test_a_run_without_a_cycle_did_not_stand(world: World):
     outcome = SensorJudge(world, 0.008, None).conclude()
     assert not outcome.stand.stood
     assert (outcome.peak_torque, outcome.peak_velocity, outcome.limit_violations) == (0.0, 0.0, 0)
+    assert (outcome.torque_use, outcome.rms_torque) == (0.0, 0.0)
     assert outcome.qpos.shape == (0, world.model.nq)
+
+
+def sense(op3: Robot, cycles: int = 381, torque_limit: float | None = None, **changes):
+    """Judge a robot that stands still, but for what some measurement says.
+
+    Of 381 cycles the first was measured before any command; the others span 379 periods, 3.03 s.
+    """
+    judge = SensorJudge(WORLD, 0.008, torque_limit)
+    for k in range(cycles):
+        state = State(
+            time=0.008 * k,
+            joint_pos=op3.standing.joint_pos,
+            joint_vel=np.zeros(op3.n),
+            joint_current=np.zeros(op3.n),
+            gyro=np.zeros(3),
+            orientation=op3.standing.orientation,
+            temperature=np.full(op3.n, 25.0),
+            voltage=12.0,
+        )
+        for name, (cycle, value) in changes.items():
+            if k == cycle:
+                state = replace(state, **{name: value})
+        command = Command.position(op3, op3.standing.joint_pos)
+        timing = Timing(late=0.0, read=0.0, step=0.0, write=0.0)
+        judge(Cycle(state, command, command, ClipCounts(*np.zeros((5, op3.n))), timing))
+    return judge.conclude()
+
+
+def test_a_stand_lasts_three_seconds_after_the_first_command(op3: Robot):
+    assert sense(op3, 377).stand.stood  # 376 samples span 375 periods of 8 ms
+    assert not sense(op3, 376).stand.stood
+    assert sense(op3).stand.start_time == pytest.approx(0.008)
+    assert sense(op3, gyro=(0, np.full(3, 9.0))).stand.stood
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "stands"),
+    [
+        ("gyro", np.array([0.0, 0.6, -0.79]), True),  # 0.992 rad/s
+        ("gyro", np.array([0.0, 0.6, -0.81]), False),  # 1.008 rad/s
+        ("joint_vel", np.eye(20)[3] * -1.99, True),
+        ("joint_vel", np.eye(20)[3] * -2.01, False),
+        ("orientation", quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.25), True),
+        ("orientation", quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.27), False),
+    ],
+)
+def test_a_robot_that_sways_or_leans_in_between_does_not_stand(op3: Robot, name, value, stands):
+    """Bounds: 1 rad/s of the torso, 2 rad/s of a joint, 15 deg (0.262 rad) of tilt."""
+    assert sense(op3, **{name: (200, value)}).stand.stood == stands
+
+
+def test_peaks_are_estimated_from_currents(op3: Robot):
+    """An XM430 stalls at 4.1 N·m and 2.3 A."""
+    current = np.zeros(op3.n)
+    current[4] = -1.15
+    outcome = sense(op3, torque_limit=2.5, joint_current=(1, current))
+    assert outcome.peak_torque == pytest.approx(2.05)
+    assert outcome.torque_use == pytest.approx(2.05 / 2.5)
+    # It stands from the first sample on: two samples of twenty joints are its way up.
+    assert outcome.rms_torque == pytest.approx(2.05 / np.sqrt(2 * op3.n))
+    assert sense(op3, joint_current=(1, current)).torque_use == pytest.approx(0.5)
+    fast = sense(op3, joint_vel=(5, np.eye(20)[7] * -3.0))
+    assert fast.peak_velocity == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("beyond_deg", "count"), [(0.9, 0), (1.1, 1)])
+def test_a_joint_that_left_its_range_by_more_than_a_degree_is_counted(
+    op3: Robot, beyond_deg: float, count: int
+):
+    for row, bound, way in ((2, op3.upper, 1.0), (5, op3.lower, -1.0)):
+        angles = op3.standing.joint_pos.copy()
+        angles[row] = bound[row] + way * np.radians(beyond_deg)
+        assert sense(op3, 20, joint_pos=(9, angles)).limit_violations == count
+
+
+def test_positions_lie_on_the_ground(op3: Robot):
+    tilted = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.2)
+    outcome = sense(op3, 5, orientation=(3, tilted))
+    assert outcome.qpos.shape == (4, WORLD.model.nq)
+    for row in outcome.qpos:
+        assert lowest_point(WORLD.model, row) == pytest.approx(0.0, abs=1e-9)
+    posture = read_posture(op3, WORLD.model, outcome.qpos[2])
+    np.testing.assert_allclose(posture.orientation, tilted, atol=1e-9)
+    np.testing.assert_allclose(posture.joint_pos, op3.standing.joint_pos)
 
 
 def estimate_neck_height(world: World, orientation: np.ndarray, joint_pos: np.ndarray) -> float:

@@ -22,6 +22,18 @@ def test_a_stand_counts_from_its_first_unbroken_moment():
     assert stand.hold_time == pytest.approx(3.0)  # 301 samples span 300 periods
 
 
+def test_a_robot_that_stands_all_the_time_stood_from_the_first_sample_on():
+    stand = judge(np.ones(301, dtype=bool), PERIOD)
+    assert (stand.stood, stand.start_time) == (True, pytest.approx(PERIOD))
+    assert stand.hold_time == pytest.approx(3.0)
+    assert not judge(np.ones(300, dtype=bool), PERIOD).stood
+
+
+def test_a_record_without_samples_is_no_stand():
+    stand = judge(np.zeros(0, dtype=bool), PERIOD)
+    assert (stand.stood, stand.hold_time) == (False, 0.0)
+
+
 def test_a_stand_shorter_than_three_seconds_is_none():
     stand = judge(np.array([False] * 10 + [True] * 300), PERIOD)
     assert not stand.stood
@@ -46,9 +58,9 @@ def test_hold_time_is_the_shared_definition():
     ("neck_share", "tilt_deg", "contact", "expected"),
     [
         (1.0, 0.0, False, True),
-        (0.91, 14.0, False, True),
-        (0.89, 0.0, False, False),  # crouching
-        (1.0, 16.0, False, False),  # leaning
+        (0.901, 14.9, False, True),
+        (0.899, 0.0, False, False),  # crouching
+        (1.0, 15.1, False, False),  # leaning
         (1.0, 0.0, True, False),  # propped on a hand
         (0.66, 0.0, False, False),  # sitting
     ],
@@ -68,18 +80,18 @@ def test_the_neck_is_measured_over_the_ground_under_the_middle_of_the_feet(tiny)
     twin = Twin(tiny)
     twin.place(
         Posture(
-            position=np.array([0.0, 0.0, 0.149]),
+            position=np.array([0.3, 0.0, 0.149]),
             orientation=quaternion.IDENTITY,
             joint_pos=np.zeros(tiny.n),
         )
     )
 
-    def step(_x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where(y > 0.05, 0.1, 0.02)
+    def step(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(y > 0.05, 0.1, 0.02) + x
 
     meter = StanceMeter(tiny, twin.model, step)
     stance = meter.measure(twin.truth.qpos, twin.truth.site_pos, np.array(False))
-    assert stance.neck_height == pytest.approx(0.199 - 0.02)
+    assert stance.neck_height == pytest.approx(0.199 - 0.02 - 0.3)
     assert stance.tilt == pytest.approx(0.0)
 
 

@@ -104,6 +104,7 @@ def change(**fields: object) -> RewardInputs:
         (dropping, change(fall_speed=2.0), 4.0),
         (head_strike, change(head_fall=2.0, height=0.0), 4.0),
         (head_strike, change(head_fall=2.0, height=NECK_LOW), 4.0 / np.e),
+        (head_strike, change(head_fall=3.0, height=2.0 * NECK_LOW), 9.0 / np.e**4),
         (head_strike, STANDING, 0.0),
     ],
 )
@@ -174,3 +175,49 @@ def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
     assert moment.head_fall == pytest.approx([0.6 / size])
     assert moment.joint_speed == pytest.approx(np.ones((1, op3.n)))
     assert moment.away == pytest.approx(np.zeros((1, op3.n)))
+
+
+def test_costs_alone_count_by_their_share():
+    inputs = change(torque=[[1.0, 0.0]])
+    rewards = (Reward(stands, 0.5), Reward(torque, -0.4))
+    total, parts = score(rewards, inputs, cost_share=0.25)
+    assert parts["stands"].item() == pytest.approx(0.5)
+    assert parts["torque"].item() == pytest.approx(-0.4 * 0.25 * 0.5)
+    assert total.item() == pytest.approx(0.45)
+    assert score(rewards, inputs)[0].item() == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("asked", [-4.0, -1.0, -0.5, 0.5, 1.0, 4.0])
+def test_an_action_counts_up_to_one_and_is_asked_for_beyond(op3, world, falls, asked):
+    sim = TrainingSim(world, 1, cycles=6, threads=1)
+    sim.place(np.array([0]), falls[:1])
+    moment = RewardInputs.of(
+        op3,
+        sim.measure_privileged_state(),
+        op3.standing.joint_pos[None] + 0.25,
+        np.full((1, 3), asked),
+        np.full((1, 3), 0.125),
+    )
+    assert moment.asked.tolist() == [[asked] * 3]
+    assert moment.action.tolist() == [[min(max(asked, -1.0), 1.0)] * 3]
+    assert moment.last_action.tolist() == [[0.125] * 3]
+    assert moment.away == pytest.approx(np.full((1, op3.n), 0.25))
+
+
+def test_a_rising_torso_and_servos_torque_in_the_robots_measures(op3, world, falls):
+    sim = TrainingSim(world, 1, cycles=6, threads=1)
+    sim.place(np.array([0]), falls[:1])
+    state = replace(
+        sim.measure_privileged_state(),
+        root_vel=np.array([[0.0, 0.0, 0.4, 0.0, 0.0, 0.0]]),
+        torque=-0.5 * op3.max_torque[None],
+        sole_distance=np.array([0.5 * op3.standing_neck_height]),
+        sole_height=np.array([[0.0, 0.2 * op3.standing_neck_height]]),
+    )
+    moment = RewardInputs.of(
+        op3, state, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1))
+    )
+    assert moment.fall_speed.tolist() == [0.0], "only downward speed is a fall"
+    assert moment.torque == pytest.approx(np.full((1, op3.n), -0.5))
+    assert moment.sole_distance == pytest.approx([0.5])
+    assert moment.sole_height == pytest.approx([0.1])

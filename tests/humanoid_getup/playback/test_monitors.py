@@ -1,0 +1,116 @@
+"""Monitors, measurement by measurement: what is borne, what ends a run, and what it says."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from recording_backend import still_state
+
+from humanoid_getup.playback.monitors import (
+    Abort,
+    AbortKind,
+    MonitorLimits,
+    Persistence,
+    PolicyMonitor,
+    ServoMonitor,
+)
+
+STALL = 2.3  # A of an XM430 at 12 V (e-manual)
+
+
+def test_each_condition_is_timed_alone_and_from_its_last_break():
+    lasting = Persistence(2, 10.0)
+    assert lasting.update(np.array([True, False]), 10.5).tolist() == [0.5, 0.0]
+    assert lasting.update(np.array([True, True]), 11.0).tolist() == [1.0, 0.5]
+    assert lasting.update(np.array([False, True]), 12.0).tolist() == [0.0, 1.5]
+    assert lasting.update(np.array([True, True]), 12.25).tolist() == [0.25, 1.75]
+
+
+@pytest.fixture
+def monitor(tiny) -> ServoMonitor:
+    monitor = ServoMonitor(tiny, MonitorLimits())
+    monitor.reset(still_state(tiny, time=1.0))
+    return monitor
+
+
+def look(monitor: ServoMonitor, tiny, **changes):
+    return monitor.check(still_state(tiny, **changes), np.zeros(2))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("voltage", [12.0, 10.5])
+def test_a_load_beyond_nine_tenths_of_stall_is_borne_for_four_seconds(tiny, monitor, sign, voltage):
+    """The stall current falls with the supply; the time counts from the run's begin."""
+    current = np.array([0.0, sign * 0.91 * STALL * voltage / 12.0])
+    for time in (2.0, 4.9, 5.0):
+        assert look(monitor, tiny, time=time, joint_current=current, voltage=voltage) is None
+    kind, detail = look(monitor, tiny, time=5.01, joint_current=current, voltage=voltage)
+    assert kind is AbortKind.LOAD
+    assert detail == ("joint 'r_hip' draws 91% of its stall current, expected at most 90% for 4 s")
+
+
+def test_a_load_just_below_or_with_a_break_is_borne_for_ever(tiny, monitor):
+    below, above = np.full(2, 0.89 * STALL), np.full(2, 0.95 * STALL)
+    assert look(monitor, tiny, time=100.0, joint_current=below) is None
+    for time in np.arange(101.0, 120.0, 3.0):
+        assert look(monitor, tiny, time=time, joint_current=above) is None
+        assert look(monitor, tiny, time=time + 1.0, joint_current=below) is None
+
+
+def test_a_supply_that_is_not_measured_yet_is_no_division_by_zero(tiny, monitor):
+    with np.errstate(all="raise"):
+        assert look(monitor, tiny, time=1.1, joint_current=np.full(2, 0.1), voltage=0.0) is None
+
+
+@pytest.mark.parametrize(("temperature", "is_hot"), [(72.0, False), (72.5, True)])
+def test_a_servo_beyond_72_degrees_ends_it_at_once(tiny, monitor, temperature, is_hot):
+    found = look(monitor, tiny, time=1.1, temperature=np.array([temperature, 30.0]))
+    if is_hot:
+        expected = "joint 'l_hip' has 72 °C, expected at most 72 °C"
+        assert found == (AbortKind.HEAT, expected)
+    else:
+        assert found is None
+
+
+def test_a_low_supply_is_warned_of_once_a_run(tiny, monitor):
+    look(monitor, tiny, time=1.1, voltage=10.0)
+    assert monitor.warnings == []
+    for voltage in (9.9, 9.5):
+        assert look(monitor, tiny, time=1.2, voltage=voltage) is None
+    assert monitor.warnings == [
+        "the supply sagged to 9.9 V, the servos need 10.0 V: charge the battery"
+    ]
+    monitor.reset(still_state(tiny, time=2.0))
+    assert monitor.warnings == []
+
+
+def test_a_new_run_begins_with_no_load_behind_it(tiny, monitor):
+    above = np.full(2, 0.95 * STALL)
+    look(monitor, tiny, time=4.9, joint_current=above)
+    monitor.reset(still_state(tiny, time=5.0))
+    assert look(monitor, tiny, time=6.0, joint_current=above) is None
+    assert look(monitor, tiny, time=9.1, joint_current=above) is not None
+
+
+def test_a_policy_that_gave_up_ends_the_run_with_its_own_words(tiny):
+    policy = SimpleNamespace(fault=None)
+    monitor, state = PolicyMonitor(policy), still_state(tiny)  # type: ignore[arg-type]
+    monitor.reset(state)
+    assert monitor.check(state, np.zeros(2)) is None
+    policy.fault = "its action is nan"
+    assert monitor.check(state, np.zeros(2)) == (AbortKind.POLICY, "its action is nan")
+    assert monitor.warnings == []
+
+
+def test_an_abort_says_what_and_why():
+    abort = Abort(AbortKind.STUCK, "joint 'l_hip' is 0.5 rad behind", 1.0)
+    assert str(abort) == "a joint does not follow: joint 'l_hip' is 0.5 rad behind"
+
+
+def test_limits_are_those_that_were_measured():
+    """The docstring of each limit gives the rises and falls between which it was set."""
+    limits = MonitorLimits()
+    assert np.degrees([limits.tilt, limits.fallen]) == pytest.approx([60.0, 40.0])
+    times = (limits.tilt_time, limits.fallen_time, limits.error_time, limits.load_time)
+    assert times == (0.5, 0.02, 1.0, 4.0)
+    assert (limits.error, limits.load, limits.temperature) == (0.4, 0.9, 72.0)

@@ -104,6 +104,7 @@ def bench_methods(
     seed: int,
     each: int,
     torque_limit: TorqueLimit = FULL_TORQUE,
+    heat: bool = True,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Get up from the same settled falls by several strategies, on the twin.
@@ -114,25 +115,25 @@ def bench_methods(
         seed: Of the falls and the plans.
         each: Falls of each class: supine, prone, lateral.
         torque_limit: Of the servos.
+        heat: Whether ten rises in a row are made as well, to see how hot the servos become.
         report: Called with the record of each rise.
     """
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     options = AttemptOptions(max_attempts=1, torque_limit=torque_limit)
     cases = {}
     for name, strategy in strategies.items():
-        records, heat = [], []
+        records = []
         for number, fall in enumerate(falls):
             twin = Twin(world.robot, world.model, pwm_limited=torque_limit.by_pwm)
             session = RiseSession.on_twin(twin, world, strategy, options)
             record = _fall_and_rise(session, twin, fall, [seed, number]).record() | {"way": name}
             records.append(record)
             report(record)
-        for first in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW):
-            some = falls[first : first + IN_A_ROW]
-            heat.append(_heat_up(world, strategy, some, options, seed))
-        cases[name] = summarize_records(records) | {
-            "hottest_after_ten_rises_c": summarize(heat),
-        }
+        cases[name] = summarize_records(records)
+        if heat:
+            rows = (falls[k : k + IN_A_ROW] for k in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW))
+            hottest = [_heat_up(world, strategy, row, options, seed) for row in rows]
+            cases[name]["hottest_after_ten_rises_c"] = summarize(hottest)
     return {
         "name": "methods",
         "seed": seed,

@@ -7,7 +7,6 @@ from humanoid_getup.execution.get_up import get_up, lay_down
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -16,7 +15,7 @@ from robots import TorqueLimit, load_robot
 
 def main() -> bool:
     robot = load_robot("op3")
-    world = World.build(robot, load_scene("flat"))
+    world = World(robot)
     rng = np.random.default_rng(1)
     fall = sample_falls(world, {"prone": 1}, rng)[0]
 

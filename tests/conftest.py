@@ -9,7 +9,6 @@ from humanoid_getup.cli.main import choose_gl
 
 choose_gl(os.environ)  # before anything imports MuJoCo
 
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 
@@ -32,7 +31,7 @@ def tiny() -> Robot:
 
 @pytest.fixture(scope="session")
 def world(op3: Robot) -> World:
-    return World.build(op3, load_scene("flat"))
+    return World(op3)
 
 
 @pytest.fixture

@@ -43,7 +43,7 @@ def bench_motions(
     Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
     friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
     """
-    world = World.build(robot, scene)
+    world = World(robot, scene)
     motions = [m for m in load_database(robot).motions if not m.name.endswith(MIRRORED_SUFFIX)]
     cases = {}
     for number, motion in enumerate(motions):

@@ -44,7 +44,7 @@ def bench_rise(
         report: Called with the record of each rise.
     """
     options = options or RiseOptions()
-    world = World.build(robot, scene)
+    world = World(robot, scene)
     planner = PlannedRise(world, load_database(robot), options)
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     attempt_options = AttemptOptions(

@@ -81,7 +81,7 @@ class Replay:
 
         robot = load_robot(self.robot or record.robot)
         record.check_robot(robot)
-        return World.build(robot, load_scene(self.scene or str(record.about.get("scene", "flat"))))
+        return World(robot, load_scene(self.scene or str(record.about.get("scene", "flat"))))
 
     def _replay(self, record: FlightRecord, world: World) -> ReplayReport:
         from drivers import Twin

@@ -21,7 +21,7 @@ def main() -> bool:
 
     limit = TorqueLimit(3.0)
     planner = PlannedRise(world, load_database(robot), RiseOptions(torque_limit=limit))
-    twin = Twin(robot, world.model)
+    twin = Twin(world)
     lay_down(world, fall, twin.place)
     options = AttemptOptions(max_attempts=1, torque_limit=limit)
     result = get_up(RiseSession.on_twin(twin, world, planner, options), rng)

@@ -29,7 +29,7 @@ def main() -> bool:
         rng = np.random.default_rng(2)
         fall = sample_falls(world, {"supine": 1}, rng)[0]
         planner = PlannedRise(world, load_database(robot), RiseOptions())
-        twin = Twin(robot, world.model)
+        twin = Twin(world)
         lay_down(world, fall, twin.place)
         result = get_up(RiseSession.on_twin(twin, world, planner), rng)
         print(f"{robot.name} of {world.model.body_mass.sum():.2f} kg: {result.reason}")

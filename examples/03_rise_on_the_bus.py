@@ -43,7 +43,7 @@ def main(port: str | None = None) -> bool:
     if port is not None:
         result = rise(world, DynamixelBackend(robot, {"main": port}), realtime=True)
     else:
-        virtual = VirtualRobot(Simulation(robot, world.model))
+        virtual = VirtualRobot(Simulation(world))
         virtual.place(sample_falls(world, {"prone": 1}, np.random.default_rng(3))[0].posture)
         with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
             backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)

@@ -64,7 +64,7 @@ def bench_motions(
 
 def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
     robot = world.robot
-    twin = Twin(robot, world.model)
+    twin = Twin(world)
     twin.place(read_posture(robot, world.model, start))
     run, outcome = _play(twin, motion)
     return {
@@ -107,7 +107,7 @@ def _play_disturbed(
     for i in range(1, plays + 1):  # the first is the undisturbed one
         model = copy.copy(world.model)
         model.geom_friction[model.geom(GROUND).id, 0] = conditions.friction[i]
-        twin = Twin(robot, model, voltage=float(conditions.voltage[i]))
+        twin = Twin(World(robot, world.scene, model=model), voltage=float(conditions.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
         stood.append(_play(twin, motion)[1].stand.stood)
     return stood

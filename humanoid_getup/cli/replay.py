@@ -89,7 +89,7 @@ class Replay:
         from humanoid_getup.reporting.replay import THRESHOLD, choose_supply, replay
 
         supply = choose_supply(record, world.robot) if self.voltage is None else self.voltage
-        twin = Twin(world.robot, world.model, voltage=supply)
+        twin = Twin(world, voltage=supply)
         if not record.cycles:
             raise ValueError(f"flight log {self.log}: contains no cycle, expected at least one")
         start = record.start or estimate_posture(world, record.measurement(0))

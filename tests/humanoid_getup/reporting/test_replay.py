@@ -38,7 +38,7 @@ class Swing:
 
 
 def twin_of(robot: Robot, voltage: float | None = None) -> Twin:
-    return Twin(robot, World(robot).model, voltage=voltage)
+    return Twin(World(robot), voltage=voltage)
 
 
 def record_swing(path: Path, robot: Robot, twin: Twin, start: Posture | None, spoil=None) -> None:

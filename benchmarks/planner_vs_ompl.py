@@ -170,7 +170,7 @@ def main() -> None:
     robot, scene = load_robot(arguments.robot), load_scene(arguments.scene)
     ou.setLogLevel(ou.LOG_ERROR)
     ou.RNG.setSeed(arguments.seed + 1)  # once: OMPL seeds all later generators from it
-    world = World.build(robot, scene)
+    world = World(robot, scene)
     falls = sample_falls(world, COUNTS, np.random.default_rng(arguments.seed))
     database = load_database(robot)
     starts = [fall.posture for fall in falls]

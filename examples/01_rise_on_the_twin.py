@@ -7,7 +7,6 @@ from humanoid_getup.execution.get_up import get_up, lay_down
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -16,13 +15,13 @@ from robots import TorqueLimit, load_robot
 
 def main() -> bool:
     robot = load_robot("op3")
-    world = World.build(robot, load_scene("flat"))
+    world = World(robot)
     rng = np.random.default_rng(1)
     fall = sample_falls(world, {"prone": 1}, rng)[0]
 
     limit = TorqueLimit(3.0)
     planner = PlannedRise(world, load_database(robot), RiseOptions(torque_limit=limit))
-    twin = Twin(robot, world.model)
+    twin = Twin(world)
     lay_down(world, fall, twin.place)
     options = AttemptOptions(max_attempts=1, torque_limit=limit)
     result = get_up(RiseSession.on_twin(twin, world, planner, options), rng)

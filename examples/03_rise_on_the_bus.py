@@ -19,7 +19,6 @@ from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -40,11 +39,11 @@ def rise(world: World, backend: DynamixelBackend, *, realtime: bool) -> RiseResu
 
 def main(port: str | None = None) -> bool:
     robot = load_robot("op3")
-    world = World.build(robot, load_scene("flat"))
+    world = World(robot)
     if port is not None:
         result = rise(world, DynamixelBackend(robot, {"main": port}), realtime=True)
     else:
-        virtual = VirtualRobot(Simulation(robot, world.model))
+        virtual = VirtualRobot(Simulation(world))
         virtual.place(sample_falls(world, {"prone": 1}, np.random.default_rng(3))[0].posture)
         with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
             backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)

@@ -14,7 +14,6 @@ choose_gl(os.environ)  # before anything imports MuJoCo
 with contextlib.suppress(ImportError):
     import triton  # noqa: F401  # pyright: ignore[reportMissingImports]
 
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 
@@ -37,7 +36,7 @@ def tiny() -> Robot:
 
 @pytest.fixture(scope="session")
 def world(op3: Robot) -> World:
-    return World.build(op3, load_scene("flat"))
+    return World(op3)
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from drivers.twin.servo_model import (
     SensorNoise,
     quantize,
 )
-from drivers.twin.simulation import Drives, Simulation
+from drivers.twin.simulation import CompiledWorld, Drives, Simulation
 from robots import Posture, Robot
 from robots.servo import round_pwm
 
@@ -33,8 +33,8 @@ class Twin(ClosesItself):
 
     def __init__(
         self,
-        robot: Robot,
-        model: mujoco.MjModel | None = None,
+        world: CompiledWorld | Robot,
+        start: Posture | None = None,
         *,
         voltage: float | None = None,
         supply_resistance: float = 0.0,
@@ -43,12 +43,11 @@ class Twin(ClosesItself):
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        """Build a twin with the robot in its standing posture, limp.
+        """Build a twin, limp.
 
         Args:
-            robot: Robot to simulate.
-            model: Compiled world that holds ``robot.spec()``; the twin works on its own
-                copy. ``None`` for the robot on a plane.
+            world: World to simulate, in a copy of its model; a robot alone is put on a plane.
+            start: Where the robot is, at rest; ``None`` for its standing posture.
             voltage: Supply without load [V]; ``None`` for the robot's nominal one.
             supply_resistance: Resistance of battery and wires [ohm]; the supply sags by it.
             pwm_limited: Limit torques by PWM, as servos in position mode do, and not at the
@@ -58,17 +57,18 @@ class Twin(ClosesItself):
             rng: Source of the noise.
         """
         self.simulation = Simulation(
-            robot,
-            model,
+            world,
             voltage=voltage,
             supply_resistance=supply_resistance,
             period=period,
             noise=noise,
             rng=rng,
         )
-        self._units, self._pwm_limited = ServoUnits(robot), pwm_limited
+        self._units, self.pwm_limited = ServoUnits(self.robot), pwm_limited
         self._filter = OrientationFilter(self.period)
         self._connected = False
+        if start is not None:
+            self.place(start)
 
     @property
     def robot(self) -> Robot:
@@ -135,7 +135,7 @@ class Twin(ClosesItself):
         check_command(command, self.robot.n)
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
         share = round_pwm(command.pwm_limit)
-        if self._pwm_limited:
+        if self.pwm_limited:
             share = np.minimum(share, self.robot.pwm_limit(limit))
         sent = Command(
             joint_pos=self._units.round_goal(command.joint_pos),

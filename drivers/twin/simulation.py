@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -42,6 +43,20 @@ class Drives:
         return same_gains and np.array_equal(self.pwm_limit, other.pwm_limit)
 
 
+class CompiledWorld(Protocol):
+    """A robot compiled into its surroundings."""
+
+    @property
+    def robot(self) -> Robot:
+        """Return the robot."""
+        ...
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """Return the model, which holds ``robot.spec()``."""
+        ...
+
+
 class Simulation:
     """Simulate a robot; whoever drives it sets `Drives` and lets time pass.
 
@@ -50,8 +65,7 @@ class Simulation:
 
     def __init__(
         self,
-        robot: Robot,
-        model: mujoco.MjModel | None = None,
+        world: CompiledWorld | Robot,
         *,
         voltage: float | None = None,
         supply_resistance: float = 0.0,
@@ -62,18 +76,19 @@ class Simulation:
         """Build a robot in its standing posture, limp.
 
         Args:
-            robot: Robot to simulate.
-            model: Compiled world that holds ``robot.spec()``; the simulation works on its
-                own copy. ``None`` for the robot on a plane.
+            world: World to simulate, in a copy of its model; a robot alone is put on a plane.
             voltage: Supply without load [V]; ``None`` for the robot's nominal one.
             supply_resistance: Resistance of battery and wires [ohm]; the supply sags by it.
             period: Time between two looks of the sensors [s]; ``None`` for the robot's own.
             noise: Sensor noise; ``None`` for resolution alone.
             rng: Source of the noise.
         """
+        if isinstance(world, Robot):
+            robot, self.model = world, build_flat_world(world)
+        else:
+            robot, self.model = world.robot, copy.copy(world.model)
         self.robot = robot
         self.period = robot.control_period if period is None else period
-        self.model = copy.copy(model) if model else build_flat_world(robot)
         self.data = mujoco.MjData(self.model)
         self.steps_per_period = _count_steps(self.period, self.model.opt.timestep)
         self._layout = robot.layout(self.model)

@@ -201,7 +201,7 @@ def bench_faults(
 
 def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator) -> FaultTrial:
     robot = world.robot
-    virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
+    virtual = VirtualRobot(Simulation(world), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, rng=rng) as ports:
         backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
         with backend:
@@ -320,7 +320,7 @@ def bench_kill(
 def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | None:
     """Kill a client; ``None`` when it never began, on an overloaded machine."""
     robot = world.robot
-    virtual = VirtualRobot(Simulation(robot, world.model))
+    virtual = VirtualRobot(Simulation(world))
     virtual.place(read_posture(robot, world.model, settle_posture(world, motion.posture(0))))
     trace = ServoTrace(virtual)
     with VirtualPorts(virtual, time_mode=TimeMode.REAL_TIME) as ports:

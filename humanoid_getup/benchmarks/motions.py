@@ -43,7 +43,7 @@ def bench_motions(
     Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
     friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
     """
-    world = World.build(robot, scene)
+    world = World(robot, scene)
     motions = [m for m in load_database(robot).motions if not m.name.endswith(MIRRORED_SUFFIX)]
     cases = {}
     for number, motion in enumerate(motions):
@@ -64,7 +64,7 @@ def bench_motions(
 
 def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
     robot = world.robot
-    twin = Twin(robot, world.model)
+    twin = Twin(world)
     twin.place(read_posture(robot, world.model, start))
     run, outcome = _play(twin, motion)
     return {
@@ -107,7 +107,7 @@ def _play_disturbed(
     for i in range(1, plays + 1):  # the first is the undisturbed one
         model = copy.copy(world.model)
         model.geom_friction[model.geom(GROUND).id, 0] = conditions.friction[i]
-        twin = Twin(robot, model, voltage=float(conditions.voltage[i]))
+        twin = Twin(World(robot, world.scene, model=model), voltage=float(conditions.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
         stood.append(_play(twin, motion)[1].stand.stood)
     return stood

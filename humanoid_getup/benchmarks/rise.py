@@ -44,7 +44,7 @@ def bench_rise(
         report: Called with the record of each rise.
     """
     options = options or RiseOptions()
-    world = World.build(robot, scene)
+    world = World(robot, scene)
     planner = PlannedRise(world, load_database(robot), options)
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
     attempt_options = AttemptOptions(
@@ -54,7 +54,7 @@ def bench_rise(
     )
     records = []
     for number, fall in enumerate(falls):
-        twin = Twin(robot, world.model, pwm_limited=options.torque_limit.by_pwm)
+        twin = Twin(world, pwm_limited=options.torque_limit.by_pwm)
         session = RiseSession.on_twin(twin, world, planner, attempt_options)
         record = _fall_and_rise(session, twin, fall, [seed, number]).record()
         record["bench_class"] = CLASSES[number // each]
@@ -124,7 +124,7 @@ def bench_methods(
     for name, strategy in strategies.items():
         records = []
         for number, fall in enumerate(falls):
-            twin = Twin(world.robot, world.model, pwm_limited=torque_limit.by_pwm)
+            twin = Twin(world, pwm_limited=torque_limit.by_pwm)
             session = RiseSession.on_twin(twin, world, strategy, options)
             record = _fall_and_rise(session, twin, fall, [seed, number]).record() | {"way": name}
             records.append(record)
@@ -150,7 +150,7 @@ def _heat_up(
     world: World, strategy: Strategy, falls: list[Fall], options: AttemptOptions, seed: int
 ) -> float:
     """Rise, rest, rise again; return the hottest servo's temperature at the end [°C]."""
-    twin = Twin(world.robot, world.model, pwm_limited=options.torque_limit.by_pwm)
+    twin = Twin(world, pwm_limited=options.torque_limit.by_pwm)
     body = twin.simulation
     warm = body.temperature.copy()
     for number, fall in enumerate(falls):

@@ -128,10 +128,10 @@ def bench_soak(
         duration: Time on the bus to go on for [s].
         report: Called after each round with the bus time [s].
     """
-    world = World.build(robot, scene)
+    world = World(robot, scene)
     planner = PlannedRise(world, load_database(robot), RiseOptions())
     rng = np.random.default_rng(seed)
-    virtual = VirtualRobot(Simulation(robot, world.model), powered=True)
+    virtual = VirtualRobot(Simulation(world), powered=True)
     counts, began = SoakCounts(), time.perf_counter()
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)

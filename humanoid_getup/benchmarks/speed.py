@@ -29,7 +29,7 @@ def bench_filter(robot: Robot, scene: Scene, *, seed: int, repeats: int = 5) -> 
     thread against one loop. Whole: the filter as it is used, on all cores, against
     the same loop.
     """
-    world = World.build(robot, scene)
+    world = World(robot, scene)
     database = load_database(robot)
     falls = sample_falls(world, {"supine": 2, "prone": 2}, np.random.default_rng(seed))
     cases: dict[str, list[float]] = {"one_thread": [], "all_threads": []}

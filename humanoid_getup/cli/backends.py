@@ -69,7 +69,7 @@ def open_body(
     """
     robot = world.robot
     if backend == TWIN:
-        twin = Twin(robot, world.model)
+        twin = Twin(world)
         yield BackendChoice(
             backend=twin, realtime=realtime, simulation=twin.simulation, place=twin.place
         )
@@ -81,7 +81,7 @@ def open_body(
             pass
         yield BackendChoice(backend=driver, realtime=True, services=driver)
         return
-    virtual = VirtualRobot(Simulation(robot, world.model))
+    virtual = VirtualRobot(Simulation(world))
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
     with VirtualPorts(virtual, time_mode=time_mode, rng=np.random.default_rng(seed)) as served:
         driver = DynamixelBackend(robot, served.paths, release=RELEASES[release])

@@ -57,7 +57,7 @@ class ServeBus(WorldOptions):
         """Serve until stopped."""
         world = self.load_stage()
         rng = np.random.default_rng(self.seed)
-        simulation = Simulation(world.robot, world.model, voltage=self.voltage)
+        simulation = Simulation(world, voltage=self.voltage)
         robot = VirtualRobot(simulation, powered=self.powered)
         ids = [servo.id for servo in robot.servos]
         schedule = FaultSchedule.from_file(self.faults, ids) if self.faults else None

@@ -119,11 +119,10 @@ def _draw(robot: Robot, motion: Motion, path: Path) -> None:
     import numpy as np
 
     from humanoid_getup.reporting import film_strip
-    from humanoid_getup.simulation.scene import load_scene
     from humanoid_getup.simulation.world import World
     from robots.kinematics import place
 
-    model = World.build(robot, load_scene("flat")).model
+    model = World(robot).model
     # The frames until the motion stands, or all where that is not known.
     stands = motion.provenance.get("stand_time_s", motion.duration)
     end = motion.time[0] + float(stands) + film_strip.AFTERMATH

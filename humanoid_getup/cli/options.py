@@ -89,12 +89,10 @@ class WorldOptions(RobotOption):
         """Check the options, then load the robot into its scene."""
         if faults := self.find_faults():
             raise BadInputError("; ".join(faults))
-        from humanoid_getup.simulation.scene import load_scene
         from humanoid_getup.simulation.world import World
 
         with refusing():
-            scene = load_scene(self.scene)
-            return World.build(self.load_robot(), scene)
+            return World(self.load_robot(), self.scene)
 
 
 @dataclass(frozen=True, kw_only=True)

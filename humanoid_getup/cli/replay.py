@@ -81,7 +81,7 @@ class Replay:
 
         robot = load_robot(self.robot or record.robot)
         record.check_robot(robot)
-        return World.build(robot, load_scene(self.scene or str(record.about.get("scene", "flat"))))
+        return World(robot, load_scene(self.scene or str(record.about.get("scene", "flat"))))
 
     def _replay(self, record: FlightRecord, world: World) -> ReplayReport:
         from drivers import Twin
@@ -89,7 +89,7 @@ class Replay:
         from humanoid_getup.reporting.replay import THRESHOLD, choose_supply, replay
 
         supply = choose_supply(record, world.robot) if self.voltage is None else self.voltage
-        twin = Twin(world.robot, world.model, voltage=supply)
+        twin = Twin(world, voltage=supply)
         if not record.cycles:
             raise ValueError(f"flight log {self.log}: contains no cycle, expected at least one")
         start = record.start or estimate_posture(world, record.measurement(0))

@@ -15,7 +15,6 @@ from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.rollout import Rollout, Trace
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, read_posture
@@ -48,7 +47,7 @@ def build_motion(
     Raises:
         RuntimeError: if the improved motion does not end in a held stand.
     """
-    world = World.build(robot, load_scene("flat"))
+    world = World(robot)
     start = settle(world, keyframes)
     improver = TrajectoryOptimizer(world, start)
     improved, robust = improver.improve(keyframes, generations, seed, report)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import replace
 
 import cma
 import numpy as np
@@ -64,7 +63,7 @@ class TrajectoryOptimizer:
 
     def __init__(self, world: World, start: Array, *, threads: int = 1) -> None:
         self.world, self.start = world, start
-        coarse = replace(world, model=copy.copy(world.model))
+        coarse = World(world.robot, world.scene, model=copy.copy(world.model))
         coarse.model.opt.timestep = _coarse_step(world)
         self._search = Rollout(coarse, POPULATION * SCENARIOS, threads=threads)
         self._final = Rollout(world, FINAL_SCENARIOS, threads=threads)

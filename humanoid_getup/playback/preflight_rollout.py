@@ -143,7 +143,7 @@ def _roll_out(
 ) -> _Rollout:
     """Play the motion on a twin, whatever the supply."""
     robot = world.robot
-    twin = Twin(robot, world.model, voltage=voltage, pwm_limited=torque_limit.by_pwm)
+    twin = Twin(world, voltage=voltage, pwm_limited=torque_limit.by_pwm)
     twin.place(start)
     limits = replace(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.simulation.scene import Scene
+from humanoid_getup.simulation.scene import Scene, load_scene
 from robots import Robot
 from robots.quaternion import Array
 
@@ -17,23 +16,29 @@ ROBOT_CONTACT = "whole"
 """Name of the sensor that counts the contacts of the whole robot with the world."""
 
 
-@dataclass(frozen=True)
 class World:
-    """A robot compiled into a scene, with the contact sensors that rollouts read."""
+    """A robot compiled into a scene, with the contact sensors that rollouts read.
 
-    robot: Robot
-    scene: Scene
-    model: mujoco.MjModel
+    Planning, rollouts and the twin work in one world, and leave it as it is.
+    """
 
-    @staticmethod
-    def build(robot: Robot, scene: Scene) -> World:
-        """Compile a robot in a scene with the sensors added."""
-        spec = scene.build(robot)
-        for limb in spec.body(robot.torso).bodies:
-            add_contact_sensor(spec, f"limb_{limb.name}", limb.name, subtree=True, force=True)
-        add_stance_sensors(spec, robot)
-        _add_overlap(spec, robot.torso)
-        return World(robot, scene, spec.compile())
+    def __init__(
+        self, robot: Robot, scene: Scene | str = "flat", *, model: mujoco.MjModel | None = None
+    ) -> None:
+        """Compile a robot in a scene.
+
+        Args:
+            robot: Robot.
+            scene: Scene, or its name.
+            model: The robot in the scene, compiled with other sensors or options; ``None`` to
+                compile it.
+
+        Raises:
+            ValueError: if there is no scene of that name.
+        """
+        self.robot = robot
+        self.scene = load_scene(scene) if isinstance(scene, str) else scene
+        self.model = _compile(robot, self.scene) if model is None else model
 
     @cached_property
     def limbs(self) -> tuple[str, ...]:
@@ -55,6 +60,15 @@ class World:
     def _contact_addresses(self) -> list[int]:
         names = [ROBOT_CONTACT, *(f"foot_{site}" for site in self.robot.sole_sites)]
         return [int(self.model.sensor(name).adr[0]) for name in names]
+
+
+def _compile(robot: Robot, scene: Scene) -> mujoco.MjModel:
+    spec = scene.build(robot)
+    for limb in spec.body(robot.torso).bodies:
+        add_contact_sensor(spec, f"limb_{limb.name}", limb.name, subtree=True, force=True)
+    add_stance_sensors(spec, robot)
+    _add_overlap(spec, robot.torso)
+    return spec.compile()
 
 
 def add_stance_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:

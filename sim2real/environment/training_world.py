@@ -57,7 +57,7 @@ def build_training_world(
             objtype=obj.mjOBJ_BODY,
             objname=head,
         )
-    return World(robot, scene, spec.compile())
+    return World(robot, scene, model=spec.compile())
 
 
 def _list_head_joints(robot: Robot) -> list[str]:

@@ -146,7 +146,7 @@ def test_a_fault_of_the_hardware_has_its_own_exit_code(
 def played(op3: Robot, world: World) -> RiseResult:
     """A squat that stood up, played as it is stored."""
     squat = next(m for m in load_database(op3).motions if m.name == SQUAT)
-    twin = Twin(op3, world.model)
+    twin = Twin(world)
     at_rest = settle_posture(world, squat.posture(0))
     twin.place(read_posture(op3, world.model, at_rest))
     options = AttemptOptions(max_attempts=1, settle=False)

@@ -14,6 +14,7 @@ from drivers.errors import ModelError
 from drivers.servo_units import ServoUnits
 from drivers.twin.servo_model import SensorNoise
 from drivers.twin.simulation import build_flat_world
+from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 
 
@@ -72,7 +73,7 @@ def test_a_limp_robot_falls_as_if_it_had_no_motors(op3):
 def test_the_model_it_is_given_stays_as_it_is(tiny):
     model = build_flat_world(tiny)
     ranges, gains = model.actuator_forcerange.copy(), model.actuator_gainprm.copy()
-    twin = Twin(tiny, model, voltage=11.0)
+    twin = Twin(World(tiny, model=model), voltage=11.0)
     play(twin, Command.position(tiny, np.zeros(2), torque_limit=1.0), 2)
     assert np.array_equal(model.actuator_forcerange, ranges)
     assert np.array_equal(model.actuator_gainprm, gains)
@@ -210,10 +211,10 @@ def test_physics_must_be_fine_enough(tiny):
     model = build_flat_world(tiny)
     model.opt.timestep = 0.004
     with pytest.raises(ModelError, match=r"0\.004 s, allowed 0\.002 s"):
-        Twin(tiny, model)
+        Twin(World(tiny, model=model))
 
 
 def test_a_model_without_the_robots_servos_is_refused(tiny):
     bare = mujoco.MjModel.from_xml_path(str(tiny.model_file))
     with pytest.raises(ModelError, match="no servo for: l_hip, r_hip"):
-        Twin(tiny, bare)
+        Twin(World(tiny, model=bare))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from drivers import Command, Twin
+from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 
 SUPINE = np.array([math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0])
@@ -78,7 +79,7 @@ def test_an_obstacle_is_part_of_the_world(tiny):
     spec = tiny.spec()
     step = spec.worldbody.add_body(name="step", pos=[0.0, 0.07, 0.05])
     step.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.02, 0.05])
-    twin = Twin(tiny, spec.compile())
+    twin = Twin(World(tiny, model=spec.compile()))
     # The left sole on the step at 0.1 m: only a foot touches.
     assert set(names(place(twin, 0.199))) == {"l_leg"}
     # Sunk so far that the torso, from y = -0.05 to 0.05, is over the step's edge, too.

@@ -24,7 +24,6 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
 from robots.kinematics import GravitySense, lowest_point, place, read_posture, torso_orientation
@@ -33,12 +32,12 @@ NOISE = SensorNoise(
     joint_pos=0.001, joint_vel=0.02, joint_current=0.02, gyro=0.01, accelerometer=0.1
 )
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
-WORLD = World.build(load_robot("op3"), load_scene("flat"))
+WORLD = World(load_robot("op3"))
 
 
 def judge_twice(world: World, motion: Motion, start: Motion) -> tuple[RunOutcome, RunOutcome, Twin]:
     """Play a motion from where another begins; judge by truth and by noisy sensors."""
-    twin = Twin(world.robot, world.model, noise=NOISE, rng=np.random.default_rng(1))
+    twin = Twin(world, noise=NOISE, rng=np.random.default_rng(1))
     at_rest = settle_posture(world, start.posture(0))
     twin.place(read_posture(world.robot, world.model, at_rest))
     truth, sensed = GroundTruthJudge(twin.simulation, None), SensorJudge(world, twin.period, None)
@@ -225,7 +224,7 @@ def test_gravity_in_haste_is_gravity(parts: list[float]):
 
 def test_an_imu_that_sits_askew_still_tells_the_torso_upright(op3: Robot):
     """Turn the IMU site by 90 deg about x: the torso's orientation must not turn with it."""
-    turned = World.build(op3, load_scene("flat"))
+    turned = World(op3)
     site = turned.model.site(op3.imu_site)
     askew = quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), math.pi / 2)
     site.quat[:] = askew

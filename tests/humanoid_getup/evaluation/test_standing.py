@@ -97,7 +97,7 @@ def test_the_neck_is_measured_over_the_ground_under_the_middle_of_the_feet(tiny)
 
 def test_twin_rollout_and_sensors_measure_the_same_stance(op3, world):
     """One standing robot, measured by all three paths."""
-    twin = Twin(op3, world.model)
+    twin = Twin(world)
     twin.place(op3.standing)
     truth, meter = twin.truth, StanceMeter(op3, world.model)
     feet = np.array([world.model.body(f"{side}_ank_roll_link").id for side in "lr"])

@@ -43,8 +43,8 @@ class Scripted:
 class Ailing(Twin):
     """A twin whose measurements can be spoiled and that remembers what it was sent."""
 
-    def __init__(self, robot: Robot, world: World) -> None:
-        super().__init__(robot, world.model)
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
         self.spoil: Callable[[State], State] = lambda state: state
         self.sent: list[Command] = []
         self.open = False
@@ -107,8 +107,8 @@ def prone(world: World, motions: dict[str, Motion]) -> Posture:
 
 
 @pytest.fixture
-def twin(op3: Robot, world: World, prone: Posture) -> Ailing:
-    twin = Ailing(op3, world)
+def twin(world: World, prone: Posture) -> Ailing:
+    twin = Ailing(world)
     twin.place(prone)
     return twin
 

@@ -126,7 +126,7 @@ def test_a_policy_that_loses_its_numbers_is_given_up_and_told(lost: OnnxPolicy):
 
 
 def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[RiseResult, Twin]:
-    twin = Twin(world.robot, world.model, voltage=options.pop("voltage", None))
+    twin = Twin(world, voltage=options.pop("voltage", None))
     twin.place(start)
     session = RiseSession(
         guard=SafetyGuard(twin),

@@ -38,7 +38,7 @@ def rise_and_break(
     attempts: int = 2,
 ) -> tuple[RiseResult, list[PhaseChange], VirtualRobot]:
     """Get an OP3 up on the virtual bus; something breaks half a second into the first run."""
-    virtual = VirtualRobot(Simulation(op3, world.model), powered=True)
+    virtual = VirtualRobot(Simulation(world), powered=True)
     rng = np.random.default_rng(0)
     virtual.place(sample_falls(world, {"supine": 1}, rng)[0].posture)
     phases: list[PhaseChange] = []

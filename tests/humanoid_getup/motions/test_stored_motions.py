@@ -33,7 +33,7 @@ def test_the_database_has_the_classes_and_strategies_it_claims():
 def test_a_stored_motion_ends_in_a_held_stand(name, op3, world):
     motion = MOTIONS[name]
     start = read_posture(op3, world.model, settle_posture(world, motion.posture(0)))
-    twin = Twin(op3, world.model)
+    twin = Twin(world)
     twin.place(start)
     player = MotionPlayer(op3, motion, hold=HOLD)
     judge = GroundTruthJudge(twin.simulation, None)

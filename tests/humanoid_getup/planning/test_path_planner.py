@@ -51,7 +51,7 @@ def _rest(
 
 @pytest.fixture(scope="module")
 def starts() -> list[Posture]:
-    world = World.build(ROBOT, FLAT)
+    world = World(ROBOT, FLAT)
     falls = sample_falls(world, {"supine": 4, "prone": 4, "lateral": 4}, np.random.default_rng(0))
     return [fall.posture for fall in falls]
 

@@ -31,7 +31,7 @@ def lateral(op3: Robot, world: World) -> Posture:
 
 
 def lie_down(world: World, posture: Posture, period: float | None = None) -> Twin:
-    twin = Twin(world.robot, world.model, period=period)
+    twin = Twin(world, period=period)
     twin.place(posture)
     return twin
 

@@ -39,7 +39,7 @@ def knee(op3: Robot) -> int:
 
 def lie(world: World, motion: Motion) -> State:
     """Measure a twin that lies, limp, where a motion begins."""
-    twin = Twin(world.robot, world.model)
+    twin = Twin(world)
     first = motion.posture(0)
     twin.place(replace(first, position=first.position + np.array([0.0, 0.0, 0.01])))
     return settle(SafetyGuard(twin))

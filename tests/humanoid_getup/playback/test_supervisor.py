@@ -234,7 +234,7 @@ def play_supervised(twin: Twin, world: World, motion: Motion, push=None) -> tupl
 
 
 def place_at_start(world: World, motion: Motion) -> Twin:
-    twin = Twin(world.robot, world.model)
+    twin = Twin(world)
     at_rest = settle_posture(world, motion.posture(0))
     twin.place(read_posture(world.robot, world.model, at_rest))
     return twin
@@ -274,7 +274,7 @@ def test_a_planned_rise_that_stands_is_never_given_up(world: World, kind: str, s
     rng = np.random.default_rng(seed)
     fall = sample_falls(world, {kind: 1}, rng)[0]
     planner = PlannedRise(world, load_database(world.robot), RiseOptions())
-    twin = Twin(world.robot, world.model)
+    twin = Twin(world)
     lay_down(world, fall, twin.place)
     session = RiseSession.on_twin(twin, world, planner, AttemptOptions(max_attempts=1))
     (attempt,) = get_up(session, rng).attempts

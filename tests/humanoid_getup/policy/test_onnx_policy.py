@@ -240,7 +240,7 @@ def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
 ):
     weight = weights_of(world.robot, gravity=np.array([[0.0], [0.0], [1.0]]))  # up: -1
     file = save_policy(tmp_path / "p.onnx", world.robot, weight=weight, then=("Sqrt",))
-    guard = SafetyGuard(Twin(world.robot, world.model))
+    guard = SafetyGuard(Twin(world))
     sent = []
     policy = OnnxPolicy.load(file, world.robot, PERIOD)
     report = run(policy, guard, max_time=5.0, on_cycle=lambda cycle: sent.append(cycle.sent))
@@ -252,7 +252,7 @@ def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
 
 def test_a_robot_that_has_stood_long_enough_is_done(world: World, tmp_path: Path):
     file = save_policy(tmp_path / "p.onnx", world.robot)
-    twin = Twin(world.robot, world.model)
+    twin = Twin(world)
     watch = GroundTruthJudge(twin.simulation, None)
     policy = OnnxPolicy.load(file, world.robot, PERIOD)
     report = run(policy, SafetyGuard(twin), max_time=20.0, on_cycle=watch)
@@ -285,7 +285,7 @@ def test_the_guard_never_has_to_cut_a_policy(world: World, tmp_path: Path, start
     weight = np.random.default_rng(0).normal(size=weights_of(robot).shape, scale=30.0)
     file = save_policy(tmp_path / "p.onnx", robot, weight=weight, then=("Sin", "Asinh"))
     fall = sample_falls(world, {start: 1}, np.random.default_rng(3))[0]
-    twin = Twin(robot, world.model)
+    twin = Twin(world)
     twin.place(fall.posture)
     guard = SafetyGuard(twin, GuardLimits.of(robot))
     policy = OnnxPolicy.load(file, robot, PERIOD, longest=4.0)

@@ -14,7 +14,6 @@ from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli import commands
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.reporting.replay import ReplayReport, choose_supply, replay
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot
 from robots.quaternion import multiply
@@ -39,7 +38,7 @@ class Swing:
 
 
 def twin_of(robot: Robot, voltage: float | None = None) -> Twin:
-    return Twin(robot, World.build(robot, load_scene("flat")).model, voltage=voltage)
+    return Twin(World(robot), voltage=voltage)
 
 
 def record_swing(path: Path, robot: Robot, twin: Twin, start: Posture | None, spoil=None) -> None:

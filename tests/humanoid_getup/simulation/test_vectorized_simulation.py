@@ -52,7 +52,7 @@ def test_twin_and_vectorized_simulation_agree_to_the_bit(
     parameters = DomainParameters.nominal(world, 1, torque_limit=limit, pwm_limited=pwm_limited)
     trace = Rollout(world, 1).play(qpos[None], targets[None], parameters)
     for model in (world.model, None):
-        twin = Twin(op3, model, pwm_limited=pwm_limited)
+        twin = Twin(World(op3, model=model), pwm_limited=pwm_limited)
         went = play_on_twin(twin, start, targets, limit)
         assert len(went) > 150
         assert np.array_equal(trace.qpos[0], went)

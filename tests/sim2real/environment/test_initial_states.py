@@ -12,7 +12,6 @@ pytest.importorskip("gymnasium")
 
 from humanoid_getup.simulation import falls as falls_module
 from humanoid_getup.simulation.falls import FallError, Settling, sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
 from robots.kinematics import lowest_point, place
@@ -178,7 +177,7 @@ def drops(monkeypatch) -> list[np.ndarray]:
 
 def test_training_and_evaluation_never_draw_the_same_fall(drops, tiny, tmp_path):
     """Through the functions that draw them, for every pair of some seeds."""
-    world = World.build(tiny, load_scene("flat"))
+    world = World(tiny)
     for seed in range(4):
         sample_falls(world, {"supine": 1}, np.random.default_rng(seed))
     evaluation = {qpos.tobytes() for qpos in drops}

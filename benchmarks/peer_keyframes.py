@@ -255,7 +255,7 @@ class Options:
 
 def main(options: Options) -> None:
     """Measure, print, write."""
-    world = World.build(load_robot(options.robot), load_scene(options.scene))
+    world = World(load_robot(options.robot), load_scene(options.scene))
     with counting("rises", len(LIMITS) * 3 * len(CLASSES) * options.n) as count:
         result = compare(
             world,

@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 TORCH ?= torch==2.13.0
 
 .DEFAULT_GOAL := help
-.PHONY: help setup rise check test test-train test-slow wheel-test docs docs-serve fuzz clean
+.PHONY: help setup rise check test test-train test-slow wheel-test docs docs-serve fuzz mutants clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /:/' | \
@@ -64,6 +64,10 @@ docs-serve: $(VENV)/docs  ## Serve the documentation and rebuild it when a page 
 
 fuzz: setup  ## Send ten million random and mutated bytes into each end of the servo bus.
 	$(BIN)/python benchmarks/fuzz_protocol.py --bytes 10000000 --seed 0
+
+mutants: $(VENV)/train  ## Put small faults into the code; count those that the tests notice (hours).
+	$(BIN)/pip install -q -e ".[mutants]"
+	$(BIN)/python benchmarks/mutants.py --n 40 --seed 0 --json out/mutants.json
 
 clean:  ## Remove the environment and everything that was built.
 	rm -rf $(VENV) typings out build *.egg-info

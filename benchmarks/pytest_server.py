@@ -15,14 +15,24 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import Phase, settings
 
+# A failure is enough: hypothesis need not look for the simplest example.
+settings.register_profile(
+    "mutants",
+    deadline=None,
+    derandomize=True,
+    database=None,
+    phases=(Phase.explicit, Phase.generate),
+    report_multiple_bugs=False,
+)
+OPTIONS = ("--hypothesis-profile=mutants", "--tb=no", "-p", "no:cacheprovider", "-q", "-x")
 SLOW_IMPORTS = (
     "numpy",
     "scipy.spatial",
     "scipy.optimize",
     "scipy.stats",
     "mujoco",
-    "hypothesis.strategies",
     "msgspec",
     "onnxruntime",
     "serial",
@@ -39,7 +49,7 @@ def run(arguments: list[str], timeout: float) -> int:
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in range(3):
             os.dup2(nowhere, stream)
-        os._exit(int(pytest.main(arguments)))
+        os._exit(int(pytest.main([*OPTIONS, *arguments])))
     handle = os.pidfd_open(child)
     ended, _, _ = select.select([handle], [], [], timeout)
     os.close(handle)

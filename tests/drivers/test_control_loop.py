@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recording_backend import RecordingBackend
+from recording_backend import RecordingBackend, still_state
 
 from drivers import Command, DriverError, Ending, SafetyGuard, Twin, control_loop, run
 from drivers.control_loop import Pacer, Timing, TimingSummary
@@ -56,6 +56,13 @@ def test_it_stops_when_the_time_is_up(tiny, backend):
     assert report.ending is Ending.TIMEOUT
     assert report.cycles == 125  # 1 s at 8 ms
     assert not backend.connected
+
+
+def test_time_counts_from_the_first_measurement_whatever_the_clock_says(tiny, backend):
+    backend.state = still_state(tiny, time=5000.0)
+    report = run(Hold(tiny, cycles=7), SafetyGuard(backend), max_time=1.0)
+    assert (report.ending, report.cycles) == (Ending.DONE, 7)
+    assert report.duration == pytest.approx(7 * 0.008)
 
 
 def test_a_guards_fault_ends_the_run_limp(tiny, backend):

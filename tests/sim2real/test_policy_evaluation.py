@@ -60,7 +60,8 @@ def stood() -> PolicyRollouts:
     upright = np.zeros((2, 500), dtype=bool)
     upright[0, 199:] = True  # sample 199 ends the 200th period
     torque = np.full((2, 500, 2), 1.0)
-    torque[0, :201] = [[1.0, -7.0]]  # mean square 25 on the way up
+    torque[0, :200] = [[1.0, -7.0]]  # mean square 25 on the way up,
+    torque[0, 200] = [0.0, 452.0**0.5]  # 226 in the first sample after it: 26 in all
     torque[1, 3, 0] = -9.0
     joint_vel = np.full((2, 500, 2), 4.0)
     joint_vel[0, -200:] = [[0.1, -0.7]]  # mean square 0.25 in the last two seconds
@@ -76,9 +77,9 @@ def stood() -> PolicyRollouts:
 
 def test_torque_is_that_of_the_way_up_and_speed_that_of_the_last_two_seconds(stood):
     assert stood.stand_time[0] == pytest.approx(2.0)
-    assert stood.rms_torque() == pytest.approx([5.0, np.nan], nan_ok=True)
+    assert stood.rms_torque() == pytest.approx([26.0**0.5, np.nan], nan_ok=True)
     assert stood.standing_speed() == pytest.approx([0.5, np.nan], nan_ok=True)
-    assert stood.peak_torque().tolist() == [7.0, 9.0]
+    assert stood.peak_torque() == pytest.approx([452.0**0.5, 9.0])
 
 
 def roll_out(world, action, starts, policy, **options) -> PolicyRollouts:
@@ -142,7 +143,7 @@ def test_noise_comes_from_the_random_source_alone(action, world, falls):
     assert np.abs(run(None) - run(np.random.default_rng(1))).max() > 1e-6
 
 
-def test_the_torque_limit_of_each_robot_is_observed(op3, action, world, falls):
+def test_the_torque_limit_is_observed_and_the_last_positions_are_kept(op3, action, world, falls):
     sim = TrainingSim(world, 2, cycles=action.cycles, threads=1)
     limits = DomainParameters.nominal(world, 2, torque_limit=2.05)
     sim.set_parameters(sim.everyone, limits)
@@ -152,6 +153,7 @@ def test_the_torque_limit_of_each_robot_is_observed(op3, action, world, falls):
         seen.append(observations[:, -1])
         return np.zeros((len(observations), action.size))
 
-    roll_out_policy(sim, action, idle, falls[:2], duration=0.1)
+    rollouts = roll_out_policy(sim, action, idle, falls[:2], duration=0.1)
+    np.testing.assert_array_equal(rollouts.qpos[:, -1], sim.qpos)
     share = min(2.05 / op3.max_torque.max(), action.pwm_limit)
     assert np.array(seen) == pytest.approx(np.full((len(seen), 2), share))

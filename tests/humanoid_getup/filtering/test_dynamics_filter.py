@@ -1,8 +1,10 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from humanoid_getup.filtering import dynamics_filter as dynamics_filter_module
 from humanoid_getup.filtering.dynamics_filter import Candidate, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.motions.motion import join
@@ -96,6 +98,70 @@ def test_assistance_changes_the_targets_and_only_a_little(rollouts):
     results = rollouts[2]
     difference = np.abs(results[0].target - results[1].target)
     assert 0.001 < difference.max() < 0.8
+
+
+def test_half_of_the_assistance_is_half_of_it(fall, rollouts):
+    """In the first cycle, in which all robots are in the same state."""
+    dynamics_filter, candidates, results = rollouts
+    halves = [replace(candidates[0], assistance=share) for share in (0.5, 0.0)]
+    half, _ = dynamics_filter.roll_out(fall, halves)
+    full, plain = results[0].target[0], results[1].target[0]
+    assert np.abs(full - plain).max() > 1e-4
+    np.testing.assert_allclose(half.target[0] - plain, 0.5 * (full - plain), atol=1e-9)
+
+
+def test_targets_stand_still_from_the_end_of_the_reference_on(world, rollouts):
+    """For a second: the virtual actuator has let go by then."""
+    for one in rollouts[2]:
+        hold = one.target[one.moving :]
+        assert len(hold) >= 125
+        np.testing.assert_allclose(hold, np.tile(hold[-1], (len(hold), 1)), atol=1e-12)
+        assert len(one.target) == len(one.qpos) == max(r.moving for r in rollouts[2]) + 125
+        assert one.peak_neck < 1.1 * world.robot.standing_neck_height
+
+
+def test_an_earlier_try_is_sent_first_and_unassisted(fall, rollouts):
+    dynamics_filter, candidates, results = rollouts
+    before = np.tile(fall.joint_pos, (20, 1))
+    (one,) = dynamics_filter.roll_out(fall, [replace(candidates[0], before=before)])
+    np.testing.assert_array_equal(one.target[:20], before)
+    assert one.moving == results[0].moving + 20
+    assert np.abs(one.target[20] - fall.joint_pos).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("falls", "share"), [((), 1.0), ((3, 7, 15), 13 / 16), ((0,), 0.0), (range(16), 0.0)]
+)
+@pytest.mark.parametrize("by", ["pwm", "torque"])
+def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
+    world, fall, monkeypatch, falls, share, by
+):
+    """Each stand must last 3 s within the 3.3 s after the targets stand still."""
+    checked = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, by))
+    target, period = np.tile(fall.joint_pos, (200, 1)), world.robot.control_period
+    length = 200 + round(2.3 / period)  # the targets stand still for one second already
+    stands = np.ones((16, length), dtype=bool)
+    stands[list(falls), -round(3.0 / period)] = False
+    played = []
+
+    def play(_, starts, targets, conditions, **options):
+        played.append((starts, targets, conditions, options))
+        return SimpleNamespace(period=period)
+
+    monkeypatch.setattr(Rollout, "play", play)
+    monkeypatch.setattr(dynamics_filter_module, "measure_stance", lambda *_: None)
+    monkeypatch.setattr(dynamics_filter_module, "is_upright", lambda *_: stands)
+    assert checked.check(fall, target, np.random.default_rng(0)) == share
+    ((starts, targets, conditions, options),) = played
+    assert options == {"feedback": None}
+    assert targets.shape == (16, length, world.robot.n)
+    assert np.all(targets == fall.joint_pos)
+    np.testing.assert_array_equal(starts[0], place(world.robot, world.model, fall))
+    assert len({row.tobytes() for row in starts}) == 16
+    assert conditions.pwm_limited.tolist() == [by == "pwm"] * 16
+    assert np.all(conditions.torque_limit <= 2.0)
+    assert conditions.torque_limit[0] == 2.0
+    assert checked.count == 16
 
 
 def test_a_prone_fall_has_a_rollout_that_stands_and_survives_disturbance(fall, rollouts):

@@ -1,6 +1,6 @@
 """RRT-blossom finds its way out of a trap in the plane, and says so when there is none."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -163,6 +163,55 @@ class Recorded(Plane):
         leaves = super().steer(near, target, goal, count, rng)
         self.steps.append((near, leaves))
         return leaves
+
+
+@dataclass
+class Witness(Plane):
+    """A plane that records what is asked of it."""
+
+    def __post_init__(self) -> None:
+        self.asked: list[tuple[Array, Array, Array, int]] = []
+        self.samples = 0
+
+    def sample(self, rng):
+        self.samples += 1
+        return super().sample(rng)
+
+    def steer(self, near, target, goal, count, rng):
+        self.asked.append((near, target, goal, count))
+        return super().steer(near, target, goal, count, rng)
+
+
+def test_every_edge_that_is_tried_counts_once():
+    plane = Witness(TRAP + LID)
+    options = SearchOptions(max_edges=200, controls=1, edges_per_node=50)
+    result = search(plane, START, GOAL, np.random.default_rng(0), options)
+    assert result.edges == sum(count for *_, count in plane.asked) >= 100
+    assert result.nodes > 10
+
+
+def test_each_tree_holds_what_has_reached_the_root_of_the_other():
+    plane = Witness(TRAP + LID)
+    search(plane, START, GOAL, np.random.default_rng(0), SearchOptions(max_edges=300))
+    inside = [abs(near[0] - 0.5) < 0.5 and abs(near[1]) < 1.0 for near, *_ in plane.asked]
+    assert 10 < sum(inside) < len(inside) - 10
+    for is_start_tree, (_, _, goal, _) in zip(inside, plane.asked, strict=True):
+        np.testing.assert_array_equal(goal, GOAL if is_start_tree else START)
+
+
+@pytest.mark.parametrize(("bias", "low", "high"), [(None, 0.05, 0.16), (0.0, 0.0, 0.02), (1, 1, 1)])
+def test_a_share_of_the_expansions_goes_to_the_other_root(bias, low, high):
+    """The first one always does, so that an open way is taken straight."""
+    plane = Witness(TRAP + LID)
+    options = SearchOptions(max_edges=3000, controls=2)
+    if bias is not None:
+        options = replace(options, goal_bias=bias)
+    search(plane, START, GOAL, np.random.default_rng(0), options)
+    roots = [
+        np.array_equal(target, root) for _, target, *_ in plane.asked for root in (START, GOAL)
+    ]
+    assert np.array_equal(plane.asked[0][1], GOAL)
+    assert low <= sum(roots) / (sum(roots) + plane.samples) <= high
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -43,36 +43,27 @@ class PortLostError(PortError):
 class Port(Protocol):
     """A serial line: half duplex, 8 data bits, no parity, 1 stop bit."""
 
-    @property
-    def path(self) -> str:
-        """Return the device file."""
-        ...
-
-    @property
-    def baud(self) -> int:
-        """Return the baud rate [bit/s]."""
-        ...
+    path: str
+    """Device file."""
+    baud: int
+    """Baud rate [bit/s]; `set_baud` changes it."""
 
     @property
     def is_open(self) -> bool:
-        """Tell whether bytes can pass."""
+        """Return whether the device is open."""
         ...
 
     def open(self) -> None:
         """Open the device; harmless if it is open."""
-        ...
 
     def close(self) -> None:
         """Close the device; harmless if it is closed."""
-        ...
 
     def set_baud(self, baud: int) -> None:
         """Change the baud rate [bit/s], open or not; what was received before is dropped."""
-        ...
 
     def write(self, data: bytes) -> None:
         """Hand bytes to the device, without waiting until they are sent."""
-        ...
 
     def read(self, deadline: float) -> bytes:
         """Return received bytes; wait for one until a deadline of the monotonic clock [s].
@@ -86,7 +77,7 @@ class Port(Protocol):
         ...
 
 
-class SerialPort:
+class SerialPort(Port):
     """A port over pyserial, locked against other programs.
 
     pyserial opens and configures the device; bytes bypass it, straight to the descriptor:
@@ -94,23 +85,13 @@ class SerialPort:
     """
 
     def __init__(self, path: str, baud: int) -> None:
-        self._path, self._baud = path, baud
+        self.path, self.baud = path, baud
         self._serial: serial.Serial | None = None
         self._fd = -1
 
     @property
-    def path(self) -> str:
-        """Return the device file."""
-        return self._path
-
-    @property
-    def baud(self) -> int:
-        """Return the baud rate [bit/s]."""
-        return self._baud
-
-    @property
     def is_open(self) -> bool:
-        """Tell whether bytes can pass."""
+        """Return whether the device is open."""
         return self._fd >= 0
 
     def open(self) -> None:
@@ -127,7 +108,7 @@ class SerialPort:
             _claim(self._fd)
         except (OSError, ValueError, termios.error) as error:
             self.close()
-            raise PortError(self._path, explain_refusal(self._path, self._baud, error)) from error
+            raise PortError(self.path, explain_refusal(self.path, self.baud, error)) from error
 
     def close(self) -> None:
         """Unlock and close the device; harmless if it is closed."""
@@ -143,7 +124,7 @@ class SerialPort:
         """Change the baud rate [bit/s], open or not; what was received before is dropped."""
         was_open = self.is_open
         self.close()
-        self._baud = baud
+        self.baud = baud
         if was_open:
             self.open()
             self.flush()
@@ -161,9 +142,9 @@ class SerialPort:
             except BlockingIOError:
                 left = deadline - time.monotonic()
                 if left <= 0.0 or not select.select((), (self._fd,), (), left)[1]:
-                    raise PortLostError(self._path) from None
+                    raise PortLostError(self.path) from None
             except OSError as error:
-                raise PortLostError(self._path) from error
+                raise PortLostError(self.path) from error
 
     def read(self, deadline: float) -> bytes:
         """Return received bytes; wait for one until a deadline of the monotonic clock [s].
@@ -179,9 +160,9 @@ class SerialPort:
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:
-            raise PortLostError(self._path) from error
+            raise PortLostError(self.path) from error
         if not data:  # readable, but without data: the other end has hung up
-            raise PortLostError(self._path)
+            raise PortLostError(self.path)
         return data
 
     def flush(self) -> int:
@@ -197,11 +178,11 @@ class SerialPort:
         except BlockingIOError:
             pass
         except OSError as error:
-            raise PortLostError(self._path) from error
+            raise PortLostError(self.path) from error
         return count
 
     def _open_serial(self) -> serial.Serial:
-        return serial.Serial(self._path, self._baud, timeout=0, exclusive=True)
+        return serial.Serial(self.path, self.baud, timeout=0, exclusive=True)
 
 
 class SdkPort(SerialPort):
@@ -210,9 +191,9 @@ class SdkPort(SerialPort):
     def _open_serial(self) -> serial.Serial:
         from dynamixel_sdk import PortHandler  # an optional dependency
 
-        handler = PortHandler(self._path)
-        if not handler.setBaudRate(self._baud):
-            raise ValueError(f"dynamixel-sdk cannot set {self._baud} bit/s; use pyserial")
+        handler = PortHandler(self.path)
+        if not handler.setBaudRate(self.baud):
+            raise ValueError(f"dynamixel-sdk cannot set {self.baud} bit/s; use pyserial")
         device = handler.ser
         assert device is not None
         try:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from drivers.backend import ClosesItself
+from drivers.backend import Backend
 from drivers.errors import NotConnectedError
 from drivers.orientation_filter import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
-from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.servo_model import (
     CURRENT_STEP,
     VELOCITY_STEP,
@@ -23,12 +22,12 @@ from robots import Posture, Robot
 from robots.servo import round_pwm
 
 
-class Twin(ClosesItself):
-    """Simulate a robot that measures and obeys like the real one.
+class Twin(Backend):
+    """Simulates a robot that measures and moves like the real one.
 
     Time passes in ``write``: each call holds the command for one period of physics, so the
-    twin runs in lock-step with its controller, as fast as the machine can. ``read`` only
-    looks. ``truth`` is for judges.
+    twin runs in lock-step with its controller, as fast as the machine can. ``read`` changes
+    nothing. ``truth`` is for judges.
     """
 
     def __init__(
@@ -66,42 +65,20 @@ class Twin(ClosesItself):
             noise=noise,
             rng=rng,
         )
+        self.robot, self.period = self.simulation.robot, self.simulation.period
+        self.model, self.data = self.simulation.model, self.simulation.data
+        self.truth = self.simulation.truth
         self._units, self._pwm_limited = ServoUnits(robot), pwm_limited
         self._filter = OrientationFilter(self.period)
         self._connected = False
 
-    @property
-    def robot(self) -> Robot:
-        """Return the simulated robot."""
-        return self.simulation.robot
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self.simulation.period
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """Return the simulated world."""
-        return self.simulation.model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """Return the simulation's state."""
-        return self.simulation.data
-
-    @property
-    def truth(self) -> GroundTruth:
-        """Return what only a simulation knows."""
-        return self.simulation.truth
-
     def place(self, posture: Posture) -> None:
-        """Put the robot somewhere, at rest, cool and limp, and start its clock at 0."""
+        """Place the robot at rest, cool, torque off, and start its clock at 0."""
         self.simulation.place(posture)
         self._start_filter()
 
     def connect(self) -> None:
-        """Be ready to read and write; the robot stays where it is."""
+        """Start the orientation filter; the robot stays where it is."""
         if not self._connected:
             self._start_filter()
         self._connected = True

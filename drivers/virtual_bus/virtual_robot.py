@@ -126,7 +126,7 @@ class VirtualPorts:
             time_mode: How time advances.
             link: Path of the port; with several ports, each gets ``-NAME`` appended.
             rng: Random source of faults.
-            schedule: FaultInjector to come, on the last port.
+            schedule: Faults to come, on the last port.
             adapter_latency: Latency timer of the USB adapter [s].
         """
         names = list(robot.chains)
@@ -157,7 +157,6 @@ class VirtualPorts:
         return {name: bus.path for name, bus in self.buses.items()}
 
     def __enter__(self) -> VirtualPorts:
-        """Create and serve the ports."""
         with ExitStack() as opening:
             for bus in self.buses.values():
                 opening.enter_context(bus)
@@ -165,7 +164,6 @@ class VirtualPorts:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Remove the ports."""
         self._open.close()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.backend import Backend
 from drivers.safety_limits import ClipCounts, GuardLimits
-from drivers.state import Command, HardwareError, State
+from drivers.state import Command, HardwareError, State, find_command_problems
 from robots.quaternion import Array
 
 
@@ -149,8 +149,8 @@ class SafetyGuard(Backend):
             return Fault(FaultKind.STALE_DATA, detail, state.time)
         if fault := self._find_body_fault(state):
             return fault
-        if faults := limits.find_command_faults(command, names):
-            return Fault(FaultKind.BAD_COMMAND, "; ".join(faults), state.time)
+        if problems := find_command_problems(command, names):
+            return Fault(FaultKind.BAD_COMMAND, "; ".join(problems), state.time)
         return None
 
     def _find_body_fault(self, state: State) -> Fault | None:

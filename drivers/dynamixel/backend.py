@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum
 
 import numpy as np
@@ -15,7 +15,7 @@ from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
 from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
 from drivers.dynamixel.opencr import ImuFusion, OpenCr
-from drivers.dynamixel.port import Port, PortError, SerialPort
+from drivers.dynamixel.port import MakePort, PortError, SerialPort
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import (
@@ -28,7 +28,7 @@ from drivers.dynamixel.startup import (
     open_ports,
     using_margin,
 )
-from drivers.errors import NotConnectedError, SetupError
+from drivers.errors import NoBusError, NotConnectedError, SetupError
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import BusSettings, Joint, Robot
@@ -39,8 +39,6 @@ WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.
 PAUSE_SHARE = 0.8
 REBOOT_TRIES = 3
-
-MakePort = Callable[[str, int], Port]
 
 
 class Release(Enum):
@@ -90,7 +88,7 @@ class DynamixelBackend(Backend):
                 virtual bus in lock-step) no cycle has a deadline.
             period: Control period [s]; ``None`` for the robot's own.
             answer_margin: How long a reply may take beyond its bytes' own time [s].
-            make_port: Makes a port of a path and a baud rate: `SerialPort` or `SdkPort`.
+            make_port: `SerialPort` or `SdkPort`.
             release: State of the joints after `close`; it may be changed until then.
 
         Raises:
@@ -319,9 +317,7 @@ class DynamixelBackend(Backend):
 def _check_robot(robot: Robot, ports: Mapping[str, str]) -> BusSettings:
     bus = robot.bus
     if bus is None:
-        raise SetupError(
-            f"robot '{robot.name}' has no servo bus: add a [bus] table to its robot.toml"
-        )
+        raise NoBusError(robot.name)
     if bus.board is None:
         raise SetupError(
             f"robot '{robot.name}' has no IMU on its bus: add a [bus.board] table to its robot.toml"

@@ -11,6 +11,7 @@ import select
 import stat
 import termios
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -77,6 +78,10 @@ class Port(Protocol):
         ...
 
 
+MakePort = Callable[[str, int], Port]
+"""Makes a port of a path and a baud rate [bit/s]."""
+
+
 class SerialPort(Port):
     """A port over pyserial, locked against other programs.
 
@@ -105,7 +110,8 @@ class SerialPort(Port):
         try:
             self._serial = self._open_serial()
             self._fd = self._serial.fileno()
-            _claim(self._fd)
+            # The lock does not keep out programs that ignore it.
+            fcntl.ioctl(self._fd, termios.TIOCEXCL)
         except (OSError, ValueError, termios.error) as error:
             self.close()
             raise PortError(self.path, explain_refusal(self.path, self.baud, error)) from error
@@ -204,11 +210,6 @@ class SdkPort(SerialPort):
         return device
 
 
-def _claim(fd: int) -> None:
-    """Keep other programs out, also those that ignore the lock."""
-    fcntl.ioctl(fd, termios.TIOCEXCL)
-
-
 def explain_refusal(path: str, baud: int, error: Exception) -> str:
     """Explain why a port does not open, and what to do."""
     number = getattr(error, "errno", None)
@@ -230,11 +231,11 @@ def _explain_permission(path: str) -> str:
         group = grp.getgrgid(Path(path).stat().st_gid).gr_name
         if group != "root":
             return f"join the group '{group}' (sudo usermod -aG {group} $USER) and log in again"
-    return "its owner is root: ask for a udev rule that gives it to the group 'dialout'"
+    return "its owner is root: add a udev rule that gives it to the group 'dialout'"
 
 
 def is_pseudo_terminal(path: str) -> bool:
-    """Tell whether a port is a Linux pseudo-terminal, as that of a virtual bus is."""
+    """Return whether a port is a Linux pseudo-terminal, as that of a virtual bus is."""
     with contextlib.suppress(OSError):
         status = Path(path).stat()
         return stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) in UNIX98_SLAVES

@@ -17,7 +17,7 @@ from drivers.twin.servo_model import (
     SensorNoise,
     quantize,
 )
-from drivers.twin.simulation import Drives, Simulation
+from drivers.twin.simulation import Simulation
 from robots import Posture, Robot
 from robots.servo import round_pwm
 
@@ -42,7 +42,7 @@ class Twin(Backend):
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        """Build a twin with the robot in its standing posture, limp.
+        """Build a twin with the robot in its standing posture, torque off.
 
         Args:
             robot: Robot to simulate.
@@ -109,7 +109,7 @@ class Twin(Backend):
         Goals are whole ticks, as on a servo.
         """
         self._check_connected()
-        check_command(command, self.robot.n)
+        check_command(command, self.robot.joint_names)
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
         share = round_pwm(command.pwm_limit)
         if self._pwm_limited:
@@ -121,16 +121,9 @@ class Twin(Backend):
             pwm_limit=share,
         )
         body = self.simulation
-        body.drive(
-            Drives(
-                target=sent.joint_pos,
-                gain_scale=sent.gain_scale,
-                torque_limit=sent.torque_limit,
-                pwm_limit=sent.pwm_limit,
-            )
-        )
+        body.drive(sent)
         body.step(body.steps_per_period)
-        body.feel(self.period)
+        body.update_sensors(self.period)
         self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
         return sent
 

@@ -141,7 +141,7 @@ class VirtualBus:
 
     @property
     def running(self) -> bool:
-        """Whether the bus serves its port."""
+        """Return whether the bus serves its port."""
         return self._thread is not None and self._thread.is_alive()
 
     @property

@@ -19,7 +19,7 @@ from drivers.dynamixel.protocol2 import (
     decode_fast_status,
 )
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.chain import Chain, Reply
+from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.quirks import (
     BadCrc,
@@ -28,7 +28,9 @@ from drivers.virtual_bus.devices.quirks import (
     UndefinedRegisters,
     WatchdogFeed,
 )
+from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.reply import Reply
 
 HANG = 60.0  # s that one chain's share may take before it counts as a hang
 PACKETS_PER_CHAIN = 2000
@@ -127,7 +129,7 @@ def pass_time(rng: random.Random, chain: Chain, now: float) -> None:
         assert isinstance(device, VirtualServo)
         chance = rng.random()
         if chance < 0.3:
-            device.sense(
+            measured = Measured(
                 ticks=rng.gauss(2048.0, 3000.0),
                 velocity=rng.gauss(0.0, 3.0),
                 current=rng.gauss(0.0, 1.0),
@@ -135,6 +137,7 @@ def pass_time(rng: random.Random, chain: Chain, now: float) -> None:
                 voltage=rng.choice((5.0, 12.0, 12.0, 12.0, 17.0)),
                 temperature=rng.gauss(40.0, 15.0),
             )
+            device.sense(measured)
         elif chance < 0.31:
             device.trip(rng.choice(list(HardwareError)))
         elif chance < 0.33:

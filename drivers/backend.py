@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
 from drivers.state import Command, State
@@ -11,25 +10,19 @@ from robots import Robot
 
 @runtime_checkable
 class Backend(Protocol):
-    """Hardware of a robot, or its simulation: it measures and moves, and knows no task.
+    """Hardware of a robot, or its simulation: it measures and moves, without knowing the task.
 
     One control period is one ``read`` and then one ``write``. Reading again before the next
     write may return the same measurement. Torque is off outside ``connect`` and ``close``.
+    In a ``with`` block the backend is connected, and closed at the end or after a failure.
     """
 
-    @property
-    def robot(self) -> Robot:
-        """Return the robot."""
-        ...
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        ...
+    robot: Robot
+    period: float
+    """Control period [s]."""
 
     def connect(self) -> None:
         """Open the devices, torque off; harmless if they are open."""
-        ...
 
     def read(self) -> State:
         """Measure the robot."""
@@ -41,35 +34,8 @@ class Backend(Protocol):
 
     def close(self) -> None:
         """Release every joint and the devices; calling it twice is harmless."""
-        ...
 
     def __enter__(self) -> Self:
-        """Connect."""
-        ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
-        ...
-
-
-class ClosesItself:
-    """Context manager that connects a backend, and releases and closes it at the end."""
-
-    def connect(self) -> None:
-        """Open the devices."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """Release every joint and the devices."""
-        raise NotImplementedError
-
-    def __enter__(self) -> Self:
-        """Connect; close again after a failure."""
         try:
             self.connect()
         except BaseException:
@@ -77,11 +43,5 @@ class ClosesItself:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
+    def __exit__(self, *error: object) -> None:
         self.close()

@@ -24,7 +24,7 @@ class Controller(Protocol):
 
     @property
     def done(self) -> bool:
-        """Tell whether it has finished."""
+        """Return whether it has finished."""
         ...
 
     def reset(self, state: State) -> None:
@@ -78,15 +78,15 @@ class TimingSummary:
         Args:
             timings: Late, read, step and write times [s], shape (cycles, 4).
         """
-        if not len(timings):
-            return cls(late_median=0.0, late_p99=0.0, late_max=0.0, busy_median=0.0, busy_p99=0.0)
-        late, busy = timings[:, 0], timings[:, 1:].sum(axis=1)
+        timings = timings if len(timings) else np.zeros((1, 4))
+        late = np.percentile(timings[:, 0], (50, 99, 100)).tolist()
+        busy = np.percentile(timings[:, 1:].sum(axis=1), (50, 99)).tolist()
         return cls(
-            late_median=float(np.median(late)),
-            late_p99=float(np.percentile(late, 99)),
-            late_max=float(late.max()),
-            busy_median=float(np.median(busy)),
-            busy_p99=float(np.percentile(busy, 99)),
+            late_median=late[0],
+            late_p99=late[1],
+            late_max=late[2],
+            busy_median=busy[0],
+            busy_p99=busy[1],
         )
 
 
@@ -183,7 +183,7 @@ def _uncollected() -> Iterator[None]:
 
 
 class Pacer:
-    """Starts cycles at absolute deadlines, so that small delays do not add up."""
+    """Starts cycles at absolute deadlines, so that small delays do not accumulate."""
 
     def __init__(
         self,

@@ -8,7 +8,7 @@ class DriverError(Exception):
 
 
 class SetupError(DriverError):
-    """A setup is impossible as requested; the user has to change it."""
+    """A setup is impossible as requested; the user must change it."""
 
 
 class NotConnectedError(DriverError):
@@ -22,9 +22,17 @@ class NotConnectedError(DriverError):
 class CommandError(DriverError):
     """A command cannot be sent to servos."""
 
-    def __init__(self, faults: list[str]) -> None:
-        super().__init__("command refused: " + "; ".join(faults))
-        self.faults = faults
+    def __init__(self, problems: list[str]) -> None:
+        super().__init__("command refused: " + "; ".join(problems))
+        self.problems = problems
+
+
+class NoBusError(SetupError):
+    """A robot's description has no servo bus."""
+
+    def __init__(self, robot: str) -> None:
+        super().__init__(f"robot '{robot}' has no servo bus: add a [bus] table to its robot.toml")
+        self.robot = robot
 
 
 class ModelError(SetupError):

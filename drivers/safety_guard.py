@@ -7,10 +7,9 @@ from enum import Enum
 
 import numpy as np
 
-from drivers.backend import Backend, ClosesItself
+from drivers.backend import Backend
 from drivers.safety_limits import ClipCounts, GuardLimits
-from drivers.state import Command, HardwareError, State
-from robots import Robot
+from drivers.state import Command, HardwareError, State, find_command_problems
 from robots.quaternion import Array
 
 
@@ -18,8 +17,8 @@ class FaultKind(Enum):
     """Why the guard switched torque off."""
 
     BAD_COMMAND = "the command holds values that no servo can follow"
-    BAD_MEASUREMENT = "the measurement holds values that are no numbers"
-    STALE_DATA = "the measurement does not change its time any more"
+    BAD_MEASUREMENT = "the measurement holds NaN or infinite values"
+    STALE_DATA = "the measurement is repeated: its time no longer changes"
     LOST_JOINTS = "servos have been silent for too long"
     LOST_IMU = "the orientation has been unknown for too long"
     SERVO_ERROR = "a servo has switched itself off"
@@ -41,11 +40,11 @@ class Fault:
         return f"{self.kind.value}: {self.detail}"
 
 
-class SafetyGuard(ClosesItself):
+class SafetyGuard(Backend):
     """Wraps a backend and keeps every command within limits.
 
-    The rules, for each joint of each command that passes. The *reference* is the
-    last target that passed, or the measured angle where torque was off:
+    The rules, for each joint and command. The *reference* is the last target that was sent, or
+    the measured angle where torque was off:
 
     - The target is never beyond the joint's range, or beyond a reference that already is: a
       joint outside may stay or come back, never go further out.
@@ -60,41 +59,29 @@ class SafetyGuard(ClosesItself):
     finite, do not change or are too old, servo errors, heat and a low supply are faults: torque
     goes off and stays off until ``clear`` or the next ``connect``. ``stop`` is a fault that
     outlives a connection: only ``clear`` ends it.
-    A joint that a command releases gets its measured angle as target, so that torque comes back
+    The target of a joint without torque is its measured angle, so that torque comes back
     without a jerk.
     """
 
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
         self._backend = backend
+        self.robot, self.period = backend.robot, backend.period
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
-        self._reach = self.limits.max_velocity * backend.period
-        self._counts = np.zeros((5, backend.robot.n), dtype=int)
+        self._reach = self.limits.max_velocity * self.period
+        self._counts = np.zeros((5, self.robot.n), dtype=int)
         self._is_open = False
         self._stop_reason: str | None = None
         self.holds = 0
+        """Cycles since ``connect`` in which targets were held for want of a measurement."""
         self._forget()
 
     def _forget(self) -> None:
-        self._fault: Fault | None = None
+        self.fault: Fault | None = None
+        """Why torque was switched off; None if it was not."""
         self._state: State | None = None
         self._judged_time = -np.inf
         self._stale_writes = 0
-        self._sent = self._limited = Command.limp(self._backend.robot.n)
-
-    @property
-    def robot(self) -> Robot:
-        """Return the robot behind the guard."""
-        return self._backend.robot
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self._backend.period
-
-    @property
-    def fault(self) -> Fault | None:
-        """Return why torque was switched off, ``None`` if it was not."""
-        return self._fault
+        self._sent = self._limited = Command.limp(self.robot.n)
 
     @property
     def clips(self) -> ClipCounts:
@@ -126,7 +113,7 @@ class SafetyGuard(ClosesItself):
         Without a fault nothing changes, so that the last target is kept.
         """
         self._stop_reason = None
-        if self._fault is not None:
+        if self.fault is not None:
             self._forget()
 
     def read(self) -> State:
@@ -138,10 +125,10 @@ class SafetyGuard(ClosesItself):
         """Send a command within the limits, or torque off after a fault; return what was sent."""
         state = self.read() if self._state is None else self._state
         if self._stop_reason is not None:  # before any other fault: only a person ends it
-            self._fault = Fault(FaultKind.STOPPED, self._stop_reason, state.time)
-        if self._fault is None:
-            self._fault = self._find_fault(command, state)
-        if self._fault:
+            self.fault = Fault(FaultKind.STOPPED, self._stop_reason, state.time)
+        if self.fault is None:
+            self.fault = self._find_fault(command, state)
+        if self.fault:
             limited = Command.limp(self.robot.n)
         elif self._must_hold(state) and not command.is_limp:
             self.holds += 1
@@ -162,8 +149,8 @@ class SafetyGuard(ClosesItself):
             return Fault(FaultKind.STALE_DATA, detail, state.time)
         if fault := self._find_body_fault(state):
             return fault
-        if faults := limits.find_command_faults(command, names):
-            return Fault(FaultKind.BAD_COMMAND, "; ".join(faults), state.time)
+        if problems := find_command_problems(command, names):
+            return Fault(FaultKind.BAD_COMMAND, "; ".join(problems), state.time)
         return None
 
     def _find_body_fault(self, state: State) -> Fault | None:
@@ -171,7 +158,7 @@ class SafetyGuard(ClosesItself):
         names, limits = self.robot.joint_names, self.limits
         if state.alert.any():
             detail = ", ".join(
-                f"joint '{names[i]}' tells {HardwareError(int(state.alert[i])).describe()}"
+                f"joint '{names[i]}' reports {HardwareError(int(state.alert[i])).describe()}"
                 for i in np.flatnonzero(state.alert)
             )
             return Fault(FaultKind.SERVO_ERROR, detail, state.time)

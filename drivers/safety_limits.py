@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.state import Command
 from robots import Robot
 from robots.quaternion import Array
 
@@ -88,39 +87,6 @@ class GuardLimits:
             return self.torque_limit
         heat = np.minimum(np.maximum((temperature - self.derate_temperature) / span, 0.0), 1.0)
         return self.torque_limit * (1.0 - (1.0 - DERATED_SHARE) * heat)
-
-    def find_command_faults(self, command: Command, joint_names: tuple[str, ...]) -> list[str]:
-        """List all that is wrong with a command."""
-        n = len(joint_names)
-        fields = (
-            ("target", "rad", command.joint_pos),
-            ("gain share", "", command.gain_scale),
-            ("torque limit", "N·m", command.torque_limit),
-            ("PWM limit", "", command.pwm_limit),
-        )
-        faults = [
-            f"{name} has shape {np.shape(values)}, expected ({n},)"
-            for name, _, values in fields
-            if np.shape(values) != (n,)
-        ]
-        if faults:
-            return faults
-        if np.isfinite(np.stack([values for *_, values in fields])).all() and np.all(
-            command.torque_limit >= 0.0
-        ):
-            return []
-        faults = [
-            f"joint '{joint}': {name} is {value} {unit}".rstrip()
-            for name, unit, values in fields
-            for joint, value in zip(joint_names, values, strict=True)
-            if not np.isfinite(value)
-        ]
-        faults += [
-            f"joint '{joint}': torque limit is {value} N·m, expected 0 or more"
-            for joint, value in zip(joint_names, command.torque_limit, strict=True)
-            if value < 0.0
-        ]
-        return faults
 
 
 @dataclass(frozen=True, eq=False)

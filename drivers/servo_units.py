@@ -17,7 +17,7 @@ def tick_range(joint: Joint) -> tuple[int, int]:
 
 
 def fits_one_turn(ticks: tuple[int, int]) -> bool:
-    """Tell whether a range of ticks lies within the goals of position mode."""
+    """Return whether a range of ticks lies within the goals of position mode."""
     return ticks[0] >= 0 and ticks[1] < TICKS_PER_TURN
 
 

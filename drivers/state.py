@@ -29,8 +29,7 @@ class HardwareError(IntFlag):
         """Name the errors (e-manual, Hardware Error Status)."""
         names = [str(bit.name).lower() for bit in HardwareError if bit & self]
         return (
-            " and ".join(names).replace("shock", "electrical shock")
-            or "an error that it has not named"
+            " and ".join(names).replace("shock", "electrical shock") or "an error of unknown kind"
         )
 
 
@@ -75,14 +74,10 @@ class State:
 
     @property
     def is_finite(self) -> bool:
-        """Tell whether no number is NaN or inf."""
-        return bool(np.isfinite(self._numbers()).all())
-
-    def _numbers(self) -> Array:
+        """Return whether all numbers are finite."""
         joints = (self.joint_pos, self.joint_vel, self.joint_current, self.temperature)
-        return np.concatenate(
-            (*joints, self.gyro, self.orientation, (self.time, self.voltage)), dtype=float
-        )
+        others = (self.gyro, self.orientation, (self.time, self.voltage))
+        return bool(np.isfinite(np.concatenate((*joints, *others), dtype=float)).all())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,7 +103,7 @@ class Command:
 
     @property
     def is_limp(self) -> bool:
-        """Tell whether every joint is released."""
+        """Return whether every joint is released."""
         return not np.any(self.torque_limit)
 
     @staticmethod
@@ -148,30 +143,41 @@ class Command:
         )
 
 
-def check_command(command: Command, n: int) -> None:
-    """Refuse a command with wrong shapes, negative limits, or NaN or inf.
+def find_command_problems(command: Command, joint_names: tuple[str, ...]) -> list[str]:
+    """List everything wrong with a command: shapes, NaN or inf, negative torque limits."""
+    n = len(joint_names)
+    values = command.joint_pos, command.gain_scale, command.torque_limit, command.pwm_limit
+    named = tuple(zip(("target", "gain share", "torque limit", "PWM limit"), values, strict=True))
+    problems = [
+        f"{name} has shape {np.shape(value)}, expected ({n},)"
+        for name, value in named
+        if np.shape(value) != (n,)
+    ]
+    # One NaN or inf makes the sum one, and a sum is fast.
+    if problems or (
+        math.isfinite(sum(float(value.sum()) for value in values))
+        and command.torque_limit.min() >= 0.0
+    ):
+        return problems
+    units = {"target": " rad", "torque limit": " N·m"}
+    problems = [
+        f"joint '{joint}': {name} is {number}{units.get(name, '')}"
+        for name, value in named
+        for joint, number in zip(joint_names, value, strict=True)
+        if not np.isfinite(number)
+    ]
+    return problems + [
+        f"joint '{joint}': torque limit is {limit} N·m, expected 0 or more"
+        for joint, limit in zip(joint_names, command.torque_limit, strict=True)
+        if limit < 0.0
+    ]
+
+
+def check_command(command: Command, joint_names: tuple[str, ...]) -> None:
+    """Refuse an invalid command.
 
     Raises:
-        CommandError: naming all that is wrong.
+        CommandError: naming everything that is wrong.
     """
-    values = command.joint_pos, command.gain_scale, command.torque_limit, command.pwm_limit
-    if all(np.shape(value) == (n,) for value in values):
-        # One NaN or inf makes the sum one, and a sum is fast.
-        is_sound = math.isfinite(sum(float(value.sum()) for value in values))
-        if is_sound and command.torque_limit.min() >= 0.0:
-            return
-    named = {
-        "targets": command.joint_pos,
-        "gain shares": command.gain_scale,
-        "torque limits": command.torque_limit,
-        "PWM limits": command.pwm_limit,
-    }
-    faults = [
-        f"{name}: {values}, expected {n} finite numbers"
-        for name, values in named.items()
-        if np.shape(values) != (n,) or not np.isfinite(values).all()
-    ]
-    if not faults and (command.torque_limit < 0.0).any():
-        faults = [f"torque limits: {command.torque_limit}, expected 0 or more"]
-    if faults:
-        raise CommandError(faults)
+    if problems := find_command_problems(command, joint_names):
+        raise CommandError(problems)

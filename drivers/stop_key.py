@@ -10,7 +10,6 @@ import termios
 import threading
 import tty
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 PRESSED = "the operator pressed a key"
@@ -18,7 +17,7 @@ LOST = "the terminal is gone"
 
 
 class StopKey:
-    """Watches a terminal in its own thread.
+    """Watches a terminal in its own thread, inside a ``with`` block.
 
     Without a terminal there is no stop key; signals still stop the program.
     """
@@ -35,7 +34,6 @@ class StopKey:
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> Self:
-        """Start watching."""
         if self._terminal is not None and os.isatty(self._terminal):
             self._before = termios.tcgetattr(self._terminal)
             tty.setcbreak(self._terminal)
@@ -44,13 +42,7 @@ class StopKey:
             self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Stop watching and restore the terminal."""
+    def __exit__(self, *error: object) -> None:
         if self._thread is None or self._terminal is None:
             return
         os.close(self._waker)

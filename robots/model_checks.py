@@ -1,4 +1,4 @@
-"""All that can be wrong between a robot.toml and the model it names."""
+"""Checks of a robot.toml against the model that it names."""
 
 import mujoco
 import numpy as np
@@ -7,7 +7,7 @@ from robots.schema import RobotTable
 from robots.validation import outside, shown
 
 FREE, HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
-KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
 def find_model_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
@@ -58,7 +58,7 @@ def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
             hinges = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt, model.jnt_type == HINGE)
             problems.append(f"joint {shown(name)} is not in {table.model}, expected {hinges}")
         elif model.jnt_type[joint] != HINGE:
-            kind = KINDS[int(model.jnt_type[joint])]
+            kind = JOINT_KINDS[int(model.jnt_type[joint])]
             problems.append(f"joint {shown(name)} is a {kind} joint, expected a hinge")
         elif not model.jnt_limited[joint]:
             problems.append(
@@ -79,7 +79,7 @@ def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]
             continue
         if model.jnt_type[joint] != FREE:
             problems.append(
-                f"{KINDS[int(model.jnt_type[joint])]} joint {shown(view.name)} of body "
+                f"{JOINT_KINDS[int(model.jnt_type[joint])]} joint {shown(view.name)} of body "
                 f"{shown(body.name)} in {table.model} has no row in joints, expected one each"
             )
         elif torso >= 0 and body.id != torso:
@@ -104,8 +104,8 @@ def _standing_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
         angle, (lower, upper) = table.standing.get(name, 0.0), model.jnt_range[joint]
         if not lower <= angle <= upper:
             why = "" if name in table.standing else " (not named, so 0)"
-            told = outside(angle, lower, upper, "rad")
-            problems.append(f"standing: joint {shown(name)}{why} is {told}")
+            found = outside(angle, lower, upper, "rad")
+            problems.append(f"standing: joint {shown(name)}{why} is {found}")
     return problems
 
 

@@ -19,6 +19,7 @@ from robots.validation import (
     name_missing_joints,
     name_unknown_joints,
     outside,
+    parse_file,
     read_table,
     shown,
 )
@@ -99,15 +100,9 @@ def load_posture(path: Path, robot: Robot) -> Posture:
         ValueError: naming everything in the file that is wrong.
     """
     try:
-        record, problems = _read_json(path)
-    except OSError as error:
-        raise ValueError(f"posture file {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ValueError(f"posture file {path}: not UTF-8 text (byte {error.start})") from error
-    except RecursionError as error:
-        raise ValueError(f"posture file {path}: not a posture (nested too deep)") from error
+        record, problems = parse_file(path, "JSON", _parse_json)
     except ValueError as error:
-        raise ValueError(f"posture file {path}: not JSON ({error})") from error
+        raise ValueError(f"posture file {path}: {error}") from error
     if not isinstance(record, dict):
         raise ValueError(f"posture file {path}: not a JSON object")
     read = read_table(_PostureFile, record, "", problems)
@@ -126,8 +121,8 @@ def load_posture(path: Path, robot: Robot) -> Posture:
     )
 
 
-def _read_json(path: Path) -> tuple[Any, list[str]]:
-    """Read a JSON file; return its content, and problems for keys that it holds twice."""
+def _parse_json(text: str) -> tuple[Any, list[str]]:
+    """Parse JSON; return its content, and problems for keys that it holds twice."""
     problems: list[str] = []
 
     def keep(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -140,7 +135,6 @@ def _read_json(path: Path) -> tuple[Any, list[str]]:
         return dict(pairs)
 
     # An integer is read as the float it becomes: one of 400 digits is inf.
-    text = path.read_text("utf-8")
     return json.loads(text, object_pairs_hook=keep, parse_int=float), problems
 
 

@@ -1,4 +1,4 @@
-"""A robot.toml as dataclasses, and what can be wrong with it by itself."""
+"""A robot.toml as dataclasses, and checks of its values against each other."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class RobotTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """A robot.toml with its deproblems filled in; values with problems are blank."""
+    """A robot.toml with its defaults filled in; values with problems are blank."""
 
     table: RobotTable
     bus: BusSettings | None

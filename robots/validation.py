@@ -13,7 +13,7 @@ import reprlib
 import sys
 import tomllib
 import types
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -60,42 +60,58 @@ def on_axes(count: int) -> Meta:
     return Meta(description=f"finite numbers on {count} axes", extra={"axes": count})
 
 
-def read_table(kind: type[T], table: dict[str, Any], place: str, problems: list[str]) -> T:
+def read_table(
+    kind: type[T],
+    table: dict[str, Any],
+    place: str,
+    problems: list[str],
+    *,
+    required: Collection[str] = (),
+) -> T:
     """Read a table into a dataclass.
 
     Args:
-        kind: Dataclass whose fields are the table's keys; unknown keys are ignored.
+        kind: Dataclass whose fields are the table's keys, or name them in their metadata; unknown
+            keys are ignored.
         table: What TOML or JSON holds.
         place: What the messages begin with: "" or, for example, "joint 'l_knee': ".
         problems: Where problems are added.
+        required: Keys that the table must have although their fields have a default.
     """
     values = {}
     for field in fields(kind):  # type: ignore[arg-type]
-        hint, name = _hints(kind)[field.name], f"{place}{field.name}"
-        if field.name in table:
-            values[field.name] = _read(hint, table[field.name], name, problems)
-        elif field.default is MISSING and field.default_factory is MISSING:
+        key, hint = field.metadata.get("key", field.name), _hints(kind)[field.name]
+        name = f"{place}{key}"
+        is_optional = field.default is not MISSING or field.default_factory is not MISSING
+        if key in table:
+            values[field.name] = _read(hint, table[key], name, problems)
+        elif not is_optional or key in required:
             problems.append(f"{name} is missing, expected {_describe(hint)}")
             values[field.name] = _blank(hint)
     return kind(**values)
 
 
 def load_toml(file: Path) -> dict[str, Any]:
-    """Load a TOML file.
+    """Load a TOML file; raises as `parse_file`."""
+    return parse_file(file, "TOML", tomllib.loads)
+
+
+def parse_file(file: Path, language: str, parse: Callable[[str], T]) -> T:
+    """Read and parse a text file in a language such as "TOML".
 
     Raises:
-        ValueError: if it cannot be read or is not TOML; the message is the reason, in one line.
+        ValueError: if that fails; the message is the reason, in one line.
     """
     try:
-        return tomllib.loads(file.read_text("utf-8"))
+        return parse(file.read_text("utf-8"))
     except OSError as error:
         raise ValueError(error.strerror) from error
     except UnicodeDecodeError as error:
         raise ValueError(f"not UTF-8 text (byte {error.start})") from error
     except RecursionError as error:
-        raise ValueError("not TOML (nested too deep)") from error
+        raise ValueError(f"not {language} (nested too deep)") from error
     except ValueError as error:
-        raise ValueError(f"not TOML ({' '.join(str(error).split())})") from error
+        raise ValueError(f"not {language} ({' '.join(str(error).split())})") from error
 
 
 def name_missing_joints(missing: Sequence[str], count: int) -> list[str]:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum
 
 import numpy as np
 
-from drivers.backend import ClosesItself
+from drivers.backend import Backend
 from drivers.dynamixel.bus import ANSWER_MARGIN, BusStatistics, DynamixelBus
 from drivers.dynamixel.clock import Clock, WallClock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
 from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
 from drivers.dynamixel.opencr import ImuFusion, OpenCr
-from drivers.dynamixel.port import Port, PortError, SerialPort
+from drivers.dynamixel.port import MakePort, PortError, SerialPort
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import (
@@ -28,7 +28,7 @@ from drivers.dynamixel.startup import (
     open_ports,
     using_margin,
 )
-from drivers.errors import NotConnectedError, SetupError
+from drivers.errors import NoBusError, NotConnectedError, SetupError
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import BusSettings, Joint, Robot
@@ -39,8 +39,6 @@ WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.
 PAUSE_SHARE = 0.8
 REBOOT_TRIES = 3
-
-MakePort = Callable[[str, int], Port]
 
 
 class Release(Enum):
@@ -58,7 +56,7 @@ class RebootError(SetupError):
         self.joint = joint.name
 
 
-class DynamixelBackend(ClosesItself):
+class DynamixelBackend(Backend):
     """A robot whose servos and IMU are on one or more Dynamixel buses.
 
     One read and one write a cycle, as every backend. ``read`` measures positions, velocities
@@ -90,14 +88,14 @@ class DynamixelBackend(ClosesItself):
                 virtual bus in lock-step) no cycle has a deadline.
             period: Control period [s]; ``None`` for the robot's own.
             answer_margin: How long a reply may take beyond its bytes' own time [s].
-            make_port: Makes a port of a path and a baud rate: `SerialPort` or `SdkPort`.
+            make_port: `SerialPort` or `SdkPort`.
             release: State of the joints after `close`; it may be changed until then.
 
         Raises:
             SetupError: if the robot has no bus, no IMU, or other ports.
         """
-        self._robot, self._bus_settings = robot, _check_robot(robot, ports)
-        self._period = robot.control_period if period is None else period
+        self.robot, self._bus_settings = robot, _check_robot(robot, ports)
+        self.period = robot.control_period if period is None else period
         self._clock = clock or WallClock()
         self.release = release
         self._converter, self._units = CommandConverter(robot), ServoUnits(robot)
@@ -112,21 +110,11 @@ class DynamixelBackend(ClosesItself):
         self._reset()
 
     def _reset(self) -> None:
-        self._states = ServoStates(self._robot, self._period)
-        self._imu = ImuFusion(self._period)
+        self._states = ServoStates(self.robot, self.period)
+        self._imu = ImuFusion(self.period)
         self._state: State | None = None
         self._written_at = -np.inf
         self._cycle_start = self._bytes_before = 0
-
-    @property
-    def robot(self) -> Robot:
-        """Return the robot on the buses."""
-        return self._robot
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self._period
 
     @property
     def statistics(self) -> Mapping[str, BusStatistics]:
@@ -163,8 +151,8 @@ class DynamixelBackend(ClosesItself):
         try:
             open_ports(buses)
             with using_margin(buses, max(self._margin, SETUP_MARGIN)):
-                period = self._period if self._clock.is_real else None
-                self.diagnostics = diagnose_robot(self._robot, chains, period)
+                period = self.period if self._clock.is_real else None
+                self.diagnostics = diagnose_robot(self.robot, chains, period)
                 if self.diagnostics.errors:
                     raise DiagnosticsError(self.diagnostics.errors)
                 configure_servos(self.diagnostics, chains, states)
@@ -197,7 +185,7 @@ class DynamixelBackend(ClosesItself):
         self._check_connected()
         now = self._clock.now()
         last = self._state
-        if last is not None and now - last.time < self._period / 2:
+        if last is not None and now - last.time < self.period / 2:
             return last
         self._measure(now)
         self._state = self._build_state(now)
@@ -208,14 +196,14 @@ class DynamixelBackend(ClosesItself):
         self._check_connected()
         requested = self._converter.to_registers(command)
         states, now = self._states, self._clock.now()
-        fresh = now - states.stamp < FRESH * self._period
+        fresh = now - states.stamp < FRESH * self.period
         was_paused = now - self._written_at > PAUSE_SHARE * self._bus_settings.watchdog
         permitted = states.permit_torque(requested.torque, fresh, was_paused=was_paused)
         for chain in self.chains:
             chain.write(requested.with_torque(permitted), states, fresh)
             chain.note_loss(states)
         self._written_at, self._state = now, None
-        self._clock.pass_period(self._period)
+        self._clock.pass_period(self.period)
         return self._converter.to_command(requested.with_torque(states.is_on & permitted), command)
 
     def _measure(self, now: float) -> None:
@@ -223,7 +211,7 @@ class DynamixelBackend(ClosesItself):
         states, chains = self._states, self.chains
         limit = np.inf
         if self._clock.is_real:
-            limit = time.monotonic() + READ_SHARE * self._period
+            limit = time.monotonic() + READ_SHARE * self.period
         for chain in chains:
             chain.begin_cyclic()
         for chain in chains:
@@ -275,8 +263,8 @@ class DynamixelBackend(ClosesItself):
             RebootError: if the joint has torque, or the servo does not come back.
         """
         self._check_connected()
-        row = self._robot.joint_names.index(joint)
-        states, device = self._states, self._robot.joints[row]
+        row = self.robot.joint_names.index(joint)
+        states, device = self._states, self.robot.joints[row]
         chain = next(chain for chain in self.chains if row in chain.rows)
         if states.is_on[row] and not states.alert[row]:
             raise RebootError(device, "has torque; release it before it is rebooted")
@@ -288,7 +276,7 @@ class DynamixelBackend(ClosesItself):
             raise RebootError(device, str(error)) from error
 
     def _restart(self, chain: ServoChain, row: int) -> None:
-        device, states = self._robot.joints[row], self._states
+        device, states = self.robot.joints[row], self._states
         if chain.bus.reboot(device.servo.id, REBOOT_TRIES) is None:
             raise RebootError(device, "does not confirm that it reboots")
         until = time.monotonic() + BOOT_TIME
@@ -308,7 +296,7 @@ class DynamixelBackend(ClosesItself):
 
     def _build_chains(self, ports: Mapping[str, str], make_port: MakePort) -> list[ServoChain]:
         settings, chains = self._bus_settings, []
-        names = self._robot.joint_names
+        names = self.robot.joint_names
         for port in settings.ports:
             bus = DynamixelBus(
                 make_port(ports[port.name], settings.baud),
@@ -318,20 +306,18 @@ class DynamixelBackend(ClosesItself):
             board = settings.board
             here = OpenCr(bus, board) if board and board.port == port.name else None
             rows = np.sort([names.index(joint) for joint in port.joints])
-            chains.append(ServoChain(bus, self._robot, rows, self._watchdog, here))
+            chains.append(ServoChain(bus, self.robot, rows, self._watchdog, here))
         return chains
 
     def _check_connected(self) -> None:
         if not self._connected:
-            raise NotConnectedError(f"{self._robot.name} on its servo bus")
+            raise NotConnectedError(f"{self.robot.name} on its servo bus")
 
 
 def _check_robot(robot: Robot, ports: Mapping[str, str]) -> BusSettings:
     bus = robot.bus
     if bus is None:
-        raise SetupError(
-            f"robot '{robot.name}' has no servo bus: add a [bus] table to its robot.toml"
-        )
+        raise NoBusError(robot.name)
     if bus.board is None:
         raise SetupError(
             f"robot '{robot.name}' has no IMU on its bus: add a [bus.board] table to its robot.toml"

@@ -118,7 +118,7 @@ class BackgroundRead:
 
     @property
     def _is_board_due(self) -> bool:
-        """Tell whether to read the board; waiting for a silent one every cycle costs too much."""
+        """Return whether to read the board; waiting for a silent one every cycle costs too much."""
         if self._board is None:
             return False
         return self._board_misses < MISSES or self._cycle % POLL_BOARD_EVERY == 0
@@ -159,5 +159,5 @@ class BackgroundRead:
 
 
 def has_time(bus: DynamixelBus, request: Request | None, limit: float) -> bool:
-    """Tell whether a request can be answered before a time of the monotonic clock [s]."""
+    """Return whether a request can be answered before a time of the monotonic clock [s]."""
     return request is not None and time.monotonic() + bus.duration(request) + SPARE < limit

@@ -64,7 +64,8 @@ class DynamixelBus:
     sleeps: bool = True
     """Sleep while a reply is on the wire, instead of reading it byte by byte."""
     statistics: BusStatistics = field(default_factory=BusStatistics)
-    _return_delay: float = FACTORY_RETURN_DELAY  # longest wait of a device before it replies
+    return_delay: float = FACTORY_RETURN_DELAY
+    """Longest wait of a device before it replies [s]."""
     _limit: float = np.inf  # time of the monotonic clock after which `request` does not wait
     _quiet_at: float = 0.0  # when the last byte sent has left the wire
     _deadline: float = 0.0  # of the open request
@@ -73,19 +74,6 @@ class DynamixelBus:
     def byte_time(self) -> float:
         """Return the time that a byte takes [s]."""
         return BITS_PER_BYTE / self.port.baud
-
-    def expect_return_delay(self, delay: float) -> None:
-        """Set how long devices wait before they reply [s]."""
-        self._return_delay = delay
-
-    @contextmanager
-    def using_margin(self, margin: float) -> Iterator[None]:
-        """Use another answer margin [s] inside the block."""
-        before, self.answer_margin = self.answer_margin, margin
-        try:
-            yield
-        finally:
-            self.answer_margin = before
 
     @contextmanager
     def until(self, limit: float) -> Iterator[None]:
@@ -100,7 +88,7 @@ class DynamixelBus:
 
     def duration(self, request: Request) -> float:
         """Compute how long a request and its replies are on the wire [s]."""
-        delays = self._return_delay * (1 if request.is_fast else len(request.lengths))
+        delays = self.return_delay * (1 if request.is_fast else len(request.lengths))
         return (len(request.frame) + request.reply_size) * self.byte_time + delays
 
     def send(self, frame: bytes) -> None:
@@ -273,5 +261,5 @@ class DynamixelBus:
 
 
 def _fits(status: Status, length: int) -> bool:
-    """Tell whether a status may answer a request; one that refuses holds no data."""
+    """Return whether a status may answer a request; one that refuses holds no data."""
     return len(status.data) == length or bool(status.number and not status.data)

@@ -9,10 +9,8 @@ from typing import Protocol
 class Clock(Protocol):
     """Time of a backend's measurements."""
 
-    @property
-    def is_real(self) -> bool:
-        """Tell whether it is wall time."""
-        ...
+    is_real: bool
+    """Whether it is wall time."""
 
     def now(self) -> float:
         """Return the time [s]."""
@@ -20,10 +18,9 @@ class Clock(Protocol):
 
     def pass_period(self, period: float) -> None:
         """Note the end of a cycle of a period [s]."""
-        ...
 
 
-class WallClock:
+class WallClock(Clock):
     """Wall time, from 0 at construction."""
 
     is_real = True
@@ -35,11 +32,8 @@ class WallClock:
         """Return the time [s]."""
         return time.monotonic() - self._start
 
-    def pass_period(self, period: float) -> None:
-        """Do nothing."""
 
-
-class CycleClock:
+class CycleClock(Clock):
     """Time of a virtual bus in lock-step: one period for each cycle."""
 
     is_real = False

@@ -46,7 +46,7 @@ class CommandConverter:
 
     def __init__(self, robot: Robot) -> None:
         self._units = ServoUnits(robot)
-        self._n = robot.n
+        self._names = robot.joint_names
         self._stall = np.array([joint.servo.model.stall_torque for joint in robot.joints])
         self.pwm_limit = np.full(robot.n, PWM_FULL_SCALE)
         """PWM limit register of each servo [counts]."""
@@ -57,7 +57,7 @@ class CommandConverter:
         Raises:
             CommandError: if it has wrong shapes, negative limits, or NaN or inf.
         """
-        check_command(command, self._n)
+        check_command(command, self._names)
         target = np.minimum(np.maximum(command.joint_pos, -FAR), FAR)
         goal = self._units.to_ticks(self._units.round_goal(target))
         share = np.minimum(command.torque_limit / self._stall, command.pwm_limit)

@@ -85,11 +85,11 @@ class ServoSetup:
 
     @property
     def done(self) -> bool:
-        """Tell whether the servo is ready."""
+        """Return whether the servo is ready."""
         return not self._left and not self._must_check
 
     def step(self, bus: DynamixelBus, tries: int = 1) -> bool:
-        """Send the next instruction; tell whether the servo confirmed it."""
+        """Send the next instruction; return whether the servo confirmed it."""
         if self._must_check:
             return self._check(bus, tries)
         setting = self._left[0]
@@ -105,7 +105,7 @@ class ServoSetup:
         return True
 
     def run(self, bus: DynamixelBus) -> bool:
-        """Take all steps; tell whether the servo confirmed them all."""
+        """Take all steps; return whether the servo confirmed them all."""
         while not self.done:
             if not self.step(bus, TRIES):
                 return False

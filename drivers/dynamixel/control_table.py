@@ -107,7 +107,7 @@ class Item:
         return int.from_bytes(data, "little", signed=self.signed)
 
     def allows(self, value: int) -> bool:
-        """Tell whether a value may be written."""
+        """Return whether a value may be written."""
         return (
             self.lower is not None and self.upper is not None and self.lower <= value <= self.upper
         )
@@ -181,11 +181,11 @@ class ControlTable:
         return registers
 
     def supports_fast_read(self, firmware: int) -> bool:
-        """Tell whether a firmware has fast reads."""
+        """Return whether a firmware has fast reads."""
         return self.fast_read_firmware is not None and firmware >= self.fast_read_firmware
 
     def supports_backup(self, firmware: int) -> bool:
-        """Tell whether a firmware has the backup instruction."""
+        """Return whether a firmware has the backup instruction."""
         return self.backup_firmware is not None and firmware >= self.backup_firmware
 
 

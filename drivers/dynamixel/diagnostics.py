@@ -1,4 +1,4 @@
-"""Diagnoses the servos of a bus before anything moves: which answer, and all that is wrong."""
+"""Diagnoses the servos of a bus before anything moves: which reply, and everything wrong."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
 
 
 GARBLED = (
-    "answers are garbled, as by two servos of one id",
+    "replies are garbled, as by two servos of one id",
     "unplug one at a time and give each its own id; else check the cable",
 )
 
@@ -63,7 +63,7 @@ class Finding:
 
     @classmethod
     def error(cls, device: str, text: str, remedy: str) -> Finding:
-        """Build a finding that forbids to move."""
+        """Build a finding that forbids motion."""
         return cls(Severity.ERROR, device, text, remedy)
 
     def __str__(self) -> str:
@@ -100,7 +100,7 @@ class ServoFacts:
 
     @property
     def supports_fast_read(self) -> bool:
-        """Tell whether it supports fast reads."""
+        """Return whether it supports fast reads."""
         return self.table.supports_fast_read(self.firmware)
 
     @property
@@ -111,15 +111,12 @@ class ServoFacts:
     @property
     def voltage(self) -> float:
         """Return the supply [V]."""
-        return self._scaled("present_input_voltage")
+        return self.table["present_input_voltage"].to_si(self.registers["present_input_voltage"])
 
     @property
     def temperature(self) -> float:
         """Return the temperature [°C]."""
-        return self._scaled("present_temperature")
-
-    def _scaled(self, name: str) -> float:
-        return self.table[name].to_si(self.registers[name])
+        return self.table["present_temperature"].to_si(self.registers["present_temperature"])
 
 
 @dataclass(frozen=True)
@@ -132,7 +129,7 @@ class Diagnostics:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Return the findings that forbid to move."""
+        """Return the findings that forbid motion."""
         return tuple(f for f in self.findings if f.severity is Severity.ERROR)
 
 
@@ -165,7 +162,7 @@ DIAGNOSED = (
 
 
 def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
-    """Read the servos of some joints, change nothing, and list all that is wrong."""
+    """Read the servos of some joints, and list everything wrong; nothing is written."""
     servos: list[ServoFacts] = []
     findings: list[Finding] = []
     silent: list[Joint] = []
@@ -276,9 +273,9 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
 
 
 def find_baud_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
-    """Search for devices at other baud rates; return the first at which one answers [bit/s].
+    """Search for devices at other baud rates; return the first with a reply [bit/s].
 
-    The port keeps its own rate.
+    The port's own rate is restored.
     """
     own = bus.port.baud
     try:
@@ -364,7 +361,7 @@ def _examine(
     registers = read_items(bus, joint.servo.id, table, DIAGNOSED)
     if registers is None:
         since = bus.statistics - before
-        text = "answers a ping, but its registers cannot be read"
+        text = "replies to a ping, but its registers cannot be read"
         problem = GARBLED if since.damaged or since.stale else (text, "check its cable and power")
         findings.append(Finding.error(name, *problem))
         return None

@@ -67,18 +67,18 @@ class OpenCr:
         return Finding.error(self.name, text, remedy)
 
     def is_powering(self) -> bool:
-        """Tell whether the servos' power is on."""
+        """Return whether the servos' power is on."""
         return self._holds("dynamixel_power", 1)
 
     def power_servos(self) -> bool:
-        """Switch the servos' power on; tell whether the board confirms that it is on."""
+        """Switch the servos' power on; return whether the board confirms that it is on."""
         if not self.is_powering():
             self.bus.write(self.id, self._table["dynamixel_power"].address, b"\x01", TRIES)
             return self.is_powering()
         return True
 
     def clear_return_delay(self) -> bool:
-        """Set the board's return delay to 0; tell whether it confirms."""
+        """Set the board's return delay to 0; return whether it confirms."""
         address = self._table["return_delay_time"].address
         return self._holds("return_delay_time", 0) or is_confirmed(
             self.bus.write(self.id, address, b"\x00", TRIES)
@@ -173,7 +173,7 @@ def _is_quiet(sample: ImuSample) -> bool:
 
 
 def check_board(board: OpenCr, *, set_delay: bool = True) -> list[Finding]:
-    """Check that the board answers, and switch the servos' power on.
+    """Check that the board replies, and switch the servos' power on.
 
     Args:
         board: Board to check.

@@ -11,6 +11,7 @@ import select
 import stat
 import termios
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -43,36 +44,27 @@ class PortLostError(PortError):
 class Port(Protocol):
     """A serial line: half duplex, 8 data bits, no parity, 1 stop bit."""
 
-    @property
-    def path(self) -> str:
-        """Return the device file."""
-        ...
-
-    @property
-    def baud(self) -> int:
-        """Return the baud rate [bit/s]."""
-        ...
+    path: str
+    """Device file."""
+    baud: int
+    """Baud rate [bit/s]; `set_baud` changes it."""
 
     @property
     def is_open(self) -> bool:
-        """Tell whether bytes can pass."""
+        """Return whether the device is open."""
         ...
 
     def open(self) -> None:
         """Open the device; harmless if it is open."""
-        ...
 
     def close(self) -> None:
         """Close the device; harmless if it is closed."""
-        ...
 
     def set_baud(self, baud: int) -> None:
         """Change the baud rate [bit/s], open or not; what was received before is dropped."""
-        ...
 
     def write(self, data: bytes) -> None:
         """Hand bytes to the device, without waiting until they are sent."""
-        ...
 
     def read(self, deadline: float) -> bytes:
         """Return received bytes; wait for one until a deadline of the monotonic clock [s].
@@ -86,7 +78,11 @@ class Port(Protocol):
         ...
 
 
-class SerialPort:
+MakePort = Callable[[str, int], Port]
+"""Makes a port of a path and a baud rate [bit/s]."""
+
+
+class SerialPort(Port):
     """A port over pyserial, locked against other programs.
 
     pyserial opens and configures the device; bytes bypass it, straight to the descriptor:
@@ -94,23 +90,13 @@ class SerialPort:
     """
 
     def __init__(self, path: str, baud: int) -> None:
-        self._path, self._baud = path, baud
+        self.path, self.baud = path, baud
         self._serial: serial.Serial | None = None
         self._fd = -1
 
     @property
-    def path(self) -> str:
-        """Return the device file."""
-        return self._path
-
-    @property
-    def baud(self) -> int:
-        """Return the baud rate [bit/s]."""
-        return self._baud
-
-    @property
     def is_open(self) -> bool:
-        """Tell whether bytes can pass."""
+        """Return whether the device is open."""
         return self._fd >= 0
 
     def open(self) -> None:
@@ -124,10 +110,11 @@ class SerialPort:
         try:
             self._serial = self._open_serial()
             self._fd = self._serial.fileno()
-            _claim(self._fd)
+            # The lock does not keep out programs that ignore it.
+            fcntl.ioctl(self._fd, termios.TIOCEXCL)
         except (OSError, ValueError, termios.error) as error:
             self.close()
-            raise PortError(self._path, explain_refusal(self._path, self._baud, error)) from error
+            raise PortError(self.path, explain_refusal(self.path, self.baud, error)) from error
 
     def close(self) -> None:
         """Unlock and close the device; harmless if it is closed."""
@@ -143,7 +130,7 @@ class SerialPort:
         """Change the baud rate [bit/s], open or not; what was received before is dropped."""
         was_open = self.is_open
         self.close()
-        self._baud = baud
+        self.baud = baud
         if was_open:
             self.open()
             self.flush()
@@ -161,9 +148,9 @@ class SerialPort:
             except BlockingIOError:
                 left = deadline - time.monotonic()
                 if left <= 0.0 or not select.select((), (self._fd,), (), left)[1]:
-                    raise PortLostError(self._path) from None
+                    raise PortLostError(self.path) from None
             except OSError as error:
-                raise PortLostError(self._path) from error
+                raise PortLostError(self.path) from error
 
     def read(self, deadline: float) -> bytes:
         """Return received bytes; wait for one until a deadline of the monotonic clock [s].
@@ -179,9 +166,9 @@ class SerialPort:
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:
-            raise PortLostError(self._path) from error
+            raise PortLostError(self.path) from error
         if not data:  # readable, but without data: the other end has hung up
-            raise PortLostError(self._path)
+            raise PortLostError(self.path)
         return data
 
     def flush(self) -> int:
@@ -197,11 +184,11 @@ class SerialPort:
         except BlockingIOError:
             pass
         except OSError as error:
-            raise PortLostError(self._path) from error
+            raise PortLostError(self.path) from error
         return count
 
     def _open_serial(self) -> serial.Serial:
-        return serial.Serial(self._path, self._baud, timeout=0, exclusive=True)
+        return serial.Serial(self.path, self.baud, timeout=0, exclusive=True)
 
 
 class SdkPort(SerialPort):
@@ -210,9 +197,9 @@ class SdkPort(SerialPort):
     def _open_serial(self) -> serial.Serial:
         from dynamixel_sdk import PortHandler  # an optional dependency
 
-        handler = PortHandler(self._path)
-        if not handler.setBaudRate(self._baud):
-            raise ValueError(f"dynamixel-sdk cannot set {self._baud} bit/s; use pyserial")
+        handler = PortHandler(self.path)
+        if not handler.setBaudRate(self.baud):
+            raise ValueError(f"dynamixel-sdk cannot set {self.baud} bit/s; use pyserial")
         device = handler.ser
         assert device is not None
         try:
@@ -221,11 +208,6 @@ class SdkPort(SerialPort):
             device.close()
             raise
         return device
-
-
-def _claim(fd: int) -> None:
-    """Keep other programs out, also those that ignore the lock."""
-    fcntl.ioctl(fd, termios.TIOCEXCL)
 
 
 def explain_refusal(path: str, baud: int, error: Exception) -> str:
@@ -249,11 +231,11 @@ def _explain_permission(path: str) -> str:
         group = grp.getgrgid(Path(path).stat().st_gid).gr_name
         if group != "root":
             return f"join the group '{group}' (sudo usermod -aG {group} $USER) and log in again"
-    return "its owner is root: ask for a udev rule that gives it to the group 'dialout'"
+    return "its owner is root: add a udev rule that gives it to the group 'dialout'"
 
 
 def is_pseudo_terminal(path: str) -> bool:
-    """Tell whether a port is a Linux pseudo-terminal, as that of a virtual bus is."""
+    """Return whether a port is a Linux pseudo-terminal, as that of a virtual bus is."""
     with contextlib.suppress(OSError):
         status = Path(path).stat()
         return stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) in UNIX98_SLAVES

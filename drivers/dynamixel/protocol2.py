@@ -100,7 +100,7 @@ class Status:
 
     @property
     def alert(self) -> bool:
-        """Tell whether the device reports a hardware error."""
+        """Return whether the device reports a hardware error."""
         return bool(self.error & ALERT)
 
     @property
@@ -125,7 +125,7 @@ class Status:
 
 
 def is_confirmed(status: Status | None) -> bool:
-    """Tell whether a device has carried out an instruction; ``None`` stands for silence."""
+    """Return whether a device has carried out an instruction; ``None`` stands for silence."""
     return status is not None and not status.number
 
 
@@ -273,6 +273,10 @@ class Damaged:
     id: int
     instruction: int
     frame: bytes
+
+    def encode(self) -> bytes:
+        """Return the frame as received."""
+        return self.frame
 
 
 @dataclass

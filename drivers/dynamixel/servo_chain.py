@@ -1,4 +1,4 @@
-"""All servos behind one port, perhaps with the board: what is read and written in each cycle."""
+"""All servos behind one port, and the board if it is there: reads and writes of each cycle."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class ServoChain:
         return setup.failed
 
     def reset_goal(self, row: int) -> bool:
-        """Make a servo's present position its goal; tell whether it confirms."""
+        """Make a servo's present position its goal; return whether it confirms."""
         place = int(np.searchsorted(self.rows, row))
         table, device = self._tables[place], int(self._ids[place])
         present, goal = table["present_position"], table["goal_position"]
@@ -143,7 +143,7 @@ class ServoChain:
 
     @property
     def has_alert(self) -> bool:
-        """Tell whether a servo reports an alert in the newest replies."""
+        """Return whether a servo reports an alert in the newest replies."""
         return self._replies is not None and bool((self._replies.errors & ALERT).any())
 
     def apply_cyclic(self, states: ServoStates, now: float) -> None:
@@ -173,14 +173,14 @@ class ServoChain:
         """Use the rest of a cycle: verify torque, poll lost servos, set up restarted ones."""
         if self.is_lost or self._cyclic is None:
             return
-        with self.bus.until(limit):
-            self._guarded(lambda: self._maintain(states, limit))
-
-    def _maintain(self, states: ServoStates, limit: float) -> None:
-        if self._verify_left:
-            self._verify_torque(states, limit)
-        self._poll(states, limit)
-        self._set_up_again(states, limit)
+        try:
+            with self.bus.until(limit):
+                if self._verify_left:
+                    self._verify_torque(states, limit)
+                self._poll(states, limit)
+                self._set_up_again(states, limit)
+        except PortLostError:
+            self._lose()
 
     # Writing ----------------------------------------------------------------------------------
 
@@ -248,7 +248,7 @@ class ServoChain:
         self._reopen_at = time.monotonic() + REOPEN_EVERY
 
     def _is_mute(self) -> bool:
-        """Tell whether nothing at all has come from the port for long.
+        """Return whether nothing at all has come from the port for long.
 
         Another program that opens the port may change its speed, and some adapters hang:
         opening it again is all that can be done from here.
@@ -259,7 +259,7 @@ class ServoChain:
         return now - self._bytes_in_at > MUTE_TIME
 
     def _is_usable(self) -> bool:
-        """Tell whether the port is there; open it again if it was lost."""
+        """Return whether the port is there; open it again if it was lost."""
         if not self.is_lost:
             return True
         if time.monotonic() < self._reopen_at:

@@ -120,7 +120,7 @@ class ServoStates:
             self.temperature[row] = data[2]
 
     def update_torque(self, replies: Replies, *, is_final: bool) -> bool:
-        """Compare torque registers with what was written; tell whether all agree.
+        """Compare torque registers with what was written; return whether all agree.
 
         Where torque is off by mistake it is switched on again, unless the read is the final
         one: then the servo may have restarted.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from drivers.errors import SetupError
 from robots import Joint, Robot
 
 SETUP_MARGIN = 0.03  # s that a reply may take where no cycle is waiting
-BOOT_TIME = 3.0  # s until servos answer after power-up or reboot; they take 0.3 s
+BOOT_TIME = 3.0  # s until servos reply after power-up or reboot; they take 0.3 s
 BOOT_MARGIN = 0.01  # s to wait for each reply meanwhile
 FIRST_READS = 10  # tries to read a first value of every joint
 
@@ -41,7 +41,7 @@ def open_ports(buses: Sequence[DynamixelBus]) -> None:
     """
     errors: list[PortError] = []
     for bus in buses:
-        bus.expect_return_delay(FACTORY_RETURN_DELAY)
+        bus.return_delay = FACTORY_RETURN_DELAY
         try:
             bus.port.open()
         except PortError as error:
@@ -55,17 +55,21 @@ def open_ports(buses: Sequence[DynamixelBus]) -> None:
 @contextmanager
 def using_margin(buses: Iterable[DynamixelBus], margin: float) -> Iterator[None]:
     """Use another answer margin [s] on some buses inside the block."""
-    with ExitStack() as stack:
-        for bus in buses:
-            stack.enter_context(bus.using_margin(margin))
+    before = {id(bus): (bus, bus.answer_margin) for bus in buses}
+    for bus, _ in before.values():
+        bus.answer_margin = margin
+    try:
         yield
+    finally:
+        for bus, own in before.values():
+            bus.answer_margin = own
 
 
 def await_servos(servos: Iterable[tuple[DynamixelBus, Joint]]) -> None:
     """Wait for servos that have just been powered; `diagnose` reports those that stay silent."""
     until = time.monotonic() + BOOT_TIME
     missing = list(servos)
-    with using_margin({id(bus): bus for bus, _ in missing}.values(), BOOT_MARGIN):
+    with using_margin([bus for bus, _ in missing], BOOT_MARGIN):
         while missing and time.monotonic() < until:
             missing = [(bus, joint) for bus, joint in missing if not bus.ping(joint.servo.id)]
 
@@ -119,7 +123,7 @@ def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: S
     if failures:
         raise DiagnosticsError(failures)
     for chain in chains:
-        chain.bus.expect_return_delay(0.0)
+        chain.bus.return_delay = 0.0
 
 
 def measure_once(chains: Sequence[ServoChain], states: ServoStates, now: float) -> ImuSample:

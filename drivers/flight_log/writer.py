@@ -10,7 +10,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 import numpy as np
@@ -76,19 +75,12 @@ class FlightLog:
         self._channels: dict[str, int] = {}
         self._parts: list[str] = []
         self._rest: list[str] = []
-        self._cycles = self._time_ns = self._pending = 0
+        self.cycles = 0
+        """Number of logged cycles."""
+        self.fault: str | None = None
+        """Why recording stopped early; None if it did not."""
+        self._time_ns = self._pending = 0
         self._time = self._flushed_at = 0.0
-        self._fault: str | None = None
-
-    @property
-    def cycles(self) -> int:
-        """Return the number of logged cycles."""
-        return self._cycles
-
-    @property
-    def fault(self) -> str | None:
-        """Return why recording stopped early, ``None`` if it did not."""
-        return self._fault
 
     def __enter__(self) -> Self:
         """Create the file.
@@ -104,12 +96,7 @@ class FlightLog:
         self._flush()
         return self
 
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
         """Close; an exception is logged as the last event."""
         if error is not None:
             self.event(self._time, "exception", f"{type(error).__name__}: {error}".rstrip(": "))
@@ -118,7 +105,7 @@ class FlightLog:
     def log(self, cycle: Cycle) -> None:
         """Record a cycle; an ``on_cycle`` of `drivers.run`."""
         self._set_time(cycle.state.time)
-        if not self._cycles:
+        if not self.cycles:
             values = {field.name: getattr(cycle, field.name) for field in fields(cycle)}
             self._parts = [name for name, value in values.items() if is_dataclass(value)]
             self._rest = [name for name in values if name not in self._parts]
@@ -126,7 +113,7 @@ class FlightLog:
             self._write(TOPICS.get(name, f"/{name}"), getattr(cycle, name))
         if self._rest:
             self._write(REST, {name: getattr(cycle, name) for name in self._rest})
-        self._cycles += 1
+        self.cycles += 1
         is_due = time.monotonic() - self._flushed_at >= CHUNK_TIME
         if is_due or self._pending >= CHUNK_BYTES:
             self._flush()
@@ -174,7 +161,7 @@ class FlightLog:
         data = _to_json(value)
         with self._stopping_on_errors():
             channel = self._channels.get(topic) or self._open_channel(topic, value, data)
-            self._writer.add_message(channel, self._time_ns, data, self._time_ns, self._cycles)
+            self._writer.add_message(channel, self._time_ns, data, self._time_ns, self.cycles)
         self._pending += len(data)
 
     def _open_channel(self, topic: str, value: Any, data: bytes) -> int:
@@ -196,7 +183,7 @@ class FlightLog:
         try:
             yield
         except OSError as error:
-            self._fault = f"flight log {self.path}: {error.strerror or error}, recording stopped"
+            self.fault = f"flight log {self.path}: {error.strerror or error}, recording stopped"
             if self._file:
                 with suppress(OSError):  # closing tries to write the rest
                     self._file.close()

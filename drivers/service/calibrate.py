@@ -30,12 +30,12 @@ PAUSE = 0.02  # s between two reads: a moving hand shows within 0.4 s
 STILL = 4  # ticks that the reads may differ by, 0.35 degrees
 LARGE_SHIFT = 10.0  # degrees by which a zero may move without a warning
 TURN = 20  # degrees to turn a joint by
-LEAST_TURN = 5.0  # degrees that tell a direction from a wobble
+LEAST_TURN = 5.0  # degrees; less may be a wobble
 TRIES = 3  # measurements of a robot that is not held still; reads of a silent servo
 DEG_PER_TICK = 360.0 / TICKS_PER_TURN
 
 VERTICAL_AXIS = 0.8  # vertical share of a joint axis above which its motion is called a turn
-WAYS = (("backward", "forward"), ("to its right", "to its left"), ("down", "up"))
+DIRECTIONS = (("backward", "forward"), ("to its right", "to its left"), ("down", "up"))
 """Negative and positive of the robot's x, y and z when it stands."""
 
 
@@ -64,7 +64,7 @@ class MovingError(SetupError):
 
 
 class SilentError(SetupError):
-    """Servos do not report their positions."""
+    """Servos do not reply with their positions."""
 
     def __init__(self, joints: Sequence[Joint]) -> None:
         super().__init__(f"{name_all(joints)}: silent; check cable and power (getup doctor)")
@@ -101,7 +101,7 @@ class JointMeasurement:
 
     @property
     def is_reversed(self) -> bool:
-        """Tell whether the servo turns the other way than known before."""
+        """Return whether the servo turns the other way than known before."""
         return self.sign != self.joint.servo.sign
 
     @property
@@ -140,7 +140,7 @@ class Calibrator:
         return tuple(self._measured.values())
 
     def check(self) -> None:
-        """Check that the chosen joints' servos answer and can be calibrated.
+        """Check that the chosen joints' servos reply and can be calibrated.
 
         Raises:
             DiagnosticsError: listing all that cannot.
@@ -176,7 +176,7 @@ class Calibrator:
             self._measured[name] = replace(measured, zero_ticks=zero)
 
     def check_signs(self, prompt: Prompt) -> None:
-        """Find each servo's direction while a person turns one joint after the other."""
+        """Find each servo's direction while a person turns the joints one by one."""
         for name, measured in self._measured.items():
             sign = self._find_sign(measured.joint, prompt)
             if sign is not None:
@@ -217,7 +217,7 @@ def measure_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
 
     Raises:
         MovingError: naming those that are not.
-        SilentError: naming those that do not answer.
+        SilentError: naming those that do not reply.
     """
     reads: list[dict[str, int]] = []
     for i in range(READS):
@@ -235,7 +235,7 @@ def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
     """Read the positions of joints once [ticks].
 
     Raises:
-        SilentError: naming those that do not answer after several tries.
+        SilentError: naming those that do not reply after several tries.
     """
     ticks: dict[str, int] = {}
     for _ in range(TRIES):
@@ -284,7 +284,7 @@ def save(robot: Robot, measured: Sequence[JointMeasurement], path: Path) -> Cali
 
 
 def is_yes(answer: str) -> bool:
-    """Tell whether an answer agrees."""
+    """Return whether an answer agrees."""
     return answer.strip().lower() in ("y", "yes")
 
 
@@ -299,7 +299,7 @@ def describe_direction(robot: Robot, joint: Joint) -> str:
         return f"seen from above, its limb turns {way}"
     motion = np.cross(axis, lever)
     largest = int(np.abs(motion).argmax())
-    return f"the far end of its limb goes {WAYS[largest][int(motion[largest] > 0.0)]}"
+    return f"the far end of its limb goes {DIRECTIONS[largest][int(motion[largest] > 0.0)]}"
 
 
 def _find_axis(robot: Robot, joint: Joint) -> tuple[Array, Array]:

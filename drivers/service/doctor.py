@@ -94,7 +94,7 @@ class HealthCheck:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Return the findings that forbid to move."""
+        """Return the findings that forbid motion."""
         return tuple(f for f in self.findings if f.severity is not Severity.WARNING)
 
     @property
@@ -291,7 +291,7 @@ def _check_latency(port: str, latency: Latency | None, limit: float) -> list[Fin
 
 
 def describe_timer_remedy(path: str) -> str:
-    """Describe how to make a USB adapter hand over replies at once."""
+    """Describe how to make a USB adapter deliver replies at once."""
     name = Path(path).resolve().name
     return f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer (docs, udev)"
 

@@ -1,4 +1,4 @@
-"""Finds the devices on serial ports, at all baud rates, without knowing any robot."""
+"""Finds the devices on serial ports, at all baud rates, whatever the robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robots.robot import BAUD_RATES
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """Baud rates of most robots, and the one as shipped [bit/s]."""
-GARBLED = 2  # garbled replies in a row that are not a coincidence
+GARBLED_REPLIES = 2  # garbled replies in a row that are not a coincidence
 PONG = OVERHEAD + 1 + PING_DATA  # bytes of a reply to a ping
 ONBOARD_PORT = re.compile(r"/ttyS\d+$")  # on the mainboard, not a USB adapter
 
@@ -46,7 +46,7 @@ class PortFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundDevice:
-    """A device that answers, or several of one id."""
+    """A device that replies, or several of one id."""
 
     id: int
     baud: int
@@ -153,7 +153,7 @@ def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevi
     for device in range(MAX_ID + 1):
         if device in known:
             continue
-        for _ in range(GARBLED):
+        for _ in range(GARBLED_REPLIES):
             before = replace(bus.statistics)
             status = bus.ping(device)
             if status is not None:

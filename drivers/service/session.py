@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.configuration import ALL_ANSWERED
-from drivers.dynamixel.control_table import Item, table_named
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import (
     TRIES,
     Diagnostics,
@@ -20,14 +20,10 @@ from drivers.dynamixel.diagnostics import (
     name_of,
 )
 from drivers.dynamixel.opencr import OpenCr, check_board
-from drivers.dynamixel.port import Port, SerialPort
+from drivers.dynamixel.port import MakePort, SerialPort
 from drivers.dynamixel.protocol2 import is_confirmed
-from drivers.dynamixel.startup import await_servos, open_ports
+from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_ports
 from robots import Joint, Robot
-
-MARGIN = 0.03  # s that a reply may take: no cycle is waiting
-
-MakePort = Callable[[str, int], Port]
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,7 @@ class RobotBus:
     """All ports of a robot, and its board.
 
     Two things may be written at the start, and are listed in ``written``: the board's switch
-    for the servos' power, and the status return level of a servo that answers no reads. Both
+    for the servos' power, and the status return level of a servo that does not reply to reads. Both
     are reset when the robot is switched off.
     """
 
@@ -54,7 +50,7 @@ class RobotBus:
         self.written: list[str] = []
         """What was written at the start, in words."""
         self.board: OpenCr | None = None
-        """The board, if it answers and is the expected one."""
+        """The board, if it replies and is the expected one."""
         self.findings: list[Finding] = find_duplicate_ids(robot)
         """Problems of the description and the board."""
         self._check_board()
@@ -117,7 +113,7 @@ class RobotBus:
             await_servos((port.bus, joint) for port in self.ports for joint in port.joints)
 
     def _unmute(self, bus: DynamixelBus, joint: Joint) -> None:
-        """Make a servo answer reads that is configured to answer pings only."""
+        """Make a servo reply to reads that is configured to reply to pings only."""
         damaged = bus.statistics.damaged
         if bus.ping(joint.servo.id, TRIES) is None:
             return
@@ -126,7 +122,7 @@ class RobotBus:
         if bus.statistics.damaged > damaged:
             return  # two of one id, which `diagnose` reports
         _write_byte(bus, joint, "status_return_level", ALL_ANSWERED)
-        self.written.append(f"{name_of(joint)} answered no reads: its status return level is 2 now")
+        self.written.append(f"{name_of(joint)} ignored reads: its status return level is 2 now")
 
 
 @contextmanager
@@ -138,7 +134,7 @@ def open_robot_bus(
     Args:
         robot: Robot with a bus.
         ports: Device of each port, by its name in the robot's description.
-        make_port: Makes a port of a path and a baud rate.
+        make_port: `SerialPort` or `SdkPort`.
 
     Raises:
         SetupError: if ports do not open, naming all of them.
@@ -149,7 +145,7 @@ def open_robot_bus(
     opened = tuple(
         BusPort(
             port.name,
-            DynamixelBus(make_port(ports[port.name], settings.baud), answer_margin=MARGIN),
+            DynamixelBus(make_port(ports[port.name], settings.baud), answer_margin=SETUP_MARGIN),
             tuple(joints[name] for name in port.joints),
         )
         for port in settings.ports
@@ -162,17 +158,13 @@ def open_robot_bus(
             port.bus.port.close()
 
 
-def _item(joint: Joint, name: str) -> Item:
-    return table_named(joint.servo.model.name)[name]
-
-
 def _read_byte(bus: DynamixelBus, joint: Joint, name: str) -> int | None:
-    """Read a register of one byte; ``None`` if the servo does not answer."""
-    status = bus.read(joint.servo.id, _item(joint, name).span, TRIES)
-    return status.data[0] if status is not None and is_confirmed(status) and status.data else None
+    """Read a register of one byte; ``None`` if the servo does not reply."""
+    status = bus.read(joint.servo.id, table_named(joint.servo.model.name)[name].span, TRIES)
+    return status.data[0] if status and is_confirmed(status) and status.data else None
 
 
 def _write_byte(bus: DynamixelBus, joint: Joint, name: str, value: int) -> bool:
-    """Write a register of one byte; tell whether the servo confirms it."""
-    address = _item(joint, name).address
+    """Write a register of one byte; return whether the servo confirms it."""
+    address = table_named(joint.servo.model.name)[name].address
     return is_confirmed(bus.write(joint.servo.id, address, bytes((value,)), TRIES))

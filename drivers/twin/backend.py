@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
-from drivers.backend import ClosesItself
+from drivers.backend import Backend
 from drivers.errors import NotConnectedError
 from drivers.orientation_filter import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
-from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.servo_model import (
     CURRENT_STEP,
     VELOCITY_STEP,
@@ -18,17 +16,17 @@ from drivers.twin.servo_model import (
     SensorNoise,
     quantize,
 )
-from drivers.twin.simulation import CompiledWorld, Drives, Simulation
+from drivers.twin.simulation import CompiledWorld, Simulation
 from robots import Posture, Robot
 from robots.servo import round_pwm
 
 
-class Twin(ClosesItself):
-    """Simulate a robot that measures and obeys like the real one.
+class Twin(Backend):
+    """Simulates a robot that measures and moves like the real one.
 
     Time passes in ``write``: each call holds the command for one period of physics, so the
-    twin runs in lock-step with its controller, as fast as the machine can. ``read`` only
-    looks. ``truth`` is for judges.
+    twin runs in lock-step with its controller, as fast as the machine can. ``read`` changes
+    nothing. ``truth`` is for judges.
     """
 
     def __init__(
@@ -43,7 +41,7 @@ class Twin(ClosesItself):
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        """Build a twin, limp.
+        """Build a twin, torque off.
 
         Args:
             world: World to simulate, in a copy of its model; a robot alone is put on a plane.
@@ -64,44 +62,22 @@ class Twin(ClosesItself):
             noise=noise,
             rng=rng,
         )
+        self.robot, self.period = self.simulation.robot, self.simulation.period
+        self.model, self.data = self.simulation.model, self.simulation.data
+        self.truth = self.simulation.truth
         self._units, self.pwm_limited = ServoUnits(self.robot), pwm_limited
         self._filter = OrientationFilter(self.period)
         self._connected = False
         if start is not None:
             self.place(start)
 
-    @property
-    def robot(self) -> Robot:
-        """Return the simulated robot."""
-        return self.simulation.robot
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self.simulation.period
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """Return the simulated world."""
-        return self.simulation.model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """Return the simulation's state."""
-        return self.simulation.data
-
-    @property
-    def truth(self) -> GroundTruth:
-        """Return what only a simulation knows."""
-        return self.simulation.truth
-
     def place(self, posture: Posture) -> None:
-        """Put the robot somewhere, at rest, cool and limp, and start its clock at 0."""
+        """Place the robot at rest, cool, torque off, and start its clock at 0."""
         self.simulation.place(posture)
         self._start_filter()
 
     def connect(self) -> None:
-        """Be ready to read and write; the robot stays where it is."""
+        """Start the orientation filter; the robot stays where it is."""
         if not self._connected:
             self._start_filter()
         self._connected = True
@@ -132,7 +108,7 @@ class Twin(ClosesItself):
         Goals are whole ticks, as on a servo.
         """
         self._check_connected()
-        check_command(command, self.robot.n)
+        check_command(command, self.robot.joint_names)
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
         share = round_pwm(command.pwm_limit)
         if self.pwm_limited:
@@ -144,16 +120,9 @@ class Twin(ClosesItself):
             pwm_limit=share,
         )
         body = self.simulation
-        body.drive(
-            Drives(
-                target=sent.joint_pos,
-                gain_scale=sent.gain_scale,
-                torque_limit=sent.torque_limit,
-                pwm_limit=sent.pwm_limit,
-            )
-        )
+        body.drive(sent)
         body.step(body.steps_per_period)
-        body.feel(self.period)
+        body.update_sensors(self.period)
         self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
         return sent
 

@@ -16,7 +16,7 @@ from robots.quaternion import Array
 
 
 class TwinImu:
-    """Read angular velocity and specific force at a site of a simulation.
+    """Measures angular velocity and specific force at a site of a simulation.
 
     Both sensors give their mean over a period, as their low-pass filters do. The gyro's
     is exact: sampled at 125 Hz without a filter, impacts would cost two degrees of tilt.
@@ -36,21 +36,21 @@ class TwinImu:
         """Specific force in the sensor frame [m/s²], shape (3,)."""
 
     def start(self, data: mujoco.MjData) -> None:
-        """Begin from where the simulation is, as if it had long been at rest there."""
-        self._look(data)
+        """Start at the simulation's present pose, at rest."""
+        self._sample_pose(data)
         self.gyro = self._sense_gyro(np.zeros(3))
         self.accelerometer = self._sense_force(data, np.zeros(3))
 
     def advance(self, data: mujoco.MjData, period: float) -> None:
         """Take one sample, ``period`` seconds after the last."""
         pose, velocity = self._pose.copy(), self._velocity[3:].copy()
-        self._look(data)
+        self._sample_pose(data)
         turn_b = np.zeros(3)
         mujoco.mju_subQuat(turn_b, self._pose, pose)
         self.gyro = self._sense_gyro(turn_b / period)
         self.accelerometer = self._sense_force(data, (self._velocity[3:] - velocity) / period)
 
-    def _look(self, data: mujoco.MjData) -> None:
+    def _sample_pose(self, data: mujoco.MjData) -> None:
         site = mujoco.mjtObj.mjOBJ_SITE
         mujoco.mj_objectVelocity(self._model, data, site, self._site, self._velocity, 0)
         mujoco.mju_mat2Quat(self._pose, data.site_xmat[self._site])

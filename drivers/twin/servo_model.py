@@ -1,4 +1,4 @@
-"""What the twin's servos tell of themselves, through their own resolution."""
+"""Currents and temperatures of the twin's servos, and the resolution of their sensors."""
 
 from __future__ import annotations
 

@@ -1,46 +1,29 @@
-"""A robot's body in MuJoCo: its servos' drive, its sensors, the time that passes."""
+"""Simulation of a robot in MuJoCo: its servos, its sensors, and time."""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Protocol
 
 import mujoco
 import numpy as np
 
 from drivers.errors import ModelError
+from drivers.state import Command
 from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
 from robots import Posture, Robot
 from robots.ground import GROUND_FRICTION, add_ground
+from robots.kinematics import place
 from robots.quaternion import Array
 
 LONGEST_STEP = 0.002  # s
 # MuJoCo's dry friction is soft: loaded joints without torque creep at up to 0.03 rad/s. Once they
 # have been that slow for a while, its noslip solver holds them, as the friction of gears does.
 REST_SPEED, REST_TIME, NOSLIP_ITERATIONS = 0.05, 1.0, 5  # rad/s and m/s; s
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Drives:
-    """What every servo does: position mode, or no torque."""
-
-    target: Array
-    """Angles that the position loops aim at [rad], shape (n,)."""
-    gain_scale: Array
-    """Share of each servo's position gain, shape (n,)."""
-    torque_limit: Array
-    """Largest torque [N·m], shape (n,); 0 is torque off."""
-    pwm_limit: Array
-    """Largest share of the supply that drives the motor, shape (n,)."""
-
-    def has_gains_of(self, other: Drives) -> bool:
-        """Tell whether gains and PWM limits are another's."""
-        same_gains = np.array_equal(self.gain_scale, other.gain_scale)
-        return same_gains and np.array_equal(self.pwm_limit, other.pwm_limit)
 
 
 class CompiledWorld(Protocol):
@@ -58,9 +41,9 @@ class CompiledWorld(Protocol):
 
 
 class Simulation:
-    """Simulate a robot; whoever drives it sets `Drives` and lets time pass.
+    """Simulates a robot: `drive` sets the servos' command, `step` advances time.
 
-    It knows no bus and no controller: the twin and the virtual bus are two ways to it.
+    It depends on no bus and no controller: the twin and the virtual bus are two interfaces to it.
     """
 
     def __init__(
@@ -73,13 +56,13 @@ class Simulation:
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        """Build a robot in its standing posture, limp.
+        """Build a robot in its standing posture, torque off.
 
         Args:
             world: World to simulate, in a copy of its model; a robot alone is put on a plane.
             voltage: Supply without load [V]; ``None`` for the robot's nominal one.
             supply_resistance: Resistance of battery and wires [ohm]; the supply sags by it.
-            period: Time between two looks of the sensors [s]; ``None`` for the robot's own.
+            period: Time between two sensor updates [s]; ``None`` for the robot's own.
             noise: Sensor noise; ``None`` for resolution alone.
             rng: Source of the noise.
         """
@@ -101,8 +84,8 @@ class Simulation:
         self._windings = Windings(robot)
         self.imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
         self.truth = GroundTruth(robot, self.model, self.data)
-        self.on_look: list[Callable[[], None]] = []
-        """Called after each look of the sensors, by whoever lets time pass."""
+        self.on_sensor_update: list[Callable[[], None]] = []
+        """Called after each `update_sensors`."""
         self.place(robot.standing)
 
     @property
@@ -112,23 +95,23 @@ class Simulation:
 
     @property
     def joint_pos(self) -> Array:
-        """Return the joint angles [rad], noise on them but not yet in ticks, (n,)."""
+        """Return the joint angles with noise, not yet quantized [rad], (n,)."""
         return self._add_noise(self.data.qpos[self._layout.qpos], self._noise.joint_pos)
 
     @property
     def joint_vel(self) -> Array:
-        """Return the joint speeds [rad/s], noise on them, (n,)."""
+        """Return the joint speeds with noise [rad/s], (n,)."""
         return self._add_noise(self.data.qvel[self._layout.dof], self._noise.joint_vel)
 
     @property
     def joint_current(self) -> Array:
-        """Return the motor currents [A], noise on them, (n,)."""
+        """Return the motor currents with noise [A], (n,)."""
         return self._add_noise(self._current, self._noise.joint_current)
 
     @property
     def has_torque(self) -> bool:
-        """Tell whether any servo drives its motor."""
-        return self._drives is not None and bool(self._drives.torque_limit.any())
+        """Return whether any servo drives its motor."""
+        return self._command is not None and bool(self._command.torque_limit.any())
 
     @property
     def temperature(self) -> Array:
@@ -142,7 +125,7 @@ class Simulation:
 
     @property
     def supply(self) -> float:
-        """Return the supply without load [V]; setting it is a battery that sags."""
+        """Return the supply without load [V]; set it to let a battery sag."""
         return self._supply
 
     @supply.setter
@@ -151,51 +134,54 @@ class Simulation:
         self._supply_varies = True
 
     def place(self, posture: Posture) -> None:
-        """Put the robot somewhere, at rest, cool and limp, and start its clock at 0."""
-        data, layout = self.data, self._layout
+        """Place the robot at rest, cool, torque off, and start its clock at 0."""
+        data = self.data
         mujoco.mj_resetData(self.model, data)
-        root = layout.root_qpos
-        data.qpos[root : root + 3] = posture.position
-        data.qpos[root + 3 : root + 7] = posture.orientation
-        data.qpos[layout.qpos] = posture.joint_pos
+        data.qpos[:] = place(self.robot, self.model, posture)
         self._windings.cool()
         self._current = np.zeros(self.robot.n)
         self._voltage = self._supply
-        self._drives: Drives | None = None
-        self.drive(limp_drives(posture.joint_pos))
+        self._command: Command | None = None
+        self.drive(replace(Command.limp(self.robot.n), joint_pos=posture.joint_pos))
         mujoco.mj_step1(self.model, data)
         self.imu.start(data)
 
-    def drive(self, drives: Drives) -> None:
-        """Set what the servos do from now on."""
-        last, self._drives = self._drives, drives
-        self.data.ctrl[self._actuators] = drives.target
-        if last is None or not np.array_equal(last.torque_limit, drives.torque_limit):
+    def drive(self, command: Command) -> None:
+        """Set the command that the servos follow from now on."""
+        last, self._command = self._command, command
+        self.data.ctrl[self._actuators] = command.joint_pos
+        if last is None or not np.array_equal(last.torque_limit, command.torque_limit):
             # A force range of [0, 0] is torque off: friction and rotor inertia stay.
-            self.model.actuator_forcerange[self._actuators, 0] = -drives.torque_limit
-            self.model.actuator_forcerange[self._actuators, 1] = drives.torque_limit
+            self.model.actuator_forcerange[self._actuators, 0] = -command.torque_limit
+            self.model.actuator_forcerange[self._actuators, 1] = command.torque_limit
             self._rest_time = 0.0
             self.model.opt.noslip_iterations = 0
-        if last is None or self._supply_varies or not drives.has_gains_of(last):
-            gains = self.robot.drive_gains(self._voltage, drives.gain_scale, drives.pwm_limit)
+        if (
+            last is None
+            or self._supply_varies
+            or not np.array_equal(last.gain_scale, command.gain_scale)
+            or not np.array_equal(last.pwm_limit, command.pwm_limit)
+        ):
+            gains = self.robot.drive_gains(self._voltage, command.gain_scale, command.pwm_limit)
             self.model.actuator_gainprm[self._actuators] = gains
 
     def release(self) -> None:
-        """Take the torque from every servo."""
-        self.drive(limp_drives(self.data.ctrl[self._actuators]))
+        """Switch off the torque of every servo."""
+        target = self.data.ctrl[self._actuators]
+        self.drive(replace(Command.limp(self.robot.n), joint_pos=target))
 
     def step(self, steps: int) -> None:
-        """Let some steps of physics pass."""
+        """Advance by some steps of physics."""
         for _ in range(steps):
             # Together they are mj_step, but leave positions and contacts up to date.
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
 
-    def feel(self, duration: float) -> None:
-        """Bring what the sensors integrate up to date.
+    def update_sensors(self, duration: float) -> None:
+        """Update currents, heat, supply and IMU.
 
         Args:
-            duration: Time since the last look [s].
+            duration: Time since the last update [s].
         """
         torque = self.data.actuator_force[self._actuators]
         self._current = self._windings.compute_current(torque)
@@ -206,8 +192,8 @@ class Simulation:
             velocity = self.data.qvel[self._layout.dof]
             power = self._windings.compute_power(self._current, torque, velocity)
             self._voltage = self._supply - self._supply_resistance * power / self._voltage
-        for look in self.on_look:
-            look()
+        for callback in self.on_sensor_update:
+            callback()
 
     def _hold_at_rest(self, duration: float) -> None:
         """Let friction hold a robot that has come to rest without torque."""
@@ -220,13 +206,6 @@ class Simulation:
 
     def _add_noise(self, value: Array, deviation: float) -> Array:
         return value + self._rng.normal(0.0, deviation, len(value)) if deviation else value
-
-
-def limp_drives(joint_pos: Array) -> Drives:
-    """Build the drives of servos without torque."""
-    n = len(joint_pos)
-    ones = np.ones(n)
-    return Drives(target=joint_pos, gain_scale=ones, torque_limit=np.zeros(n), pwm_limit=ones)
 
 
 def build_flat_world(robot: Robot, friction: float = GROUND_FRICTION) -> mujoco.MjModel:
@@ -243,7 +222,7 @@ def _count_steps(period: float, timestep: float) -> int:
             f"period {period:g} s is not a multiple of the physics step {timestep:g} s"
         )
     if timestep > LONGEST_STEP + 1e-12:
-        raise ModelError(f"physics step is {timestep:g} s, allowed {LONGEST_STEP:g} s or finer")
+        raise ModelError(f"physics step is {timestep:g} s, expected at most {LONGEST_STEP:g} s")
     return steps
 
 

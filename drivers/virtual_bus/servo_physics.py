@@ -10,10 +10,12 @@ import numpy as np
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.servo_units import ServoUnits
+from drivers.state import Command
 from drivers.twin.servo_model import VELOCITY_STEP
-from drivers.twin.simulation import Drives, Simulation
+from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.motor_command import MotorCommand
+from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Posture
 from robots.quaternion import Array
@@ -56,7 +58,7 @@ class ServoPhysics:
         self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
         self._steps_since_sensing = 0
-        self._drives: Drives | None = None
+        self._driven: Command | None = None
         self._last_commands: list[MotorCommand] = []
         self.on_advance: list[Callable[[], None]] = []
         """Called after each run of physics steps, in the thread that advances time."""
@@ -111,14 +113,14 @@ class ServoPhysics:
         moving = not plain or any(servo.has_profile for servo in self._servos)
         until_sensing = simulation.steps_per_period - self._steps_since_sensing
         steps = 1 if moving else min(left, until_sensing)
-        if moving or self._drives is None or not _are_the_same(commands, self._last_commands):
-            self._drives, self._last_commands = self._convert(commands, plain, step), commands
-        simulation.drive(self._drives)
+        if moving or self._driven is None or not _are_the_same(commands, self._last_commands):
+            self._driven, self._last_commands = self._convert(commands, plain, step), commands
+        simulation.drive(self._driven)
         simulation.step(steps)
         self.time += steps * step
         self._steps_since_sensing += steps
         if self._steps_since_sensing == simulation.steps_per_period:
-            simulation.feel(simulation.period)
+            simulation.update_sensors(simulation.period)
             self._steps_since_sensing = 0
         for servo in self._servos:
             servo.advance(self.time)
@@ -129,7 +131,7 @@ class ServoPhysics:
             callback()
         return steps
 
-    def _convert(self, commands: list[MotorCommand], plain: bool, step: float) -> Drives:
+    def _convert(self, commands: list[MotorCommand], plain: bool, step: float) -> Command:
         robot = self.simulation.robot
         on = np.array([d.torque_on for d in commands])
         target = self._units.to_rad(np.array([d.target_ticks for d in commands]))
@@ -141,8 +143,8 @@ class ServoPhysics:
                     # The position loop only transmits the torque here: at its default gain.
                     gain[i] = 1.0
                     target[i] = self._find_target(i, command, step)
-        return Drives(
-            target=target,
+        return Command(
+            joint_pos=target,
             gain_scale=gain,
             torque_limit=np.where(on, robot.max_torque, 0.0),
             pwm_limit=pwm_limit,
@@ -195,12 +197,13 @@ class ServoPhysics:
         temperature, voltage = simulation.temperature, simulation.voltage
         for i, servo in enumerate(self._servos):
             servo.sense(
-                ticks=float(ticks[i]),
-                velocity=float(velocity[i]),
-                current=float(current[i]),
-                pwm_share=0.0,
-                voltage=voltage,
-                temperature=float(temperature[i]),
+                Measured(
+                    ticks=float(ticks[i]),
+                    velocity=float(velocity[i]),
+                    current=float(current[i]),
+                    voltage=voltage,
+                    temperature=float(temperature[i]),
+                )
             )
         if self._board is not None:
             self._board.sense_voltage(voltage)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import SetupError
+from drivers.errors import NoBusError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
@@ -16,19 +16,9 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 from drivers.virtual_bus.servo_physics import ServoPhysics
-from robots import BusSettings, Posture, Robot
+from robots import Posture
 
 FIRMWARE = 46
-
-
-class NoBusError(SetupError):
-    """A robot's description has no servo bus."""
-
-    def __init__(self, robot: Robot) -> None:
-        super().__init__(
-            f"robot '{robot.name}' has no servo bus: add a [bus] table to its robot.toml"
-        )
-        self.robot = robot.name
 
 
 class VirtualRobot:
@@ -55,7 +45,9 @@ class VirtualRobot:
         """
         self.robot, self.simulation = simulation.robot, simulation
         self.quirks = quirks = quirks or Quirks()
-        self.bus = check_bus(self.robot)
+        if self.robot.bus is None:
+            raise NoBusError(self.robot.name)
+        self.bus = self.robot.bus
         self.servos = [
             VirtualServo(
                 joint.servo.id,
@@ -126,7 +118,7 @@ class VirtualPorts:
             time_mode: How time advances.
             link: Path of the port; with several ports, each gets ``-NAME`` appended.
             rng: Random source of faults.
-            schedule: FaultInjector to come, on the last port.
+            schedule: Faults to come, on the last port.
             adapter_latency: Latency timer of the USB adapter [s].
         """
         names = list(robot.chains)
@@ -157,7 +149,6 @@ class VirtualPorts:
         return {name: bus.path for name, bus in self.buses.items()}
 
     def __enter__(self) -> VirtualPorts:
-        """Create and serve the ports."""
         with ExitStack() as opening:
             for bus in self.buses.values():
                 opening.enter_context(bus)
@@ -165,19 +156,7 @@ class VirtualPorts:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Remove the ports."""
         self._open.close()
-
-
-def check_bus(robot: Robot) -> BusSettings:
-    """Return the bus settings of a robot.
-
-    Raises:
-        NoBusError: if it has none.
-    """
-    if robot.bus is None:
-        raise NoBusError(robot)
-    return robot.bus
 
 
 def _link(link: Path | None, name: str, count: int) -> Path | None:

@@ -90,7 +90,7 @@ def _rate(fault: LineFault, rate: float) -> FaultCase:
 
 
 def _order(fault: LineFault, count: int = 1) -> FaultCase:
-    return FaultCase(lambda m: m.faults.order(fault, None, count))
+    return FaultCase(lambda m: m.faults.strike_next(fault, None, count))
 
 
 def _trip(error: HardwareError) -> FaultCase:

@@ -159,6 +159,6 @@ def _heat_up(
         body.release()
         for _ in range(round(REST / twin.period)):
             body.step(body.steps_per_period)
-            body.feel(twin.period)
+            body.update_sensors(twin.period)
         warm = body.temperature.copy()
     return float(warm.max())

@@ -8,30 +8,19 @@ from itertools import pairwise
 import numpy as np
 
 from drivers import Backend, Command, State
-from drivers.backend import ClosesItself
 from drivers.servo_units import ServoUnits
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from robots import Robot
 from robots.quaternion import Array
 from robots.servo import RAD_PER_TICK
 
 
-class ObservingBackend(ClosesItself):
+class ObservingBackend(Backend):
     """Forwards every call; subclasses override what they observe."""
 
     def __init__(self, backend: Backend) -> None:
         """Observe a backend."""
         self._backend = backend
-
-    @property
-    def robot(self) -> Robot:
-        """Return the robot."""
-        return self._backend.robot
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self._backend.period
+        self.robot, self.period = backend.robot, backend.period
 
     def connect(self) -> None:
         """Open the backend."""

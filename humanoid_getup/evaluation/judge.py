@@ -97,7 +97,7 @@ class GroundTruthJudge:
         self._qpos: list[Array] = []
         self._head_impact: list[tuple[bool, float]] = []
         self._faults: list[tuple[bool, bool, bool]] = []
-        simulation.on_look.append(self._look)
+        simulation.on_sensor_update.append(self._look)
 
     def __call__(self, _cycle: Cycle) -> None:
         """Ignore the cycle; samples come from the simulation."""
@@ -127,8 +127,8 @@ class GroundTruthJudge:
 
     def conclude(self) -> RunOutcome:
         """Judge the run; one that ended before its first cycle did not stand."""
-        if self._look in self._simulation.on_look:
-            self._simulation.on_look.remove(self._look)
+        if self._look in self._simulation.on_sensor_update:
+            self._simulation.on_sensor_update.remove(self._look)
         robot, period = self._simulation.robot, self._simulation.period
         model = self._simulation.model
         qpos = np.array(self._qpos).reshape(-1, model.nq)

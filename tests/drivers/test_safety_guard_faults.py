@@ -65,9 +65,9 @@ def test_letting_go_is_never_held_up(guard, backend):
 @pytest.mark.parametrize(
     ("changes", "kind", "words"),
     [
-        ({"alert": np.array([0, 32])}, FaultKind.SERVO_ERROR, "joint 'r_hip' tells overload"),
+        ({"alert": np.array([0, 32])}, FaultKind.SERVO_ERROR, "joint 'r_hip' reports overload"),
         ({"alert": np.array([36, 0])}, FaultKind.SERVO_ERROR, "overheating and overload"),
-        ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "has not named"),
+        ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "unknown kind"),
         ({"imu_age": 0.4}, FaultKind.LOST_IMU, "since 0.40 s"),
         ({"voltage": 9.9}, FaultKind.LOW_VOLTAGE, "9.9 V, expected 10.0 V or more"),
     ],

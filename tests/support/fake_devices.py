@@ -14,6 +14,7 @@ from drivers.dynamixel.protocol2 import (
     Status,
     encode_fast_status,
 )
+from drivers.virtual_bus.reply import Reply
 
 
 @dataclass
@@ -32,13 +33,6 @@ class FakeDevice:
         self.errors |= error
 
 
-@dataclass(frozen=True)
-class FakeReply:
-    device: int
-    delay: float
-    data: bytes
-
-
 class FakeDevices:
     def __init__(self, ids: Sequence[int], *, delay: float = 0.0, baud: int = 1_000_000) -> None:
         self.devices = [FakeDevice(i, baud) for i in ids]
@@ -53,7 +47,7 @@ class FakeDevices:
     def device(self, device_id: int) -> FakeDevice:
         return self._by_id[device_id]
 
-    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[FakeReply]:
+    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[Reply]:
         assert baud is None or baud in {device.baud for device in self.devices}
         self.heard.append(item)
         if isinstance(item, Damaged):
@@ -73,9 +67,9 @@ class FakeDevices:
             ]
             if item.instruction == Instruction.FAST_SYNC_READ:
                 return self._cut(encode_fast_status(statuses), statuses)
-            return [FakeReply(s.id, self.delay, s.encode()) for s in statuses]
+            return [Reply(s.id, self.delay, s.encode()) for s in statuses]
         answers = [self._answer(d, item) for d in self.devices if item.id in (d.id, BROADCAST)]
-        return [FakeReply(s.id, self.delay, s.encode()) for s in answers if s]
+        return [Reply(s.id, self.delay, s.encode()) for s in answers if s]
 
     def _answer(self, device: FakeDevice, item: Packet) -> Status | None:
         if not device.alive:
@@ -91,10 +85,10 @@ class FakeDevices:
             return Status(device.id) if item.id != BROADCAST else None
         return None
 
-    def _cut(self, frame: bytes, statuses: list[Status]) -> list[FakeReply]:
+    def _cut(self, frame: bytes, statuses: list[Status]) -> list[Reply]:
         pieces, at = [], 0
         for k, status in enumerate(statuses):
             end = at + (8 if k == 0 else 0) + 4 + len(status.data)
-            pieces.append(FakeReply(status.id, self.delay if k == 0 else 0.0, frame[at:end]))
+            pieces.append(Reply(status.id, self.delay if k == 0 else 0.0, frame[at:end]))
             at = end
         return pieces

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers import Command, State
-from drivers.backend import ClosesItself
+from drivers import Backend, Command, State
 from robots import Robot
 
 
@@ -27,7 +26,7 @@ def still_state(robot: Robot, **changes) -> State:
     return replace(state, **changes)
 
 
-class RecordingBackend(ClosesItself):
+class RecordingBackend(Backend):
     """Its clock moves with each write; its joints never move."""
 
     period = 0.008

@@ -3,9 +3,11 @@
 from collections.abc import Iterable
 
 from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
-from drivers.virtual_bus.devices.chain import Chain, Reply
+from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.device import VirtualDevice
+from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.reply import Reply
 
 ROOM = 25.0  # °C
 FULL_PWM = 885  # counts
@@ -52,22 +54,6 @@ def read(device: VirtualDevice, name: str) -> int:
     return item.decode(status.data)
 
 
-def sense(
-    servo: VirtualServo,
-    *,
-    ticks: float = 2048.0,
-    velocity: float = 0.0,
-    current: float = 0.0,
-    pwm_share: float = 0.0,
-    voltage: float = 12.0,
-    temperature: float = ROOM,
-) -> None:
+def sense(servo: VirtualServo, **measured: float) -> None:
     """Set what a servo measures; anything not given is at rest."""
-    servo.sense(
-        ticks=ticks,
-        velocity=velocity,
-        current=current,
-        pwm_share=pwm_share,
-        voltage=voltage,
-        temperature=temperature,
-    )
+    servo.sense(Measured(**{"ticks": 2048.0, "temperature": ROOM} | measured))

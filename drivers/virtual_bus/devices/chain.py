@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import (
@@ -22,21 +22,10 @@ from drivers.dynamixel.protocol2 import (
 )
 from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
 from drivers.virtual_bus.devices.quirks import BadCrc, Quirks, ReadGap, WatchdogFeed
+from drivers.virtual_bus.reply import Reply
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """Bytes that a device puts on the wire, and the silence before them."""
-
-    device: int
-    """Its id."""
-    delay: float
-    """Silence before them [s], since the end of the instruction or of the reply before."""
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class MemberRead:
+class MemberRead(NamedTuple):
     """The part of a group read that one device replies to."""
 
     id: int

@@ -90,12 +90,12 @@ class VirtualDevice:
 
     @property
     def listens(self) -> bool:
-        """Whether instructions reach it."""
+        """Return whether instructions reach it."""
         return self.alive and self._powered and self.now >= self._booted_at
 
     @property
     def answers_reads(self) -> bool:
-        """Whether its status return level makes it reply to reads."""
+        """Return whether its status return level makes it reply to reads."""
         return self.registers.memory[self._at_level] >= READ_LEVEL
 
     @property
@@ -105,7 +105,7 @@ class VirtualDevice:
 
     @property
     def powered(self) -> bool:
-        """Whether it has power; switching that on boots it."""
+        """Return whether it has power; switching that on boots it."""
         return self._powered
 
     @powered.setter

@@ -35,7 +35,7 @@ class Backup:
 
     @property
     def is_ready(self) -> bool:
-        """Whether a copy is stored."""
+        """Return whether a copy is stored."""
         return bool(self._values)
 
     def store(self, registers: Registers) -> None:

@@ -24,9 +24,7 @@ class MotorCommand:
     target_ticks: float
     """Target of the position loop, turns included, without homing offset."""
     p_gain: int
-    """Register value of the position loop's gain, as are the next two."""
-    i_gain: int
-    d_gain: int
+    """Register value of the position loop's gain."""
     velocity_p_gain: int
     """Register value of the velocity loop's gain, as is the next."""
     velocity_i_gain: int

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from drivers.dynamixel.control_table import DriveMode
-from drivers.virtual_bus.devices.registers import Registers
+from drivers.virtual_bus.devices.registers import MAX_COUNTS, Registers, clamp
 from robots.servo import RAD_PER_TICK
 
 
@@ -65,26 +65,21 @@ class ProfileTrajectory:
         return position + 0.5 * (self.cruise + velocity) * t, velocity
 
 
-def plan_step(start: float, goal: float) -> ProfileTrajectory:
-    """Jump to the goal."""
-    return ProfileTrajectory(start, goal, 0.0, goal)
-
-
 def plan_by_velocity(
     start: float, position: float, velocity: float, goal: float, top: float, acceleration: float
 ) -> ProfileTrajectory:
     """Plan the fastest trajectory within a speed [ticks/s] and an acceleration [ticks/s²].
 
     Args:
-        start: Now [s].
-        position: Where the trajectory is now [ticks].
-        velocity: How fast it is now [ticks/s].
-        goal: Where it ends, at rest [ticks].
+        start: Present time [s].
+        position: Present position of the trajectory [ticks].
+        velocity: Its present velocity [ticks/s].
+        goal: Its end, at rest [ticks].
         top: Cruising speed; 0 for no profile.
         acceleration: 0 for a jump to the cruising speed.
     """
     if top <= 0.0:
-        return plan_step(start, goal)
+        return ProfileTrajectory(start, goal, 0.0, goal)
     way = goal - position
     if acceleration <= 0.0:
         cruise = math.copysign(top, way)
@@ -114,15 +109,12 @@ def plan_by_time(
     """Plan a trajectory of a given duration.
 
     Args:
-        start: Now [s].
-        position: Where the trajectory is now [ticks].
-        velocity: How fast it is now [ticks/s].
-        goal: Where it ends, at rest [ticks].
+        start, position, velocity, goal: As in `plan_by_velocity`.
         total: Duration of the trajectory [s]; 0 for no profile.
         ramp: Duration of each ramp [s], at most half of the total.
     """
     if total <= 0.0:
-        return plan_step(start, goal)
+        return ProfileTrajectory(start, goal, 0.0, goal)
     ramp = min(ramp, 0.5 * total)
     way = goal - position
     if ramp <= 0.0:
@@ -139,9 +131,6 @@ def plan_by_time(
 def approach(value: float, goal: float, step: float) -> float:
     """Move a value toward a goal by at most one step."""
     return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)
-
-
-MAX_COUNTS = 0x7FFFFFFF  # of a signed four-byte register
 
 
 class PositionControl:
@@ -168,7 +157,7 @@ class PositionControl:
         self.position, self._velocity = position, 0.0
         self.speed = self._goal_speed = 0.0
         self._trajectory, self.running, self.shape = None, False, ProfileShape.STEP
-        self._show()
+        self._write()
 
     def aim(self, now: float, goal: float) -> None:
         """Start toward a position [ticks] by the profile registers."""
@@ -193,7 +182,7 @@ class PositionControl:
         self.running = self._trajectory.end > now
         if not self.running:
             self.halt(goal)
-        self._show()
+        self._write()
 
     def aim_speed(self, goal: float) -> None:
         """Start toward a velocity [rad/s]; only the acceleration of the profile applies."""
@@ -206,7 +195,7 @@ class PositionControl:
         else:
             self._acceleration = acceleration * self._acceleration_scale
         self.running = self.speed != goal
-        self._show()
+        self._write()
 
     def advance(self, now: float, duration: float) -> None:
         """Advance along the trajectory while ``running``."""
@@ -216,7 +205,7 @@ class PositionControl:
         else:
             self.speed = approach(self.speed, self._goal_speed, self._acceleration * duration)
             self.running = self.speed != self._goal_speed
-        self._show()
+        self._write()
 
     def _profile(self) -> tuple[int, int]:
         return self._registers["profile_velocity"], self._registers["profile_acceleration"]
@@ -224,8 +213,9 @@ class PositionControl:
     def _is_time_based(self) -> bool:
         return bool(self._registers["drive_mode"] & DriveMode.TIME_BASED)
 
-    def _show(self) -> None:
+    def _write(self) -> None:
+        """Write the trajectory registers."""
         speed = self._velocity * RAD_PER_TICK or self.speed
         speed_counts, position = round(speed / self._speed_scale), round(self.position)
-        self._registers["velocity_trajectory"] = max(-MAX_COUNTS, min(MAX_COUNTS, speed_counts))
-        self._registers["position_trajectory"] = max(-MAX_COUNTS, min(MAX_COUNTS, position))
+        self._registers["velocity_trajectory"] = clamp(speed_counts, MAX_COUNTS)
+        self._registers["position_trajectory"] = clamp(position, MAX_COUNTS)

@@ -14,6 +14,7 @@ from drivers.virtual_bus.devices.quirks import UndefinedRegisters
 MAX_PLANS = 256  # cached; clients use a handful, a fuzzer many
 _Plan = TypeVar("_Plan")
 _POINTER, _TARGET = "indirect_address_", "indirect_data_"
+MAX_COUNTS = 0x7FFFFFFF  # of a signed four-byte register
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,6 @@ class Registers:
         self._writes: dict[tuple[int, int], WritePlan] = {}
 
     def __getitem__(self, name: str) -> int:
-        """Return an item's value."""
         return self._codecs[name].unpack_from(self.memory, self._addresses[name])[0]
 
     def __setitem__(self, name: str, value: int) -> None:
@@ -76,7 +76,6 @@ class Registers:
             self.clear_plans()
 
     def __contains__(self, name: str) -> bool:
-        """Return whether the table has an item."""
         return name in self._addresses
 
     def value_or_zero(self, name: str) -> int:
@@ -150,6 +149,11 @@ class Registers:
             remaps |= item.name.startswith(_POINTER)
             offset += item.size
         return WritePlan(0, tuple(fields), eeprom, remaps)
+
+
+def clamp(value: int, limit: int) -> int:
+    """Clamp a value to a symmetric limit."""
+    return max(-limit, min(limit, value))
 
 
 def codec_of(item: Item) -> struct.Struct:

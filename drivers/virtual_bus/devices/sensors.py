@@ -8,18 +8,36 @@ from __future__ import annotations
 
 import math
 import struct
+from typing import NamedTuple
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from drivers.virtual_bus.devices.motor_command import POSITION_MODES
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.devices.registers import Registers
+from drivers.virtual_bus.devices.registers import MAX_COUNTS, Registers, clamp
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
 MAX_HOMING_IN_ONE_TURN = 1024  # ticks; larger offsets are ignored in mode 3 (e-manual)
 NOMINAL_VOLTAGE = 12.0  # V, or the middle of the model's range
 _SIDE_BY_SIDE = struct.Struct("<hhii")  # PWM, load, velocity, position: so in every servo's table
+
+
+class Measured(NamedTuple):
+    """Physical quantities of a servo, in the horn's own direction."""
+
+    ticks: float = 0.5 * TICKS_PER_TURN
+    """Position of the horn, turns included."""
+    velocity: float = 0.0
+    """[rad/s]"""
+    current: float = 0.0
+    """[A]"""
+    pwm_share: float = 0.0
+    """Share of the supply on the motor, -1 to 1."""
+    voltage: float = NOMINAL_VOLTAGE
+    """Supply [V]."""
+    temperature: float = AMBIENT_TEMPERATURE
+    """[°C]"""
 
 
 class Sensors:
@@ -35,17 +53,11 @@ class Sensors:
         self._at_pwm = table["present_pwm"].address
         self._at_supply = table["present_input_voltage"].address
         middle = 0.05 * (registers["min_voltage_limit"] + registers["max_voltage_limit"])
-        self.voltage = min(NOMINAL_VOLTAGE, middle)
-        """[V]"""
-        self.temperature = AMBIENT_TEMPERATURE
-        """[°C]"""
-        self.current = 0.0
-        """In the horn's direction [A]."""
+        self.measured = Measured(voltage=min(NOMINAL_VOLTAGE, middle))
         self.sign = 1.0
         """-1 when the drive mode reverses the servo."""
         self.offset = 0.0
         """Register value minus signed horn position [ticks]."""
-        self._ticks, self._speed, self._pwm_share = 0.5 * TICKS_PER_TURN, 0.0, 0.0
         self._turns = 0.0  # ticks that bring the position into one turn
         self._speed_counts = self._position_counts = 0
         self.fold()
@@ -53,30 +65,21 @@ class Sensors:
     @property
     def position(self) -> int:
         """Return the value of the position register [ticks]."""
-        return round(self.sign * self._ticks + self.offset)
+        return round(self.sign * self.measured.ticks + self.offset)
 
     def to_horn(self, position: float) -> float:
         """Convert a register position [ticks] to the horn's own."""
         return self.sign * (position - self.offset)
 
-    def take(
-        self,
-        ticks: float,
-        velocity: float,
-        current: float,
-        pwm_share: float,
-        voltage: float,
-        temperature: float,
-    ) -> None:
-        """Set the measured quantities; see `VirtualServo.sense`."""
-        self._ticks, self._speed, self._pwm_share = ticks, velocity, pwm_share
-        self.current, self.voltage, self.temperature = current, voltage, temperature
-        self._show()
+    def update(self, measured: Measured) -> None:
+        """Set the measured quantities."""
+        self.measured = measured
+        self._write()
 
     def fold(self) -> None:
         """Bring the position back into one turn."""
         self.reload()
-        turn = math.floor(self.sign * self._ticks / TICKS_PER_TURN)
+        turn = math.floor(self.sign * self.measured.ticks / TICKS_PER_TURN)
         self._turns = -float(turn * TICKS_PER_TURN)
         self.reload()
 
@@ -91,16 +94,17 @@ class Sensors:
             homing = 0
         self.offset = self._turns + homing
         self._threshold = registers["moving_threshold"]
-        self._show()
+        self._write()
 
-    def _show(self) -> None:
-        sign, memory = self.sign, self._registers.memory
-        share = sign * self._pwm_share
-        load = sign * self.current if self._has_current else share
+    def _write(self) -> None:
+        """Write the measured registers."""
+        sign, memory, measured = self.sign, self._registers.memory, self.measured
+        share = sign * measured.pwm_share
+        load = sign * measured.current if self._has_current else share
         speed = self._speed_counts = clamp(
-            round(sign * self._speed / self._speed_scale), 0x7FFFFFFF
+            round(sign * measured.velocity / self._speed_scale), MAX_COUNTS
         )
-        position = self._position_counts = clamp(self.position, 0x7FFFFFFF)
+        position = self._position_counts = clamp(self.position, MAX_COUNTS)
         _SIDE_BY_SIDE.pack_into(
             memory,
             self._at_pwm,
@@ -109,12 +113,12 @@ class Sensors:
             speed,
             position,
         )
-        at, volts = self._at_supply, min(max(round(self.voltage * 10.0), 0), 0xFFFF)
+        at, volts = self._at_supply, min(max(round(measured.voltage * 10.0), 0), 0xFFFF)
         memory[at], memory[at + 1] = volts & 0xFF, volts >> 8
-        memory[at + 2] = min(max(round(self.temperature), 0), 0xFF)
-        self.show_flags()
+        memory[at + 2] = min(max(round(measured.temperature), 0), 0xFF)
+        self.write_flags()
 
-    def show_flags(self) -> None:
+    def write_flags(self) -> None:
         """Update Moving and Moving Status (e-manual)."""
         control, position = self._control, self._position_counts
         running = control.running
@@ -129,8 +133,3 @@ class Sensors:
         memory, at = self._registers.memory, self._at_flags
         memory[at] = running or abs(self._speed_counts) > self._threshold
         memory[at + 1] = status
-
-
-def clamp(value: int, limit: int) -> int:
-    """Clamp a value to a symmetric limit."""
-    return max(-limit, min(limit, value))

@@ -19,7 +19,8 @@ from drivers.virtual_bus.devices.motor_command import POSITION_MODES, MotorComma
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.devices.sensors import Sensors, clamp
+from drivers.virtual_bus.devices.registers import clamp
+from drivers.virtual_bus.devices.sensors import Measured, Sensors
 from drivers.virtual_bus.devices.write_rules import TRIPPED, WriteRules
 from robots.servo import PWM_FULL_SCALE
 
@@ -95,12 +96,12 @@ class VirtualServo(VirtualDevice):
 
     @property
     def torque_on(self) -> bool:
-        """Whether it drives its motor."""
+        """Return whether it drives its motor."""
         return self._torque_on
 
     @property
     def has_profile(self) -> bool:
-        """Whether a profile is being executed."""
+        """Return whether a profile is being executed."""
         return self._control.running
 
     def poke(self, name: str, value: int) -> None:
@@ -112,27 +113,9 @@ class VirtualServo(VirtualDevice):
         self._hardware_error = self.peek("hardware_error_status")
         self._reload()
 
-    def sense(
-        self,
-        *,
-        ticks: float,
-        velocity: float,
-        current: float,
-        pwm_share: float,
-        voltage: float,
-        temperature: float,
-    ) -> None:
-        """Set the measured quantities, in the horn's own direction.
-
-        Args:
-            ticks: Position of the horn, turns included.
-            velocity: [rad/s]
-            current: [A]
-            pwm_share: Share of the supply on the motor, -1 to 1.
-            voltage: Supply [V].
-            temperature: [°C]
-        """
-        self._sensors.take(ticks, velocity, current, pwm_share, voltage, temperature)
+    def sense(self, measured: Measured) -> None:
+        """Set the measured quantities."""
+        self._sensors.update(measured)
         if self._powered:
             self._protect()
 
@@ -177,8 +160,8 @@ class VirtualServo(VirtualDevice):
             if self._control.running:
                 self._control.advance(now, duration)
                 self._motor_command = None
-                self._sensors.show_flags()
-        if self._protection.advance(self._sensors.current, duration):
+                self._sensors.write_flags()
+        if self._protection.advance(self._sensors.measured.current, duration):
             self.trip(HardwareError.OVERLOAD)
 
     def _compute_motor_command(self) -> MotorCommand:
@@ -196,8 +179,6 @@ class VirtualServo(VirtualDevice):
             mode=OperatingMode(self._mode),
             target_ticks=self._sensors.to_horn(self._control.position),
             p_gain=registers["position_p_gain"],
-            i_gain=registers["position_i_gain"],
-            d_gain=registers["position_d_gain"],
             velocity_p_gain=registers["velocity_p_gain"],
             velocity_i_gain=registers["velocity_i_gain"],
             pwm_limit=min(abs(pwm), 1.0),
@@ -210,7 +191,8 @@ class VirtualServo(VirtualDevice):
     # Protection --------------------------------------------------------------------------------
 
     def _protect(self) -> None:
-        bits = self._protection.check(self._sensors.voltage, self._sensors.temperature)
+        measured = self._sensors.measured
+        bits = self._protection.check(measured.voltage, measured.temperature)
         if new := bits & ~self._hardware_error:
             self.trip(HardwareError(new))
         gone = self._hardware_error & ~bits & HardwareError.VOLTAGE
@@ -286,12 +268,12 @@ class VirtualServo(VirtualDevice):
     def _set_position_goal(self, goal: int) -> None:
         if self._mode in POSITION_MODES and self._takes_goals():
             self._control.aim(self.now, goal)
-            self._sensors.show_flags()
+            self._sensors.write_flags()
 
     def _set_velocity_goal(self, goal: int) -> None:
         if self._mode == OperatingMode.VELOCITY and self._takes_goals():
             self._control.aim_speed(goal * self.table["goal_velocity"].scale)
-            self._sensors.show_flags()
+            self._sensors.write_flags()
 
     def _take_current(self, goal: int) -> None:
         del goal

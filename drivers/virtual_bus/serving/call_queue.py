@@ -1,4 +1,4 @@
-"""CallQueue from other threads to the one that serves a bus."""
+"""A queue of calls from other threads to the one that serves a bus."""
 
 from __future__ import annotations
 
@@ -87,4 +87,4 @@ class CallQueue:
             try:
                 os.write(self._bell[1], b"!")
             except BlockingIOError:
-                return  # a full pipe wakes it too
+                return  # a full pipe wakes the thread as well

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
+from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.instruction_reader import ReceivedInstruction
 from drivers.virtual_bus.serving.interfaces import Devices, WireStatistics
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
-from drivers.virtual_bus.serving.wire_faults import Transmission
 
 GROUP_READS = (
     Instruction.SYNC_READ,
@@ -33,21 +33,15 @@ class Exchange:
         self._strict_stuffing = strict_stuffing
         self.statistics = statistics
 
-    def run(self, request: ReceivedInstruction) -> list[Transmission]:
+    def run(self, request: ReceivedInstruction) -> list[Reply]:
         """Execute an instruction; return what goes to the client, in its order on the wire."""
         line, statistics = self._faults.line, self.statistics
-        transmissions: list[Transmission] = []
-        if line.strikes_echo():
-            transmissions.append(Transmission(BROADCAST, 0.0, _frame_of(request.item)))
+        echo = [Reply(BROADCAST, 0.0, request.item.encode())] if line.strikes_echo() else []
         received = self._deliver(request)
         replies = [r for item in received for r in self._devices.handle(item, baud=request.baud)]
         statistics.answers += len(replies)
         statistics.unanswered += not replies and expects_reply(request.item)
-        if line.quiet:
-            return transmissions + [Transmission(r.device, r.delay, r.data) for r in replies]
-        for reply in replies:
-            transmissions += line.disturb_reply(reply)
-        return transmissions
+        return echo + [part for reply in replies for part in line.disturb_reply(reply)]
 
     def hand_over(self, wire: PseudoTerminal, data: bytes, baud: int) -> None:
         """Deliver bytes that were sent at a baud rate [bit/s] to the client.
@@ -80,7 +74,3 @@ def expects_reply(item: Packet | Damaged) -> bool:
     if item.instruction in GROUP_READS or item.instruction == Instruction.PING:
         return True
     return item.id != BROADCAST and item.instruction != Instruction.ACTION
-
-
-def _frame_of(item: Packet | Damaged) -> bytes:
-    return item.encode() if isinstance(item, Packet) else item.frame

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.serving.interfaces import FaultTarget
+from drivers.virtual_bus.serving.interfaces import InjectionTarget
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 
 
@@ -28,7 +28,7 @@ class FaultInjector:
     Devices are changed between two instructions.
     """
 
-    def __init__(self, target: FaultTarget, rng: np.random.Generator) -> None:
+    def __init__(self, target: InjectionTarget, rng: np.random.Generator) -> None:
         """Inject faults into a bus; ``rng`` draws the random ones."""
         self.line = LineFaults(rng)
         self.silent = False
@@ -46,9 +46,9 @@ class FaultInjector:
         """Apply a wire fault to a share of all replies, requests or bytes, 0 to 1."""
         self._target.call(lambda: self.line.set_rate(fault, rate))
 
-    def order(self, fault: LineFault, device: int | None = None, count: int = 1) -> None:
+    def strike_next(self, fault: LineFault, device: int | None = None, count: int = 1) -> None:
         """Apply a wire fault to the next replies (of one device, or of any) or requests."""
-        self._target.call(lambda: self.line.order(fault, device, count))
+        self._target.call(lambda: self.line.strike_next(fault, device, count))
 
     def set_times(self, *, late_by: float | None = None, split_pause: float | None = None) -> None:
         """Set how long late replies and the second parts of split ones are held back [s]."""

@@ -2,50 +2,66 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from drivers.dynamixel.control_table import HardwareError
+from msgspec import Meta
+
 from drivers.errors import SetupError
+from drivers.state import HardwareError
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.wire_faults import LineFault
-from robots.validation import is_number, shown
+from robots.validation import load_toml, read_table, shown, whole
+
+LONGEST_TIME = 1e6  # s
+
+
+def within(lower: float, upper: float, unit: str = "") -> Meta:
+    """Limit a number to [lower, upper]."""
+    expected = f"a number from {lower:g} to {upper:g} {unit}".rstrip()
+    return Meta(ge=lower, le=upper, description=expected)
+
+
+Time = Annotated[float, within(0.0, LONGEST_TIME, "s")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScheduledFault:
     """One entry of a schedule; fields that its kind does not have are None."""
 
-    at: float
+    at: Time
     """Bus time [s]."""
     kind: str
-    duration: float | None = None
+    duration: Time | None = field(default=None, metadata={"key": "for"})
     """Duration [s]; None for no end."""
-    device: int | None = None
-    """Id; None for the whole bus."""
-    rate: float | None = None
-    """Share of replies, requests or bytes, 0 to 1."""
-    count: int | None = None
+    id: Annotated[int, whole(0, 252)] | None = None
+    """Device; None for the whole bus."""
+    rate: Annotated[float, within(0.0, 1.0)] | None = None
+    """Share of replies, requests or bytes."""
+    count: Annotated[int, whole(1, 10**9)] | None = None
     """Number of replies or requests."""
-    seconds: float | None = None
-    """How long a reply is held back [s]."""
-    error: str | None = None
-    """Name of a hardware error, in lower case."""
-    temperature: float | None = None
-    """[°C]"""
-    voltage: float | None = None
-    """[V]"""
+    seconds: Annotated[float, within(0.0, 10.0, "s")] | None = None
+    """How long a reply is held back."""
+    error: Literal["voltage", "overheating", "encoder", "shock", "overload"] | None = None
+    """Name of a hardware error."""
+    temperature: Annotated[float, within(-40.0, 200.0, "°C")] | None = None
+    voltage: Annotated[float, within(0.0, 30.0, "V")] | None = None
 
 
-@dataclass(frozen=True)
-class FaultKind:
-    """Fields and actions of one kind of fault."""
+Action = Callable[[FaultInjector], None]
+Act = Callable[[FaultInjector, Any], None]
+"""Also takes the `ScheduledFault`; Any, because its kind decides which fields are not None."""
 
-    start: Callable[[FaultInjector, Any], None]
-    end: Callable[[FaultInjector, Any], None] | None = None
+
+@dataclass(frozen=True, kw_only=True)
+class InjectableFault:
+    """A kind of fault: its actions, and its fields besides ``at`` and ``kind``."""
+
+    start: Act
+    end: Act | None = None
     """None if the fault has no end."""
     needs: tuple[str, ...] = ()
     takes: tuple[str, ...] = ()
@@ -58,7 +74,7 @@ def _start_line_fault(faults: FaultInjector, fault: ScheduledFault) -> None:
     if kind is LineFault.SPLIT:
         faults.set_times(split_pause=fault.seconds)
     if fault.rate is None:
-        faults.order(kind, fault.device, fault.count or 1)
+        faults.strike_next(kind, fault.id, fault.count or 1)
     else:
         faults.set_rate(kind, fault.rate)
 
@@ -68,64 +84,66 @@ def _end_line_fault(faults: FaultInjector, fault: ScheduledFault) -> None:
         faults.set_rate(LineFault(fault.kind), 0.0)
 
 
-def _line_kind(fault: LineFault) -> FaultKind:
+def _line_kind(fault: LineFault) -> InjectableFault:
     takes = ("rate", "count", "for")
     if fault not in (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO):
         takes += ("id",)
     if fault in (LineFault.LATE, LineFault.SPLIT):
         takes += ("seconds",)
-    return FaultKind(_start_line_fault, _end_line_fault, takes=takes)
+    return InjectableFault(start=_start_line_fault, end=_end_line_fault, takes=takes)
 
 
-KINDS: Mapping[str, FaultKind] = {fault.value: _line_kind(fault) for fault in LineFault} | {
-    "kill": FaultKind(
-        lambda faults, fault: faults.kill(fault.device),
-        lambda faults, fault: faults.revive(fault.device),
+KINDS: Mapping[str, InjectableFault] = {fault.value: _line_kind(fault) for fault in LineFault} | {
+    "kill": InjectableFault(
+        start=lambda faults, fault: faults.kill(fault.id),
+        end=lambda faults, fault: faults.revive(fault.id),
         needs=("id",),
         takes=("for",),
     ),
-    "revive": FaultKind(lambda faults, fault: faults.revive(fault.device), needs=("id",)),
-    "reboot": FaultKind(lambda faults, fault: faults.reboot(fault.device), needs=("id",)),
-    "trip": FaultKind(
-        lambda faults, fault: faults.trip(fault.device, HardwareError[fault.error.upper()]),
+    "revive": InjectableFault(start=lambda faults, fault: faults.revive(fault.id), needs=("id",)),
+    "reboot": InjectableFault(start=lambda faults, fault: faults.reboot(fault.id), needs=("id",)),
+    "trip": InjectableFault(
+        start=lambda faults, fault: faults.trip(fault.id, HardwareError[fault.error.upper()]),
         needs=("id", "error"),
     ),
-    "heat": FaultKind(
-        lambda faults, fault: faults.heat(fault.device, fault.temperature),
+    "heat": InjectableFault(
+        start=lambda faults, fault: faults.heat(fault.id, fault.temperature),
         needs=("id", "temperature"),
     ),
-    "sag": FaultKind(lambda faults, fault: faults.sag(fault.voltage), needs=("voltage",)),
-    "freeze_imu": FaultKind(
-        lambda faults, _: faults.freeze_imu(),
-        lambda faults, _: faults.freeze_imu(False),
+    "sag": InjectableFault(
+        start=lambda faults, fault: faults.sag(fault.voltage), needs=("voltage",)
+    ),
+    "freeze_imu": InjectableFault(
+        start=lambda faults, _: faults.freeze_imu(),
+        end=lambda faults, _: faults.freeze_imu(False),
         takes=("for",),
     ),
-    "silence": FaultKind(
-        lambda faults, _: faults.silence(),
-        lambda faults, _: faults.silence(False),
+    "silence": InjectableFault(
+        start=lambda faults, _: faults.silence(),
+        end=lambda faults, _: faults.silence(False),
         takes=("for",),
     ),
-    "unplug": FaultKind(
-        lambda faults, _: faults.unplug(), lambda faults, _: faults.replug(), takes=("for",)
+    "unplug": InjectableFault(
+        start=lambda faults, _: faults.unplug(),
+        end=lambda faults, _: faults.replug(),
+        takes=("for",),
     ),
-    "replug": FaultKind(lambda faults, _: faults.replug()),
+    "replug": InjectableFault(start=lambda faults, _: faults.replug()),
 }
 """Kinds of faults by their name in a file."""
-
-Action = Callable[[FaultInjector], None]
 
 
 class FaultScheduleError(SetupError):
     """A schedule file is invalid."""
 
-    def __init__(self, file: Path, faults: list[str]) -> None:
-        super().__init__(f"{file}: {'; '.join(faults)}")
-        self.file, self.faults = file, faults
+    def __init__(self, file: Path, problems: list[str]) -> None:
+        super().__init__(f"{file}: {'; '.join(problems)}")
+        self.file, self.problems = file, problems
 
 
 @dataclass(frozen=True)
 class FaultSchedule:
-    """FaultInjector in the order of their times."""
+    """Faults in the order of their times."""
 
     faults: tuple[ScheduledFault, ...] = ()
 
@@ -141,120 +159,64 @@ class FaultSchedule:
             FaultScheduleError: listing all problems of the file.
         """
         file = Path(file)
-        table = _read_table(file)
-        faults: list[str] = []
+        try:
+            table = load_toml(file)
+        except ValueError as error:
+            raise FaultScheduleError(file, [str(error)]) from error
+        unknown = table.keys() - {"fault"}
+        problems = [f"unknown table {shown(key)}, expected fault" for key in unknown]
         entries = table.get("fault", [])
-        for key in table.keys() - {"fault"}:
-            faults.append(f"unknown table {shown(key)}, expected fault")
         if not isinstance(entries, list):
-            raise FaultScheduleError(
-                file, [*faults, f"fault is {shown(entries)}, expected [[fault]] tables"]
-            )
-        read = [
-            _read_entry(entry, f"fault {i}: ", devices, faults)
+            problems.append(f"fault is {shown(entries)}, expected [[fault]] tables")
+            entries = []
+        faults = [
+            _read_entry(entry, f"fault {i}: ", devices, problems)
             for i, entry in enumerate(entries, start=1)
         ]
-        if faults:
-            raise FaultScheduleError(file, faults)
-        return cls(tuple(sorted((f for f in read if f), key=lambda fault: fault.at)))
+        if problems:
+            raise FaultScheduleError(file, problems)
+        return cls(tuple(sorted((f for f in faults if f), key=lambda fault: fault.at)))
 
     def plan_actions(self) -> list[tuple[float, Action]]:
         """Return bus times [s] and actions in order, the ends of faults included."""
         actions: list[tuple[float, Action]] = []
         for fault in self.faults:
             kind = KINDS[fault.kind]
-            actions.append((fault.at, _bind(kind.start, fault)))
+            actions.append((fault.at, partial(_act, kind.start, fault)))
             if kind.end and fault.duration is not None:
-                actions.append((fault.at + fault.duration, _bind(kind.end, fault)))
+                actions.append((fault.at + fault.duration, partial(_act, kind.end, fault)))
         return sorted(actions, key=lambda action: action[0])
 
 
-@dataclass(frozen=True)
-class NumberRange:
-    """Expected range of a number in a file."""
-
-    lower: float
-    upper: float
-    unit: str = ""
-    whole: bool = False
-
-    def holds(self, value: object) -> bool:
-        """Return whether a value is in the range."""
-        if not is_number(value) or (self.whole and not isinstance(value, int)):
-            return False
-        return self.lower <= value <= self.upper
-
-    def __str__(self) -> str:
-        kind = "an integer" if self.whole else "a number"
-        return f"{kind} from {self.lower:g} to {self.upper:g} {self.unit}".rstrip()
-
-
-_LONGEST = 1e6  # s
-RANGES: Mapping[str, NumberRange] = {
-    "at": NumberRange(0.0, _LONGEST, "s"),
-    "for": NumberRange(0.0, _LONGEST, "s"),
-    "id": NumberRange(0, 252, whole=True),
-    "rate": NumberRange(0.0, 1.0),
-    "count": NumberRange(1, 10**9, whole=True),
-    "seconds": NumberRange(0.0, 10.0, "s"),
-    "temperature": NumberRange(-40.0, 200.0, "°C"),
-    "voltage": NumberRange(0.0, 30.0, "V"),
-}
-"""Ranges of numbers by their name in a file."""
-ERRORS = tuple(str(error.name).lower() for error in HardwareError)
-_ATTRIBUTES = {"for": "duration", "id": "device"}
-
-
-def _read_table(file: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(file.read_text("utf-8"))
-    except OSError as error:
-        raise FaultScheduleError(file, [str(error.strerror)]) from error
-    except (ValueError, RecursionError) as error:
-        raise FaultScheduleError(file, [f"not TOML ({' '.join(str(error).split())})"]) from error
+def _act(act: Act, fault: ScheduledFault, faults: FaultInjector) -> None:
+    act(faults, fault)
 
 
 def _read_entry(
-    entry: Any, owner: str, devices: Collection[int], faults: list[str]
+    entry: Any, owner: str, devices: Collection[int], problems: list[str]
 ) -> ScheduledFault | None:
-    """Read one entry; on problems, add them to ``faults`` and return None."""
+    """Read one entry; None if its kind is unknown."""
     if not isinstance(entry, dict):
-        faults.append(f"{owner}is {shown(entry)}, expected a table")
+        problems.append(f"{owner}is {shown(entry)}, expected a table")
         return None
     name = entry.get("kind")
     if not isinstance(name, str) or name not in KINDS:
         state = f"is {shown(name)}" if "kind" in entry else "is missing"
-        faults.append(f"{owner}kind {state}, expected {', '.join(KINDS)}")
+        problems.append(f"{owner}kind {state}, expected {', '.join(KINDS)}")
         return None
     kind, owner = KINDS[name], f"{owner}{name}: "
-    found = list(_find_entry_faults(entry, kind, devices))
-    faults.extend(owner + fault for fault in found)
-    if found:
-        return None
-    content = {_ATTRIBUTES.get(str(key), str(key)): value for key, value in entry.items()}
-    return ScheduledFault(**content)
-
-
-def _find_entry_faults(entry: dict[str, Any], kind: FaultKind, devices: Collection[int]):
-    needs = ("at", *kind.needs)
-    known = ("kind", *needs, *kind.takes)
-    for key in needs:
-        if key not in entry:
-            yield f"{key} is missing, expected {RANGES.get(key) or ', '.join(ERRORS)}"
-    for key, value in entry.items():
-        if key not in known:
-            yield f"unknown field {shown(key)}, expected {', '.join(known)}"
-        elif key == "error" and value not in ERRORS:
-            yield f"error is {shown(value)}, expected {', '.join(ERRORS)}"
-        elif key in RANGES and not RANGES[key].holds(value):
-            yield f"{key} is {shown(value)}, expected {RANGES[key]}"
-        elif key == "id" and devices and value not in devices:
-            yield f"id is {value}, expected {', '.join(map(str, sorted(devices)))}"
+    known = ("kind", "at", *kind.needs, *kind.takes)
+    problems += [
+        f"{owner}unknown field {shown(key)}, expected {', '.join(known)}"
+        for key in entry
+        if key not in known
+    ]
+    fault = read_table(ScheduledFault, entry, owner, problems, required=kind.needs)
+    if devices and fault.id is not None and fault.id >= 0 and fault.id not in devices:
+        expected = ", ".join(map(str, sorted(devices)))
+        problems.append(f"{owner}id is {fault.id}, expected {expected}")
     if "rate" in entry and ("count" in entry or "id" in entry):
-        yield "has a rate and also a count or an id, expected only one of them"
+        problems.append(f"{owner}has a rate and also a count or an id, expected only one of them")
     if "for" in entry and "rate" in kind.takes and "rate" not in entry:
-        yield "has a duration without a rate, expected both"
-
-
-def _bind(act: Callable[[FaultInjector, Any], None], fault: ScheduledFault) -> Action:
-    return lambda faults: act(faults, fault)
+        problems.append(f"{owner}has a duration without a rate, expected both")
+    return fault

@@ -7,27 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from drivers.dynamixel.protocol2 import Damaged, Packet
+from drivers.virtual_bus.reply import Reply
 
 T = TypeVar("T")
-
-
-class DeviceReply(Protocol):
-    """Bytes that one device puts on the wire."""
-
-    @property
-    def device(self) -> int:
-        """Return the device's id."""
-        ...
-
-    @property
-    def delay(self) -> float:
-        """Return the silence before the first byte [s]."""
-        ...
-
-    @property
-    def data(self) -> bytes:
-        """Return the bytes: a frame, or the device's part of a fast one."""
-        ...
 
 
 class Device(Protocol):
@@ -55,7 +37,7 @@ class Devices(Protocol):
         """Return them in any order."""
         ...
 
-    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> Sequence[DeviceReply]:
+    def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[Reply]:
         """Execute an instruction; return the replies in their order on the wire.
 
         Args:
@@ -66,39 +48,32 @@ class Devices(Protocol):
 
     def advance(self, now: float) -> None:
         """Advance the devices to a bus time [s]."""
-        ...
 
 
 class Physics(Protocol):
     """The physics behind the devices."""
 
-    @property
-    def time(self) -> float:
-        """Return the bus time that it has reached [s]."""
-        ...
+    time: float
+    """Bus time that it has reached [s]."""
 
     def advance(self, to: float) -> None:
         """Advance physics and devices to a bus time [s], or to the last step before it."""
-        ...
 
     def pass_period(self) -> None:
         """Advance by one control period."""
-        ...
 
     def heat(self, servo_id: int, temperature: float) -> None:
         """Set the temperature of a servo [°C]."""
-        ...
 
     def sag(self, voltage: float) -> None:
         """Set the supply voltage [V]."""
-        ...
 
 
-class StillPhysics:
-    """No physics: the devices do not move, and only their clocks run."""
+class StillPhysics(Physics):
+    """No physics: the devices do not move, and only their clocks advance."""
 
     def __init__(self, devices: Devices, period: float = 0.008) -> None:
-        """Advance the clocks of devices, with a control period [s]."""
+        """Advance the clocks of devices by control periods [s]."""
         self.time, self.period = 0.0, period
         self._devices = devices
 
@@ -120,7 +95,7 @@ class StillPhysics:
         raise NotImplementedError("a bus without physics has no supply to change")
 
 
-class FaultTarget(Protocol):
+class InjectionTarget(Protocol):
     """A bus that faults are injected into."""
 
     devices: Devices
@@ -132,16 +107,14 @@ class FaultTarget(Protocol):
 
     def plug(self) -> None:
         """Plug the port in."""
-        ...
 
     def unplug(self) -> None:
         """Unplug the port."""
-        ...
 
 
 @dataclass
 class WireStatistics:
-    """Counts since the bus was started, of instructions where nothing else is said."""
+    """Counts since the bus was started; of instructions unless stated otherwise."""
 
     bytes_in: int = 0
     """Bytes sent by clients."""
@@ -164,7 +137,7 @@ class WireStatistics:
     talked_over: int = 0
     """Instructions sent while replies to the one before were still coming."""
     unanswered: int = 0
-    """Instructions that ask for a reply and got none."""
+    """Instructions that expect a reply and got none."""
     overflow: int = 0
     """Bytes lost because the client did not read."""
     missed: int = 0

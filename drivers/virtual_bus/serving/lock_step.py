@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet
+from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.bus_clock import BusClock
 from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
 from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
-from drivers.virtual_bus.serving.wire_faults import Transmission
 
 GOAL_POSITION = table_named("XM430-W350")["goal_position"]  # as in every X and MX(2.0) servo
 QUIET = 0.01  # s that a client waits before it gives up a reply
@@ -51,28 +51,28 @@ class LockStep:
 
     def _run(self, request: ReceivedInstruction) -> None:
         self._release()
-        transmissions = self._exchange.run(request)
-        if self._held or any(transmission.hold for transmission in transmissions):
-            self._hand_over_or_hold(transmissions, request.baud)
+        replies = self._exchange.run(request)
+        if self._held or any(reply.hold for reply in replies):
+            self._hand_over_or_hold(replies, request.baud)
         else:
-            data = b"".join([s.data for s in transmissions])
+            data = b"".join([s.data for s in replies])
             self._exchange.hand_over(self._wire, data, request.baud)
         if ends_cycle(request.item):
             self._time.pass_period()
-        elif expects_reply(request.item) and (self._held or not transmissions):
+        elif expects_reply(request.item) and (self._held or not replies):
             self._time.pass_until(self._time.now + QUIET)
         self._release()
 
-    def _hand_over_or_hold(self, transmissions: list[Transmission], baud: int) -> None:
+    def _hand_over_or_hold(self, replies: list[Reply], baud: int) -> None:
         """Deliver up to the first reply that is held back; all after it wait with it."""
-        for transmission in transmissions:
-            until = self._time.now + transmission.hold
+        for reply in replies:
+            until = self._time.now + reply.hold
             if self._held:
                 until = max(until, self._held[-1][0])
-            if self._held or transmission.hold:
-                self._held.append((until, transmission.data, baud))
+            if self._held or reply.hold:
+                self._held.append((until, reply.data, baud))
             else:
-                self._exchange.hand_over(self._wire, transmission.data, baud)
+                self._exchange.hand_over(self._wire, reply.data, baud)
 
     def _release(self) -> None:
         while self._held and self._held[0][0] <= self._time.now:

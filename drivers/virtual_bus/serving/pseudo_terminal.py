@@ -66,7 +66,7 @@ class PseudoTerminal:
 
     @property
     def plugged(self) -> bool:
-        """Whether a client can open the port."""
+        """Return whether a client can open the port."""
         return self._master >= 0
 
     def fileno(self) -> int:

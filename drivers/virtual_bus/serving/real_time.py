@@ -10,16 +10,15 @@ from time import monotonic, sleep
 
 from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
+from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.bus_clock import BusClock
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
-from drivers.virtual_bus.serving.lock_step import Wait
+from drivers.virtual_bus.serving.lock_step import IDLE, Wait
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
-from drivers.virtual_bus.serving.wire_faults import Transmission
 
 IDLE_STEP = 0.004  # s of physics at once while the wire is idle
 SHORT = 0.001  # s; when the next event is nearer, physics waits
-IDLE = 0.1  # s without traffic after which an abandoned port is cleaned up
 SPIN = 60e-6  # s before an event that are polled, not slept
 MICROFRAME = 125e-6  # s; a high-speed USB adapter delivers bytes at most this often
 PR_SET_TIMERSLACK = 29  # Linux' prctl.h
@@ -147,19 +146,19 @@ class RealTime:
             self._end_ping_window(self.now)
         self._begin_next()
 
-    def _plan(self, transmissions: list[Transmission], baud: int) -> None:
+    def _plan(self, replies: list[Reply], baud: int) -> None:
         """Schedule the delivery of replies; those close together are delivered at once."""
         first, byte_time = -math.inf, _byte_time(baud)
-        for transmission in transmissions:
-            begin = self._free_at + transmission.delay
-            self._free_at = begin + len(transmission.data) * byte_time
-            at = max(self._tick(self._free_at) + transmission.hold, self._delivered_at)
+        for reply in replies:
+            begin = self._free_at + reply.delay
+            self._free_at = begin + len(reply.data) * byte_time
+            at = max(self._tick(self._free_at) + reply.hold, self._delivered_at)
             self._delivered_at = at
             if at - first < MICROFRAME:
                 last = self._batches[-1]
-                self._batches[-1] = replace(last, at=at, data=last.data + transmission.data)
+                self._batches[-1] = replace(last, at=at, data=last.data + reply.data)
             else:
-                self._batches.append(Batch(begin, at, transmission.data, baud))
+                self._batches.append(Batch(begin, at, reply.data, baud))
                 first = at
 
     def _end_ping_window(self, now: float) -> None:

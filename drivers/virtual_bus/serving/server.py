@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
-from types import TracebackType
 from typing import TypeVar
 
 import numpy as np
@@ -71,7 +70,7 @@ class VirtualBus:
             time_mode: How time advances.
             link: Path of the port; None for a temporary one.
             rng: Random source of faults.
-            schedule: FaultInjector to come.
+            schedule: Faults to come.
             adapter_latency: In real time, latency timer of the USB adapter [s] (FTDI: 0.016 as
                 shipped, at best 0.001); 0 for none.
             strict_stuffing: Whether devices ignore an instruction with an unstuffed FF FF FD;
@@ -94,7 +93,7 @@ class VirtualBus:
         self._error: BaseException | None = None
         self._stopping = threading.Event()
 
-    # Life ----------------------------------------------------------------------------------
+    # Starting and stopping -----------------------------------------------------------------
 
     def start(self) -> VirtualBus:
         """Create the port and serve it.
@@ -133,23 +132,16 @@ class VirtualBus:
             raise error
 
     def __enter__(self) -> VirtualBus:
-        """Start, unless it runs already."""
         return self if self.running else self.start()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Stop."""
+    def __exit__(self, *error: object) -> None:
         self.stop()
 
     # For its users -------------------------------------------------------------------------
 
     @property
     def running(self) -> bool:
-        """Whether the bus serves its port."""
+        """Return whether the bus serves its port."""
         return self._thread is not None and self._thread.is_alive()
 
     @property

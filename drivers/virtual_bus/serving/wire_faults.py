@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 
 from drivers.dynamixel.protocol2 import MAX_ID, Damaged, FrameParser, Packet, Status
-from drivers.virtual_bus.serving.interfaces import DeviceReply
+from drivers.virtual_bus.reply import Reply
 
 LONGEST_NOISE = 8  # bytes
 
@@ -42,20 +41,9 @@ class LineFault(Enum):
     """The adapter holds the reply back."""
 
 
-class Transmission(NamedTuple):
-    """Bytes on their way to the client."""
-
-    device: int
-    delay: float
-    """Silence on the wire before the first byte [s]."""
-    data: bytes
-    hold: float = 0.0
-    """How long the adapter holds them back [s]."""
-
-
 @dataclass
-class _Order:
-    """A counted order for one fault."""
+class _Pending:
+    """A fault for a number of coming replies or requests."""
 
     fault: LineFault
     device: int | None
@@ -63,10 +51,10 @@ class _Order:
 
 
 class LineFaults:
-    """Applies faults to bytes, at rates and on order.
+    """Applies faults to bytes: at rates, or to the next replies or requests.
 
-    Without rates no random number is drawn, so the effect of an order does not depend on earlier
-    traffic.
+    Without rates no random number is drawn, so the effect of `strike_next` does not depend on
+    earlier traffic.
     """
 
     late_by = 0.02
@@ -79,7 +67,7 @@ class LineFaults:
         self.counts: Counter[str] = Counter()
         self._rng = rng
         self._rates: dict[LineFault, float] = {}
-        self._orders: list[_Order] = []
+        self._pending: list[_Pending] = []
 
     def set_rate(self, fault: LineFault, rate: float) -> None:
         """Set the share of replies, requests or bytes that a fault affects, 0 to 1."""
@@ -89,14 +77,14 @@ class LineFaults:
         if rate > 0.0:
             self._rates[fault] = rate
 
-    def order(self, fault: LineFault, device: int | None = None, count: int = 1) -> None:
+    def strike_next(self, fault: LineFault, device: int | None = None, count: int = 1) -> None:
         """Apply a fault to the next replies (of one device, or of any) or requests."""
-        self._orders.append(_Order(fault, device, count))
+        self._pending.append(_Pending(fault, device, count))
 
     @property
     def quiet(self) -> bool:
-        """Whether there is neither a rate nor an order."""
-        return not self._rates and not self._orders
+        """Return whether no fault can strike."""
+        return not self._rates and not self._pending
 
     def disturb_request(self, item: Packet | Damaged) -> list[Packet | Damaged]:
         """Return what the devices receive of an instruction."""
@@ -104,7 +92,7 @@ class LineFaults:
             return [item]
         if self._strikes(LineFault.LOSE_REQUEST):
             return []
-        frame = item.encode() if isinstance(item, Packet) else item.frame
+        frame = item.encode()
         flipped = self._flip(LineFault.FLIP_REQUEST, frame)
         return [item] if flipped == frame else FrameParser().feed(flipped)
 
@@ -112,15 +100,13 @@ class LineFaults:
         """Return whether the adapter returns this request."""
         return not self.quiet and self._strikes(LineFault.ECHO)
 
-    def disturb_reply(self, reply: DeviceReply) -> list[Transmission]:
+    def disturb_reply(self, reply: Reply) -> list[Reply]:
         """Return what the client receives of a reply."""
-        device = reply.device
-        transmission = Transmission(device, reply.delay, reply.data)
+        device, data = reply.device, reply.data
         if self.quiet:
-            return [transmission]
+            return [reply]
         if self._strikes(LineFault.LOSE, device):
             return []
-        data = transmission.data
         if self._strikes(LineFault.WRONG_ID, device):
             data = _rename(data, device)
         data = self._flip(LineFault.FLIP, data, device)
@@ -130,29 +116,26 @@ class LineFaults:
             data = self._rng.bytes(int(self._rng.integers(1, LONGEST_NOISE + 1))) + data
         if self._strikes(LineFault.DUPLICATE, device):
             data += data
-        parts = [transmission._replace(data=data)]
+        parts = [reply._replace(data=data)]
         if self._strikes(LineFault.SPLIT, device) and len(data) > 1:
             at = int(self._rng.integers(1, len(data)))
-            pause = self.split_pause
-            parts = [
-                transmission._replace(data=data[:at]),
-                Transmission(device, 0.0, data[at:], pause),
-            ]
+            second = Reply(device, 0.0, data[at:], self.split_pause)
+            parts = [reply._replace(data=data[:at]), second]
         if self._strikes(LineFault.LATE, device):
             parts = [part._replace(hold=part.hold + self.late_by) for part in parts]
         return parts
 
     def _strikes(self, fault: LineFault, device: int | None = None) -> bool:
         rate = self._rates.get(fault, 0.0)
-        struck = self._take_order(fault, device) or (rate > 0.0 and self._rng.random() < rate)
+        struck = self._take_pending(fault, device) or (rate > 0.0 and self._rng.random() < rate)
         self.counts[fault.value] += struck
         return struck
 
     def _flip(self, fault: LineFault, data: bytes, device: int | None = None) -> bytes:
-        """Flip one bit of each byte at the rate, or one bit on order."""
+        """Flip one bit of each byte at the rate, and one bit if a fault is pending."""
         rate, size = self._rates.get(fault, 0.0), len(data)
         at = np.flatnonzero(self._rng.random(size) < rate) if rate > 0.0 else np.zeros(0, int)
-        if self._take_order(fault, device):
+        if self._take_pending(fault, device):
             at = np.append(at, self._rng.integers(size))
         if not len(at):
             return data
@@ -161,12 +144,12 @@ class LineFaults:
         np.bitwise_xor.at(flipped, at, 1 << self._rng.integers(0, 8, len(at)).astype(np.uint8))
         return flipped.tobytes()
 
-    def _take_order(self, fault: LineFault, device: int | None) -> bool:
-        for order in self._orders:
-            if order.fault is fault and order.device in (None, device):
-                order.left -= 1
-                if not order.left:
-                    self._orders.remove(order)
+    def _take_pending(self, fault: LineFault, device: int | None) -> bool:
+        for pending in self._pending:
+            if pending.fault is fault and pending.device in (None, device):
+                pending.left -= 1
+                if not pending.left:
+                    self._pending.remove(pending)
                 return True
         return False
 

@@ -20,6 +20,7 @@ from drivers.dynamixel.protocol2 import HEADER, Instruction
 from drivers.errors import CommandError, NotConnectedError, SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
+from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from robots.servo import RAD_PER_TICK
@@ -236,9 +237,9 @@ def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
 def test_a_command_that_is_no_command_reaches_nobody(rig, bad):
     rig.backend.read()
     rig.port.sent.clear()
-    with pytest.raises(CommandError, match="targets"):
+    with pytest.raises(CommandError, match="target is"):
         rig.backend.write(Command.position(rig.robot, np.array([bad, 0.0])))
-    with pytest.raises(CommandError, match="torque limits"):
+    with pytest.raises(CommandError, match="torque limit is"):
         rig.backend.write(replace(Command.limp(2), torque_limit=np.array([-1.0, 0.0])))
     assert rig.port.sent == []
 
@@ -515,14 +516,7 @@ def test_no_wrong_value_is_believed_on_a_noisy_wire(op3, rate, firmware):
         for _ in range(200):
             angles = op3.standing.joint_pos + rng.normal(0.0, 0.1, 20)
             for servo, joint, angle in zip(rig.virtual.servos, op3.joints, angles, strict=True):
-                servo.sense(
-                    ticks=float(joint.servo.to_ticks(angle)),
-                    velocity=0.0,
-                    current=0.0,
-                    pwm_share=0.0,
-                    voltage=12.0,
-                    temperature=25.0,
-                )
+                servo.sense(Measured(ticks=float(joint.servo.to_ticks(angle))))
             now = rig.clock.now()
             truth[round(now, 6)] = rig.true_angles()
             state = rig.turn(Command.limp(20))
@@ -780,9 +774,7 @@ def test_a_port_that_another_program_has_is_refused(plugged, tiny):
 def test_a_position_that_no_joint_can_have_reached_is_believed_only_when_told_again(rig):
     before = rig.turn(Command.limp(2), 3)
     servo = rig.servo("l_hip")
-    servo.sense(
-        ticks=3500.0, velocity=0.0, current=0.0, pwm_share=0.0, voltage=12.0, temperature=25.0
-    )
+    servo.sense(Measured(ticks=3500.0))
     doubted = rig.backend.read()
     assert doubted.joint_pos[0] == before.joint_pos[0]
     assert doubted.joint_age[0] > 0.0

@@ -129,7 +129,7 @@ def test_stuffed_answers_come_out_as_they_went_in_however_they_are_cut(data, cut
 
 def test_a_deadline_is_the_time_on_the_wire_and_the_margin():
     bus = bus_with()
-    bus.expect_return_delay(0.001)
+    bus.return_delay = 0.001
     bus.answer_margin = 0.5
     bus.send(bytes(1000))  # 10 ms at 1 Mbit/s, before the request can begin
     bus.read(3, SPAN)

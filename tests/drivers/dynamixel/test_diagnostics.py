@@ -8,6 +8,7 @@ from memory_rig import Rig
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.diagnostics import DiagnosticsError, Severity, diagnose, find_duplicate_ids
 from drivers.dynamixel.protocol2 import Instruction
+from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 READING = (Instruction.PING, Instruction.READ)
@@ -65,9 +66,7 @@ def test_each_thing_that_is_wrong_is_told_with_a_remedy(rig, item, value, severi
 
 
 def feel(rig: Rig, ticks: float, voltage: float) -> None:
-    rig.servo("l_hip").sense(
-        ticks=ticks, velocity=0.0, current=0.0, pwm_share=0.0, voltage=voltage, temperature=25.0
-    )
+    rig.servo("l_hip").sense(Measured(ticks=ticks, voltage=voltage))
 
 
 def test_a_flat_battery_is_told(rig):

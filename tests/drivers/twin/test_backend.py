@@ -210,7 +210,7 @@ def test_a_period_must_fit_the_physics(tiny, period, words):
 def test_physics_must_be_fine_enough(tiny):
     model = build_flat_world(tiny)
     model.opt.timestep = 0.004
-    with pytest.raises(ModelError, match=r"0\.004 s, allowed 0\.002 s"):
+    with pytest.raises(ModelError, match=r"0\.004 s, expected at most 0\.002 s"):
         Twin(World(tiny, model=model))
 
 

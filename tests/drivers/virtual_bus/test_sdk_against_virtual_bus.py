@@ -10,6 +10,7 @@ dynamixel_sdk = pytest.importorskip("dynamixel_sdk")
 from drivers.dynamixel.control_table import HardwareError  # noqa: E402
 from drivers.dynamixel.protocol2 import ALERT  # noqa: E402
 from drivers.virtual_bus.devices.chain import Chain  # noqa: E402
+from drivers.virtual_bus.devices.sensors import Measured  # noqa: E402
 from drivers.virtual_bus.devices.servo import VirtualServo  # noqa: E402
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus  # noqa: E402
 from drivers.virtual_bus.serving.wire_faults import LineFault  # noqa: E402
@@ -35,14 +36,8 @@ def chain():
     servos = [VirtualServo(i, firmware=FIRMWARE, baud=BAUD) for i in IDS]
     for servo in servos:
         servo.poke("return_delay_time", 0)
-        servo.sense(
-            ticks=1000 + servo.id,
-            velocity=-servo.id * VELOCITY_COUNT,
-            current=0.0,
-            pwm_share=0.0,
-            voltage=12.0,
-            temperature=30.0,
-        )
+        velocity = -servo.id * VELOCITY_COUNT
+        servo.sense(Measured(ticks=1000 + servo.id, velocity=velocity, temperature=30.0))
     return Chain(servos)
 
 
@@ -172,7 +167,7 @@ def test_a_dead_servo_is_not_there(bus: VirtualBus, port, packets, monkeypatch):
 
 def test_noise_and_echo_do_not_disturb_the_sdk(bus: VirtualBus, port, packets):
     for fault in (LineFault.NOISE, LineFault.ECHO):
-        bus.faults.order(fault)
+        bus.faults.strike_next(fault)
         assert packets.ping(port, 7) == (XM430, 0, 0)
     assert bus.faults.counts.total() == 2
 

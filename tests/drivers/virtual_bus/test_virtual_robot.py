@@ -12,9 +12,10 @@ from drivers import Backend, Command, SafetyGuard, State, Twin
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import OperatingMode
+from drivers.errors import NoBusError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import NoBusError, VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from robots import PortSettings, Posture, Robot
 from robots.servo import RAD_PER_TICK
 

@@ -158,7 +158,7 @@ def test_a_servo_told_to_answer_no_reads_is_heard_all_the_same(tiny_served, caps
     code, told = examine(tiny_served, capsys)
     assert code == 0
     assert list(told["joints"]) == ["l_hip", "r_hip"]
-    assert "joint 'l_hip' (id 1) answered no reads" in told["written"][0]
+    assert "joint 'l_hip' (id 1) ignored reads" in told["written"][0]
 
 
 def test_torque_that_is_on_stays_on_and_is_told(tiny_served, capsys):
@@ -219,7 +219,7 @@ def test_another_model_is_named(tiny_served, capsys):
 
 def test_two_servos_of_one_id_are_named(tiny_served, capsys):
     tiny_served.add(VirtualServo(1, baud=1_000_000))
-    assert "'l_hip' (id 1): answers are garbled, as by two servos" in find_error(
+    assert "'l_hip' (id 1): replies are garbled, as by two servos" in find_error(
         tiny_served, capsys
     )
 

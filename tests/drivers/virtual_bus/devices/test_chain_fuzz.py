@@ -7,7 +7,7 @@ from wire_talk import sense
 from drivers.dynamixel.control_table import HardwareError
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, FrameParser, Instruction, Packet
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.chain import Chain, Reply
+from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.quirks import (
     BadCrc,
@@ -17,6 +17,7 @@ from drivers.virtual_bus.devices.quirks import (
     WatchdogFeed,
 )
 from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.reply import Reply
 
 IDS = (1, 2, 3, 3, 200)
 TRIPPED = -1

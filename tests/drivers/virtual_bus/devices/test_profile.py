@@ -12,7 +12,6 @@ from drivers.virtual_bus.devices.profile import (
     approach,
     plan_by_time,
     plan_by_velocity,
-    plan_step,
 )
 
 ticks = st.floats(-4096.0, 4096.0)
@@ -99,7 +98,6 @@ def test_without_velocity_there_is_no_profile():
     for path in (
         plan_by_velocity(1.0, 0.0, 0.0, 9.0, 0.0, 5.0),
         plan_by_time(1.0, 0.0, 0.0, 9.0, 0.0, 5.0),
-        plan_step(1.0, 9.0),
     ):
         assert path.shape is ProfileShape.STEP
         assert path.at(1.0) == (9.0, 0.0)

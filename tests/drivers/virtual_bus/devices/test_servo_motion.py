@@ -188,16 +188,14 @@ def test_torque_by_goal_update_switches_torque_on_and_goes():
     assert read(servo, "torque_enable") == 1
 
 
-def test_gains_and_goal_pwm_reach_the_motor_under_torque():
+def test_gain_and_goal_pwm_reach_the_motor_under_torque():
     servo = powered()
     drive = servo.motor_command()
-    assert (drive.p_gain, drive.i_gain, drive.d_gain, drive.pwm_limit) == (800, 0, 0, 1.0)
-    gains = {"position_p_gain": 200, "position_i_gain": 3, "position_d_gain": 4}
-    for name, value in gains.items():
-        write(servo, name, value)
+    assert (drive.p_gain, drive.pwm_limit) == (800, 1.0)
+    write(servo, "position_p_gain", 200)
     write(servo, "goal_pwm", 177)
     drive = servo.motor_command()
-    assert (drive.p_gain, drive.i_gain, drive.d_gain) == (200, 3, 4)
+    assert drive.p_gain == 200
     assert drive.pwm_limit == 177 / 885
 
 

@@ -6,13 +6,14 @@ from collections import Counter
 import numpy as np
 import pytest
 import serial
-from fake_devices import FakeDevices, FakeReply
+from fake_devices import FakeDevices
 from hypothesis import given
 from hypothesis import strategies as st
 from waiting import wait_until
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, FrameParser, Packet, Span, Status
+from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.fault_injector import FaultError
 from drivers.virtual_bus.serving.fault_schedule import KINDS, FaultSchedule, FaultScheduleError
 from drivers.virtual_bus.serving.interfaces import StillPhysics
@@ -23,7 +24,7 @@ from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s
 STATUS = Status(2, 0, bytes(range(10)))
-REPLY = FakeReply(2, 0.0, STATUS.encode())
+REPLY = Reply(2, 0.0, STATUS.encode())
 GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4)))
 REQUESTS = (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO)
 REPLY_FAULTS = tuple(fault for fault in LineFault if fault not in REQUESTS)
@@ -99,8 +100,8 @@ def test_without_faults_nothing_changes_and_no_chance_is_drawn():
 @pytest.mark.parametrize("fault", REPLY_FAULTS)
 def test_an_order_takes_so_many_answers_of_its_device_only(fault: LineFault):
     line = line_faults()
-    line.order(fault, 2, count=3)
-    other = FakeReply(7, 0.0, Status(7).encode())
+    line.strike_next(fault, 2, count=3)
+    other = Reply(7, 0.0, Status(7).encode())
     for _ in range(5):
         assert bytes_of(line.disturb_reply(other)) == other.data
     hit = [line.disturb_reply(REPLY) for _ in range(3)]
@@ -113,7 +114,7 @@ def test_an_order_takes_so_many_answers_of_its_device_only(fault: LineFault):
 def test_each_mishap_is_what_its_name_says():
     def strike(fault: LineFault):
         line = line_faults(1)
-        line.order(fault)
+        line.strike_next(fault)
         return line.disturb_reply(REPLY)
 
     data = REPLY.data
@@ -137,8 +138,8 @@ def test_each_mishap_is_what_its_name_says():
 @given(device=st.integers(0, 252), data=st.binary(max_size=20))
 def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: bytes):
     line = line_faults()
-    line.order(LineFault.WRONG_ID)
-    answer = FakeReply(device, 0.0, Status(device, 0, data).encode())
+    line.strike_next(LineFault.WRONG_ID)
+    answer = Reply(device, 0.0, Status(device, 0, data).encode())
     (packet,) = FrameParser().feed(bytes_of(line.disturb_reply(answer)))
     assert isinstance(packet, Packet)
     assert packet.id != device
@@ -148,8 +149,8 @@ def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: b
 def test_a_part_of_a_fast_answer_gets_a_wrong_id_too():
     frame = protocol2.encode_fast_status([Status(1, 0, b"\x10\x20"), Status(2, 0, b"\x30\x40")])
     line = line_faults()
-    line.order(LineFault.WRONG_ID)
-    piece = bytes_of(line.disturb_reply(FakeReply(2, 0.0, frame[14:])))
+    line.strike_next(LineFault.WRONG_ID)
+    piece = bytes_of(line.disturb_reply(Reply(2, 0.0, frame[14:])))
     assert piece == frame[14:15] + b"\x03" + frame[16:]
 
 
@@ -157,7 +158,7 @@ def test_flips_come_at_their_rate():
     line = line_faults()
     line.set_rate(LineFault.FLIP, 0.01)
     data = bytes(200_000)
-    flipped = bytes_of(line.disturb_reply(FakeReply(1, 0.0, data)))
+    flipped = bytes_of(line.disturb_reply(Reply(1, 0.0, data)))
     hit = [byte for byte in flipped if byte]
     assert 1800 < len(hit) < 2200  # 2000 expected, standard deviation 44
     assert all(byte.bit_count() == 1 for byte in hit)
@@ -176,7 +177,7 @@ def test_answers_are_hit_at_their_rate_and_every_hit_is_counted(fault: LineFault
 
 def test_a_damaged_request_is_heard_as_damaged():
     line = line_faults()
-    line.order(LineFault.FLIP_REQUEST)
+    line.strike_next(LineFault.FLIP_REQUEST)
     packet = Packet(1, protocol2.Instruction.WRITE, bytes(40))
     (heard,) = line.disturb_request(packet)
     assert isinstance(heard, Damaged)
@@ -203,7 +204,7 @@ def test_a_rate_is_a_share():
 
 
 def test_a_lost_answer_lets_the_client_wait_and_is_counted(bus: VirtualBus, port: serial.Serial):
-    bus.faults.order(LineFault.LOSE, 2)
+    bus.faults.strike_next(LineFault.LOSE, 2)
     assert ask_all(bus, port, protocol2.ping(2)) == b""
     assert ask(port, protocol2.ping(2), 14)[4] == 2
     assert bus.time == pytest.approx(QUIET)
@@ -211,14 +212,14 @@ def test_a_lost_answer_lets_the_client_wait_and_is_counted(bus: VirtualBus, port
 
 
 def test_one_lost_answer_of_a_group_costs_no_other(bus: VirtualBus, port: serial.Serial):
-    bus.faults.order(LineFault.LOSE, 2)
+    bus.faults.strike_next(LineFault.LOSE, 2)
     frames = FrameParser().feed(ask_all(bus, port, protocol2.sync_read(IDS, Span(132, 4))))
     assert [frame.id for frame in frames] == [1, 3]
 
 
 def test_a_late_answer_comes_with_the_next_cycle(bus: VirtualBus, port: serial.Serial):
     bus.faults.set_times(late_by=0.015)  # longer than a client waits for
-    bus.faults.order(LineFault.LATE, 1)
+    bus.faults.strike_next(LineFault.LATE, 1)
     assert ask_all(bus, port, protocol2.read(1, Span(10, 1))) == b""
     late = ask(port, GOALS + protocol2.read(2, Span(20, 1)), 24)
     assert late == Status(1, 0, b"\x0a").encode() + Status(2, 0, b"\x14").encode()
@@ -226,7 +227,7 @@ def test_a_late_answer_comes_with_the_next_cycle(bus: VirtualBus, port: serial.S
 
 def test_what_comes_behind_a_late_answer_is_late_too(bus: VirtualBus, port: serial.Serial):
     bus.faults.set_times(late_by=0.015)
-    bus.faults.order(LineFault.LATE, 2)
+    bus.faults.strike_next(LineFault.LATE, 2)
     request = protocol2.sync_read(IDS, Span(10, 1))
     assert [frame.id for frame in FrameParser().feed(ask_all(bus, port, request))] == [1]
     rest = ask(port, GOALS, 24)
@@ -234,19 +235,19 @@ def test_what_comes_behind_a_late_answer_is_late_too(bus: VirtualBus, port: seri
 
 
 def test_a_split_answer_is_whole_in_the_end(bus: VirtualBus, port: serial.Serial):
-    bus.faults.order(LineFault.SPLIT, 1)
+    bus.faults.strike_next(LineFault.SPLIT, 1)
     assert ask(port, protocol2.read(1, Span(10, 1)), 12) == Status(1, 0, b"\x0a").encode()
 
 
 def test_an_echo_precedes_the_answer(bus: VirtualBus, port: serial.Serial):
-    bus.faults.order(LineFault.ECHO)
+    bus.faults.strike_next(LineFault.ECHO)
     request = protocol2.ping(1)
     assert ask(port, request, len(request) + 14)[: len(request)] == request
     assert bus.faults.counts["echo"] == 1
 
 
 def test_a_lost_sync_write_still_ends_the_cycle(bus, port, devices: FakeDevices):
-    bus.faults.order(LineFault.LOSE_REQUEST)
+    bus.faults.strike_next(LineFault.LOSE_REQUEST)
     assert len(ask(port, GOALS + protocol2.ping(1), 14)) == 14
     assert bus.time == pytest.approx(PERIOD)
     assert devices.device(1).memory[116] == 116  # not written
@@ -464,7 +465,7 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
         "fault 8: kind is 5, expected",
     ):
         assert part in told
-    assert len(caught.value.faults) == 14
+    assert len(caught.value.problems) == 14
 
 
 @pytest.mark.parametrize(

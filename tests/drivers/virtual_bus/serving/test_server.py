@@ -202,7 +202,7 @@ def test_a_reply_in_flight_is_lost_when_the_client_changes_its_rate():
 
 
 def test_a_late_reply_is_lost_in_lock_step_too(bus: VirtualBus):
-    bus.faults.order(LineFault.LATE, 1)
+    bus.faults.strike_next(LineFault.LATE, 1)
     with connect(bus) as port:
         port.write(protocol2.ping(1))
         wait_until(lambda: bus.statistics.answers == 1)

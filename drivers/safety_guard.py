@@ -82,6 +82,11 @@ class SafetyGuard(ClosesItself):
         self._sent = self._limited = Command.limp(self._backend.robot.n)
 
     @property
+    def backend(self) -> Backend:
+        """Return the backend behind the guard."""
+        return self._backend
+
+    @property
     def robot(self) -> Robot:
         """Return the robot behind the guard."""
         return self._backend.robot

@@ -1,13 +1,8 @@
-import os
 import shutil
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
-
-from humanoid_getup.cli.main import choose_gl
-
-choose_gl(os.environ)  # before anything imports MuJoCo
 
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot

@@ -17,6 +17,10 @@ from mkdocs.structure.pages import Page
 REPOSITORY = Path(__file__).parent.parent
 PACKAGES = ("humanoid_getup", "drivers", "robots", "sim2real")
 API = "reference/api"
+INTRODUCTION = (
+    "Most programs need `import humanoid_getup as hg` and the names below; "
+    "[Use it as a library](../../how-to/use_as_library.md) shows how. The rest by folder:"
+)
 OPTIONS = re.compile(r"^<!-- options: (.+) -->$", re.MULTILINE)
 LINK = re.compile(r"\[([^]]+)\]\(((?:\.\./)+[^)#]+)\)")
 
@@ -32,17 +36,31 @@ def list_folders() -> dict[str, list[str]]:
     return folders
 
 
+def list_public_names() -> list[tuple[str, str]]:
+    """List what `import humanoid_getup as hg` gives, each with the module that it is from."""
+    import humanoid_getup
+
+    return [(name, getattr(humanoid_getup, name).__module__) for name in humanoid_getup.__all__]
+
+
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add the generated pages to the navigation."""
     assert isinstance(config.nav, list)
     reference = next(entry["Reference"] for entry in config.nav if "Reference" in entry)
-    reference.append({"Python API": [{f: f"{API}/{f}.md"} for f in list_folders()]})
+    pages = [{f: f"{API}/{f}.md"} for f in list_folders()]
+    reference.append({"Python API": [f"{API}/index.md", *pages]})
     return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Generate one page of the API reference for each folder."""
-    for folder, modules in list_folders().items():
+    """Generate the API reference: the public names, then one page for each folder."""
+    folders = list_folders()
+    lines = ["# Python API", "", INTRODUCTION, ""]
+    lines += [f"- [`{folder}`]({folder}.md)" for folder in folders]
+    lines += ["", "## humanoid_getup", ""]
+    lines += [f"- `hg.{name}`: [`{home}.{name}`][]" for name, home in list_public_names()]
+    files.append(File.generated(config, f"{API}/index.md", content="\n".join(lines)))
+    for folder, modules in folders.items():
         lines = [f"# {folder}", "", *(f"::: {module}\n" for module in modules)]
         files.append(File.generated(config, f"{API}/{folder}.md", content="\n".join(lines)))
     return files

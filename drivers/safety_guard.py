@@ -84,6 +84,11 @@ class SafetyGuard(Backend):
         self._sent = self._limited = Command.limp(self.robot.n)
 
     @property
+    def backend(self) -> Backend:
+        """Return the backend behind the guard."""
+        return self._backend
+
+    @property
     def clips(self) -> ClipCounts:
         """Return how often each joint's command was cut since ``connect``."""
         return ClipCounts(*self._counts.copy())

@@ -1,1 +1,89 @@
-"""Getting up: motion database, planner, dynamics filter and command line."""
+"""Get fallen humanoids up, on a twin, a virtual servo bus or a robot.
+
+    import humanoid_getup as hg
+
+    robot = hg.load_robot("op3")
+    world = hg.World(robot)
+    fall = hg.sample_fall(world, "prone", seed=1)
+    with hg.Twin(world, fall.posture) as twin:
+        result = hg.get_up(twin, hg.PlannedRise(world))
+    print(result)
+
+Each name is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import MutableMapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drivers.dynamixel.backend import DynamixelBackend
+    from drivers.safety_guard import SafetyGuard
+    from drivers.twin.backend import Twin
+    from humanoid_getup.execution.get_up import get_up
+    from humanoid_getup.motions.motion import Motion
+    from humanoid_getup.policy.onnx_policy import OnnxPolicy
+    from humanoid_getup.simulation.falls import sample_fall
+    from humanoid_getup.simulation.world import World
+    from humanoid_getup.strategies.learned_rise import LearnedRise
+    from humanoid_getup.strategies.planned_rise import PlannedRise
+    from humanoid_getup.strategies.stored_motion import StoredMotion
+    from robots.loading import load_robot
+    from robots.torque_limit import TorqueLimit
+
+_HOMES = {
+    "DynamixelBackend": "drivers.dynamixel.backend",
+    "LearnedRise": "humanoid_getup.strategies.learned_rise",
+    "Motion": "humanoid_getup.motions.motion",
+    "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
+    "PlannedRise": "humanoid_getup.strategies.planned_rise",
+    "SafetyGuard": "drivers.safety_guard",
+    "StoredMotion": "humanoid_getup.strategies.stored_motion",
+    "TorqueLimit": "robots.torque_limit",
+    "Twin": "drivers.twin.backend",
+    "World": "humanoid_getup.simulation.world",
+    "get_up": "humanoid_getup.execution.get_up",
+    "load_robot": "robots.loading",
+    "sample_fall": "humanoid_getup.simulation.falls",
+}
+
+__all__ = [
+    "DynamixelBackend",
+    "LearnedRise",
+    "Motion",
+    "OnnxPolicy",
+    "PlannedRise",
+    "SafetyGuard",
+    "StoredMotion",
+    "TorqueLimit",
+    "Twin",
+    "World",
+    "get_up",
+    "load_robot",
+    "sample_fall",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(importlib.import_module(_HOMES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+def choose_gl(environment: MutableMapping[str, str]) -> None:
+    """Let MuJoCo render without a display, unless the user chose otherwise."""
+    displays = ("DISPLAY", "WAYLAND_DISPLAY")
+    if sys.platform == "linux" and not any(environment.get(name) for name in displays):
+        environment.setdefault("MUJOCO_GL", "egl")
+
+
+choose_gl(os.environ)  # MuJoCo reads it when it is imported

@@ -1,14 +1,10 @@
 import contextlib
-import os
 import shutil
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-from humanoid_getup.cli.main import choose_gl
-
-choose_gl(os.environ)  # before anything imports MuJoCo
 # Triton, which some builds of torch bring, crashes if it is loaded after Mesa's LLVM has
 # rendered a picture in the same process.
 with contextlib.suppress(ImportError):

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers import Twin
 from humanoid_getup.evaluation.statistics import summarize, summarize_records
-from humanoid_getup.execution.get_up import get_up, lay_down
+from humanoid_getup.execution.get_up import lay_down, run_session
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
@@ -54,8 +54,8 @@ def bench_rise(
     )
     records = []
     for number, fall in enumerate(falls):
-        twin = Twin(world, pwm_limited=options.torque_limit.by_pwm)
-        session = RiseSession.on_twin(twin, world, planner, attempt_options)
+        twin = Twin(world)
+        session = RiseSession.on(twin, world, planner, attempt_options)
         record = _fall_and_rise(session, twin, fall, [seed, number]).record()
         record["bench_class"] = CLASSES[number // each]
         records.append(record)
@@ -90,7 +90,7 @@ def _fall_and_rise(
     lay_down(session.world, fall, twin.place)
     if temperature is not None:
         twin.simulation.temperature[:] = temperature
-    return get_up(session, np.random.default_rng(seed), start_class=fall.start_class)
+    return run_session(session, np.random.default_rng(seed), start_class=fall.start_class)
 
 
 IN_A_ROW = 10  # rises whose heat adds up
@@ -124,8 +124,8 @@ def bench_methods(
     for name, strategy in strategies.items():
         records = []
         for number, fall in enumerate(falls):
-            twin = Twin(world, pwm_limited=torque_limit.by_pwm)
-            session = RiseSession.on_twin(twin, world, strategy, options)
+            twin = Twin(world)
+            session = RiseSession.on(twin, world, strategy, options)
             record = _fall_and_rise(session, twin, fall, [seed, number]).record() | {"way": name}
             records.append(record)
             report(record)
@@ -150,11 +150,11 @@ def _heat_up(
     world: World, strategy: Strategy, falls: list[Fall], options: AttemptOptions, seed: int
 ) -> float:
     """Rise, rest, rise again; return the hottest servo's temperature at the end [°C]."""
-    twin = Twin(world, pwm_limited=options.torque_limit.by_pwm)
+    twin = Twin(world)
     body = twin.simulation
     warm = body.temperature.copy()
     for number, fall in enumerate(falls):
-        session = RiseSession.on_twin(twin, world, strategy, options)
+        session = RiseSession.on(twin, world, strategy, options)
         _fall_and_rise(session, twin, fall, [seed, number], warm)
         body.release()
         for _ in range(round(REST / twin.period)):

@@ -22,7 +22,7 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import ObservingBackend
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.get_up import run_session
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
@@ -201,7 +201,7 @@ def _go_round(
         make_judge=lambda: GroundTruthJudge(simulation, None),
         services=driver,
     )
-    rise = get_up(session, rng)
+    rise = run_session(session, rng)
     counts.rises += 1
     counts.stood += rise.stood
     counts.attempts += rise.times_played

@@ -183,10 +183,11 @@ class BenchFaults(BenchOptions):
         return self._run_cases(bench_faults, "cases", len(CASES))
 
     def _run_cases(self, bench: Callable[..., dict[str, Any]], what: str, total: int) -> int:
-        from humanoid_getup.cli.rising import find_motion
+        from humanoid_getup.motions.motion_database import find_motion
 
         world = self.load_stage()
-        motion = find_motion(world.robot, self.motion)
+        with refusing():
+            motion = find_motion(world.robot, self.motion)
         with counting(what, total) as count:
             result = bench(world, motion, seed=self.seed, each=self.n, report=lambda _: count(1))
         return self.hand_over(result, FAULT_FIGURES)
@@ -270,7 +271,8 @@ class BenchMethods(BenchOptions):
         from humanoid_getup.strategies.track_record import PLAN
 
         if name != PLAN:
-            return LearnedRise(load_policy(world.robot, name, self.torque_limit), name)
+            policy = load_policy(world.robot, name, self.torque_limit)
+            return LearnedRise(world, policy, torque_limit=limit, name=name)
         with refusing():
             database = load_database(world.robot)
         return PlannedRise(world, database, RiseOptions(torque_limit=limit))

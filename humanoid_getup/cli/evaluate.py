@@ -17,7 +17,6 @@ from humanoid_getup.cli.options import (
     PwmLimited,
     TorqueLimitOption,
     WorldOptions,
-    find_policy,
     load_policy,
 )
 from humanoid_getup.cli.output import (
@@ -155,6 +154,8 @@ class EvalPolicy(WorldOptions):
         return falls
 
     def _hand_over(self, figures: dict[str, Any], policy: OnnxPolicy) -> int:
+        from humanoid_getup.policy.onnx_policy import find_policy
+
         about = {
             "name": "eval",
             "policy": str(find_policy(policy.robot, self.policy).stem),

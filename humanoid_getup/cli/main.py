@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Sequence
 
 from humanoid_getup.cli.commands import parse
 from humanoid_getup.cli.errors import BadInputError
@@ -15,7 +15,6 @@ from humanoid_getup.cli.exit_codes import BAD_INPUT, CLOSED_PIPE, HARDWARE_FAULT
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    choose_gl(os.environ)
     # A program that is told to stop must switch torque off, and in the background too,
     # where a shell has Ctrl-C ignored.
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -63,13 +62,6 @@ def _report(message: str, code: int) -> int:
 def _discard_output() -> None:
     """Let Python's own flush at exit succeed where standard output cannot be written."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def choose_gl(environment: MutableMapping[str, str]) -> None:
-    """Let MuJoCo render without a display, unless the user chose otherwise."""
-    displays = ("DISPLAY", "WAYLAND_DISPLAY")
-    if sys.platform == "linux" and not any(environment.get(name) for name in displays):
-        environment.setdefault("MUJOCO_GL", "egl")
 
 
 if __name__ == "__main__":

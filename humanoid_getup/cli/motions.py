@@ -103,9 +103,10 @@ class ShowMotion(RobotOption):
     def run(self) -> int:
         """Draw the postures that the motion went through when it was built."""
         robot = self.load_robot()
-        from humanoid_getup.cli.rising import find_motion
+        from humanoid_getup.motions.motion_database import find_motion
 
-        motion = find_motion(robot, self.motion)
+        with refusing():
+            motion = find_motion(robot, self.motion)
         path = self.out or Path(f"{motion.name}.png")
         if faults := find_file_faults(path):
             raise BadInputError("; ".join(faults))

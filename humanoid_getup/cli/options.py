@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from robots import Robot
 
 UNCLASSED = "other"  # start class of a posture that lies on no side
-SUFFIX = ".onnx"
 
 JsonTarget = Annotated[
     str | None,
@@ -172,26 +171,8 @@ def load_policy(
     Raises:
         BadInputError: if there is no such policy, or it does not fit the robot.
     """
-    from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy
+    from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, find_policy
 
     with refusing():
         file = find_policy(robot, name)
-        return OnnxPolicy.load(
-            file, robot, robot.control_period, torque_limit, longest=longest or LONGEST
-        )
-
-
-def find_policy(robot: Robot, name: str) -> Path:
-    """Find the file of a policy.
-
-    Raises:
-        ValueError: naming the policies that the robot has.
-    """
-    if name.endswith(SUFFIX):
-        return Path(name)
-    folder = robot.folder / "policies"
-    known = sorted(file.stem for file in folder.glob(f"*{SUFFIX}"))
-    if name not in known:
-        told = ", ".join([*known, f"an {SUFFIX} file"])
-        raise ValueError(f"unknown policy '{name}', expected {told}")
-    return folder / f"{name}{SUFFIX}"
+        return OnnxPolicy.load(file, robot, torque_limit=torque_limit, longest=longest or LONGEST)

@@ -37,12 +37,13 @@ class Preflight(WorldOptions):
     def run(self) -> int:
         """Roll out, judge, report; 0 if the motion may be played, 1 if it is refused."""
         with phase("loading"):
-            from humanoid_getup.cli.rising import find_motion
+            from humanoid_getup.motions.motion_database import find_motion
             from humanoid_getup.playback.preflight import preflight
             from robots import TorqueLimit
 
             world = self.load_stage()
-            motion = find_motion(world.robot, self.motion)
+            with refusing():
+                motion = find_motion(world.robot, self.motion)
         voltage = world.robot.supply_voltage if self.voltage is None else self.voltage
         with phase("rolling out"), refusing():
             verdict = preflight(

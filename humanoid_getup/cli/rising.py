@@ -16,10 +16,11 @@ from humanoid_getup.cli.play import Play
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.cli.rise import RiseCommand, RunPolicy
 from humanoid_getup.cli.session import WHERE_IT_LAY, open_session
-from humanoid_getup.execution.get_up import get_up, lay_down
+from humanoid_getup.execution.get_up import lay_down, run_session
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.motions.motion_database import MotionDatabase, find_motion, load_database
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.falls import Fall, settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
@@ -63,9 +64,11 @@ def run_policy(command: RunPolicy) -> int:
     """Rise once by a policy; return the exit code."""
     world = command.load_stage()
     policy = load_policy(world.robot, command.policy, command.torque_limit, command.longest)
-    strategy = LearnedRise(policy, Path(command.policy).stem)
     rng = np.random.default_rng(command.seed)
     with phase("opening the backend") as tell, command.open_body(world) as body:
+        limit = body.limit_torque(command.torque_limit)
+        name = Path(command.policy).stem
+        strategy = LearnedRise(world, policy, torque_limit=limit, name=name)
         result = _rise_from(command, world, body, strategy, rng, tell, max_attempts=1)
         tell("drawing")
         extra = {"method": POLICY}
@@ -75,7 +78,8 @@ def run_policy(command: RunPolicy) -> int:
 def play(command: Play) -> int:
     """Rise once by one motion; return the exit code."""
     world = command.load_stage()
-    motion = find_motion(world.robot, command.motion)
+    with refusing():
+        motion = find_motion(world.robot, command.motion)
     with phase("opening the backend") as tell, command.open_body(world) as body:
         start = _lie_down(command, world, motion, body)
         own_start = start if command.origin is None else None
@@ -83,7 +87,7 @@ def play(command: Play) -> int:
             command,
             world,
             body,
-            StoredMotion(motion),
+            StoredMotion(world, motion, torque_limit=body.limit_torque(command.torque_limit)),
             report=tell,
             about={"motion": motion.name},
             start=own_start and own_start.posture,
@@ -92,7 +96,7 @@ def play(command: Play) -> int:
             preflight=command.preflight,
         ) as session:
             rng = np.random.default_rng(command.seed)
-            result = get_up(session, rng, start_class=start and start.start_class)
+            result = run_session(session, rng, start_class=start and start.start_class)
         tell("drawing")
         extra = {"motion": motion.name, "strategy": motion.strategy}
         origin = WHERE_IT_LAY if command.is_real else command.origin or OWN_START
@@ -104,7 +108,7 @@ class _Loaded:
     """What the strategies are made of, as far as the method needs them."""
 
     database: MotionDatabase | None
-    policy: LearnedRise | None
+    policy: OnnxPolicy | None
     records: TrackRecord
 
 
@@ -115,7 +119,7 @@ def _load(command: RiseCommand, robot: Robot) -> _Loaded:
         database = None if command.method == POLICY else load_database(robot)
     learned = command.method == POLICY or records.knows(StrategyId(POLICY, command.policy))
     policy = load_policy(robot, command.policy, command.torque_limit) if learned else None
-    return _Loaded(database, policy and LearnedRise(policy, command.policy), records)
+    return _Loaded(database, policy, records)
 
 
 def _make_strategy(
@@ -129,7 +133,9 @@ def _make_strategy(
         )
         strategies[StrategyId(PLAN)] = PlannedRise(world, loaded.database, options)
     if loaded.policy is not None:
-        strategies[StrategyId(POLICY, command.policy)] = loaded.policy
+        strategies[StrategyId(POLICY, command.policy)] = LearnedRise(
+            world, loaded.policy, torque_limit=limit, name=command.policy
+        )
     return StrategySelector(strategies, loaded.records, limit)
 
 
@@ -147,7 +153,7 @@ def _rise_from(
     if start is not None and body.place is not None:
         lay_down(world, start, body.place)
     with open_session(command, world, body, strategy, report=tell, **options) as session:
-        return get_up(session, rng, start_class=start and start.start_class)
+        return run_session(session, rng, start_class=start and start.start_class)
 
 
 def _lie_down(command: Play, world: World, motion: Motion, body: BackendChoice) -> Fall | None:
@@ -162,22 +168,3 @@ def _lie_down(command: Play, world: World, motion: Motion, body: BackendChoice) 
         start = find_start(world, command.origin, np.random.default_rng(command.seed))
     body.place(start.posture)
     return start
-
-
-def find_motion(robot: Robot, name: str) -> Motion:
-    """Find a motion by name in the robot's database, or load an .npz file."""
-    with refusing():
-        if not name.endswith(".npz"):
-            motions = {motion.name: motion for motion in load_database(robot).motions}
-            if name not in motions:
-                known = ", ".join(motions)
-                raise ValueError(f"unknown motion '{name}', expected {known} or an .npz file")
-            return motions[name]
-        motion = Motion.load(Path(name))
-        joints = motion.joint_pos.shape[1]
-        if motion.robot != robot.name or joints != robot.n:
-            raise ValueError(
-                f"motion file {name}: made for '{motion.robot}' with {joints} joints, "
-                f"expected '{robot.name}' with {robot.n}"
-            )
-        return motion

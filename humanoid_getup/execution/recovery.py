@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,6 +20,7 @@ REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
 PATIENCE = 4  # cycles that a wait may take per cycle of its nominal time
 
 
+@runtime_checkable
 class RebootsServos(Protocol):
     """A backend that can also restart servos."""
 

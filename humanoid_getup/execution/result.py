@@ -98,6 +98,19 @@ class RiseResult:
     """Whether a hardware fault ended it, rather than a rise that failed."""
     attempts: tuple[Attempt, ...] = ()
 
+    def __str__(self) -> str:
+        """Say in one line how it ended, by what, and who judged."""
+        outcome, tries = self.outcome, len(self.attempts)
+        name = f"{self.robot.name}, {self.start_class}"
+        if not self.stood or outcome is None:
+            return f"{name}: does not stand: {self.reason}"
+        judged = "by sensors alone" if outcome.is_sensed else "by ground truth"
+        return (
+            f"{name}: stands after {outcome.stand.start_time:.2f} s, "
+            f"held {outcome.stand.hold_time:.2f} s ({self.plan.title}, attempt {tries}, "
+            f"judged {judged})"
+        )
+
     @property
     def stood(self) -> bool:
         """Return whether the robot ended in a held stand."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
-from drivers import Cycle, GuardLimits, SafetyGuard, Twin
+from drivers import Backend, Cycle, GuardLimits, SafetyGuard, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
 from humanoid_getup.execution.result import PhaseChange
@@ -56,22 +57,38 @@ class RiseSession:
     """Called with every cycle of the runs, to record it."""
 
     @classmethod
-    def on_twin(
-        cls, twin: Twin, world: World, strategy: Strategy, options: AttemptOptions | None = None
+    def on(
+        cls,
+        backend: Backend,
+        world: World,
+        strategy: Strategy,
+        options: AttemptOptions | None = None,
+        **hooks: Any,
     ) -> RiseSession:
-        """Let a twin get up, judged by ground truth.
+        """Let the robot of a backend get up.
 
-        A torque limit by PWM needs a twin that was built with ``pwm_limited``.
+        A twin limits torque as the options say, by PWM or not, and is judged by ground truth,
+        every other backend by its sensors.
+
+        Args:
+            backend: Robot; it is put behind a guard with the torque limit if it has none.
+            world: Robot and scene that plans and preflight work with.
+            strategy: Finds a way to get up.
+            options: How to try, and how often.
+            hooks: Further fields of the session.
         """
         options = options or AttemptOptions()
         limit = options.torque_limit.value
-        return cls(
-            guard=SafetyGuard(twin, GuardLimits.of(twin.robot, torque_limit=limit)),
-            world=world,
-            strategy=strategy,
-            options=options,
-            make_judge=lambda: GroundTruthJudge(twin.simulation, limit),
-        )
+        guard = backend
+        if not isinstance(guard, SafetyGuard):
+            guard = SafetyGuard(backend, GuardLimits.of(backend.robot, torque_limit=limit))
+        body = guard.backend
+        if isinstance(body, Twin):
+            body.pwm_limited = options.torque_limit.by_pwm
+            hooks["make_judge"] = lambda: GroundTruthJudge(body.simulation, limit)
+        elif isinstance(body, RebootsServos):
+            hooks["services"] = body
+        return cls(guard=guard, world=world, strategy=strategy, options=options, **hooks)
 
     def judge(self) -> Judge:
         """Make the judge of the next run."""

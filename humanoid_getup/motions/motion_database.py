@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +146,28 @@ def load_database(robot: Robot, groups: int = GROUPS, seed: int = 0) -> MotionDa
     if not motions:
         raise ValueError(f"robot '{robot.name}' has no motions: allowed .npz files in {folder}")
     return MotionDatabase(motions, PostureMetric.of(robot), groups, seed)
+
+
+def find_motion(robot: Robot, name: str) -> Motion:
+    """Find a motion by name in a robot's database, or load an .npz file.
+
+    Raises:
+        ValueError: if there is no such motion, or it is another robot's.
+    """
+    if not name.endswith(".npz"):
+        motions = {motion.name: motion for motion in load_database(robot).motions}
+        if name not in motions:
+            known = ", ".join(motions)
+            raise ValueError(f"unknown motion '{name}', expected {known} or an .npz file")
+        return motions[name]
+    motion = Motion.load(Path(name))
+    joints = motion.joint_pos.shape[1]
+    if motion.robot != robot.name or joints != robot.n:
+        raise ValueError(
+            f"motion file {name}: made for '{motion.robot}' with {joints} joints, "
+            f"expected '{robot.name}' with {robot.n}"
+        )
+    return motion
 
 
 def is_same(a: Motion, b: Motion) -> bool:

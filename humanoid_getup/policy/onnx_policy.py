@@ -19,6 +19,7 @@ from robots import Robot
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
 
+SUFFIX = ".onnx"
 QUIET = 4  # onnxruntime's log level: only what ends it
 
 
@@ -111,7 +112,7 @@ class OnnxPolicy:
         self.action = contract.action_spec(robot)
         self.fault: str | None = None
         """Why it gave up, if it did."""
-        self._network, self._torque_limit = network, torque_limit
+        self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
         self._torque_share = compute_torque_share(robot, self.action, limit)
         self._sense_gravity = GravitySense(
@@ -125,7 +126,7 @@ class OnnxPolicy:
     def load(
         file: Path,
         robot: Robot,
-        period: float,
+        period: float | None = None,
         torque_limit: float | None = None,
         *,
         longest: float = LONGEST,
@@ -135,7 +136,7 @@ class OnnxPolicy:
         Args:
             file: ONNX file with a `PolicyContract` in its metadata.
             robot: Robot to move.
-            period: Its control period [s].
+            period: Control period [s]; ``None`` for the robot's own.
             torque_limit: Torque limit of every servo [N·m]; ``None`` for their own.
             longest: Time after which it is done, standing or not [s].
 
@@ -148,7 +149,7 @@ class OnnxPolicy:
             contract = PolicyContract.from_json(network.contract)
         except (NetworkError, ContractError) as error:
             raise PolicyError(file, [str(error)]) from error
-        faults = contract.find_mismatches(robot, period)
+        faults = contract.find_mismatches(robot, period or robot.control_period)
         faults += network.find_faults(contract.observation_size, len(contract.action.names))
         if faults:
             raise PolicyError(file, faults)
@@ -181,7 +182,7 @@ class OnnxPolicy:
         cycles = self.action.cycles
         target = between(self._target, self._following, self._cycle, cycles)
         self._cycle = (self._cycle + 1) % cycles
-        return Command.position(self.robot, target, self._torque_limit, self.action.pwm_limit)
+        return Command.position(self.robot, target, self.torque_limit, self.action.pwm_limit)
 
     def sense(self, state: State) -> Sensed:
         """Convert a measurement to the quantities that a policy observes."""
@@ -223,3 +224,19 @@ class OnnxPolicy:
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)
         steady = upright and moved <= STILL_TARGET * self._step_time
         self._steady = self._steady + 1 if steady else 0
+
+
+def find_policy(robot: Robot, name: str) -> Path:
+    """Find a policy of a robot by name, or an .onnx file.
+
+    Raises:
+        ValueError: naming the policies that the robot has.
+    """
+    if name.endswith(SUFFIX):
+        return Path(name)
+    folder = robot.folder / "policies"
+    known = sorted(file.stem for file in folder.glob(f"*{SUFFIX}"))
+    if name not in known:
+        expected = ", ".join([*known, f"an {SUFFIX} file"])
+        raise ValueError(f"unknown policy '{name}', expected {expected}")
+    return folder / f"{name}{SUFFIX}"

@@ -76,6 +76,23 @@ def classify(orientation: Array) -> str | None:
     return "left" if y > 0.0 else "right"
 
 
+def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fall:
+    """Drop limp robots with random joints until one comes to lie in a class.
+
+    Args:
+        world: Robot and scene.
+        start_class: supine, prone, left or right.
+        seed: The same one gives the same fall.
+
+    Raises:
+        ValueError: if there is no such class.
+        FallError: if the class does not come up.
+    """
+    if start_class not in CLASSES:
+        raise ValueError(f"start class is '{start_class}', expected {', '.join(CLASSES)}")
+    return sample_falls(world, {start_class: 1}, np.random.default_rng(seed))[0]
+
+
 def sample_fall_set(world: World, counts: dict[str, int], seed: int) -> FallSet:
     """Drop limp robots as :func:`sample_falls` does, and count those that did not settle."""
     falls, dropped, left_out = _sample(world, counts, np.random.default_rng(seed))

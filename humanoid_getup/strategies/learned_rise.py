@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,10 @@ from drivers import State
 from humanoid_getup.playback.monitors import MonitorLimits
 from humanoid_getup.playback.preflight import Verdict, preflight_robot
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
-from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from robots import Posture, TorqueLimit
+from robots import FULL_TORQUE, Posture, TorqueLimit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +56,37 @@ class PolicyPlan(RisePlan):
 class LearnedRise:
     """Chooses one policy, however the robot lies."""
 
-    def __init__(self, policy: OnnxPolicy, name: str) -> None:
-        self._policy, self._name = policy, name
+    def __init__(
+        self,
+        world: World,
+        policy: OnnxPolicy | str | Path,
+        *,
+        torque_limit: TorqueLimit = FULL_TORQUE,
+        name: str | None = None,
+    ) -> None:
+        """Load a policy, or take a loaded one.
+
+        Args:
+            world: Robot and scene.
+            policy: Name of one of the robot's policies, an .onnx file, or a loaded policy.
+            torque_limit: Of the servos; a loaded policy must have been loaded with it.
+            name: For reports; ``None`` for the name of the file.
+
+        Raises:
+            ValueError: if there is no such policy, it does not fit the robot, or it was loaded
+                with another torque limit.
+        """
+        if not isinstance(policy, OnnxPolicy):
+            file, robot = find_policy(world.robot, str(policy)), world.robot
+            name = name or file.stem
+            policy = OnnxPolicy.load(file, robot, torque_limit=torque_limit.value)
+        if policy.torque_limit != torque_limit.value:
+            raise ValueError(
+                f"the policy was loaded with a torque limit of {policy.torque_limit} N·m, "
+                f"expected {torque_limit.value} N·m as the strategy has"
+            )
+        self.world, self.torque_limit = world, torque_limit
+        self._policy, self._name = policy, name or "policy"
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
         """Choose the policy."""

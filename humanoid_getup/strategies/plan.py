@@ -188,3 +188,17 @@ class Strategy(Protocol):
     def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
         """Plan a rise from a posture at rest."""
         ...
+
+
+class WorldStrategy(Strategy, Protocol):
+    """A strategy that knows the robot, where it is, and the torque limit of its servos."""
+
+    @property
+    def world(self) -> World:
+        """Return robot and scene."""
+        ...
+
+    @property
+    def torque_limit(self) -> TorqueLimit:
+        """Return the torque limit that its plans keep to."""
+        ...

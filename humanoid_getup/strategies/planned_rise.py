@@ -11,14 +11,14 @@ import numpy as np
 from humanoid_getup.filtering.dynamics_filter import Candidate, CandidateRollout, DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import Connection, MotionDatabase
+from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.path_planner import plan_rise
 from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseOptions, RisePlan, RiseStatus
-from robots import Posture, quaternion
+from robots import Posture, TorqueLimit, quaternion
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -49,14 +49,38 @@ class _Search:
 class PlannedRise:
     """Plans the rises of one robot in one scene."""
 
-    def __init__(self, world: World, database: MotionDatabase, options: RiseOptions) -> None:
-        self.world, self.database, self.options = world, database, options
+    def __init__(
+        self,
+        world: World,
+        database: MotionDatabase | None = None,
+        options: RiseOptions | None = None,
+        *,
+        torque_limit: TorqueLimit | None = None,
+    ) -> None:
+        """Prepare to plan.
+
+        Args:
+            world: Robot and scene.
+            database: Motions to connect to; ``None`` for the robot's own.
+            options: Which parts of the method to use.
+            torque_limit: Of the servos; ``None`` for that of the options.
+        """
+        options = options or RiseOptions()
+        if torque_limit is not None:
+            options = replace(options, torque_limit=torque_limit)
+        self.world, self.options = world, options
+        self.database = load_database(world.robot) if database is None else database
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
         self.filter = DynamicsFilter(world, torque_limit=options.torque_limit)
 
+    @property
+    def torque_limit(self) -> TorqueLimit:
+        """Return the torque limit that rises are planned for."""
+        return self.options.torque_limit
+
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
-        """Plan a rise from a posture at rest.
+        """Plan a rise from a posture at rest; the same arguments give the same plan.
 
         The nearest connecting postures of a few motions first, the quickest that stands
         wins; where none does, further motions and slower paths; where none of those does

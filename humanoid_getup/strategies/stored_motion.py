@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from robots import Posture
+from robots import FULL_TORQUE, Posture, TorqueLimit
 
 
 class StoredMotion:
     """Chooses one motion, however the robot lies; the preflight may refuse it."""
 
-    def __init__(self, motion: Motion) -> None:
-        self._motion = motion
+    def __init__(
+        self,
+        world: World,
+        motion: Motion | str | Path,
+        *,
+        torque_limit: TorqueLimit = FULL_TORQUE,
+    ) -> None:
+        """Load a motion, or take a loaded one.
+
+        Args:
+            world: Robot and scene.
+            motion: Name of one of the robot's motions, an .npz file, or a motion.
+            torque_limit: Of the servos.
+
+        Raises:
+            ValueError: if there is no such motion, or it is another robot's.
+        """
+        self.world, self.torque_limit = world, torque_limit
+        is_loaded = isinstance(motion, Motion)
+        self.motion = motion if is_loaded else find_motion(world.robot, str(motion))
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
         """Choose the motion."""
         status = RiseStatus.STORED
-        return MotionPlan(status=status, reason=status.value, motion=self._motion)
+        return MotionPlan(status=status, reason=status.value, motion=self.motion)

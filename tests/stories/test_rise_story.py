@@ -12,7 +12,7 @@ from humanoid_getup.cli.main import main
 from humanoid_getup.cli.play import Play
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.evaluation.standing import HOLD_TIME
-from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.get_up import run_session
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion import Motion
@@ -150,7 +150,7 @@ def played(op3: Robot, world: World) -> RiseResult:
     at_rest = settle_posture(world, squat.posture(0))
     twin.place(read_posture(op3, world.model, at_rest))
     options = AttemptOptions(max_attempts=1, settle=False)
-    session = RiseSession.on_twin(twin, world, StoredMotion(squat), options)
-    result = get_up(session, np.random.default_rng(0))
+    session = RiseSession.on(twin, world, StoredMotion(world, squat), options)
+    result = run_session(session, np.random.default_rng(0))
     assert result.stood
     return result

@@ -37,7 +37,7 @@ class NothingPlanned:
 
 def test_ways_of_getting_up_are_compared_from_the_same_falls(world, one_motion):
     seen = []
-    ways = {"motion": StoredMotion(one_motion), "nothing": NothingPlanned()}
+    ways = {"motion": StoredMotion(world, one_motion), "nothing": NothingPlanned()}
     result = bench_methods(world, ways, seed=4, each=1, report=seen.append)
     assert result["n"] == 3
     assert [r["way"] for r in seen] == ["motion"] * 3 + ["nothing"] * 3

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from humanoid_getup import choose_gl
 from humanoid_getup.cli.commands import COMMANDS
-from humanoid_getup.cli.main import choose_gl, main
+from humanoid_getup.cli.main import main
 from humanoid_getup.motions.motion import Motion
 from robots import Robot
 

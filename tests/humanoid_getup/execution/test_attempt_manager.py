@@ -17,7 +17,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.stored_motion import StoredMotion
+from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import read_posture
 
@@ -33,11 +33,12 @@ class Scripted:
         self._motions, self._then = list(motions), then
         self.starts: list[Posture] = []
 
-    def plan(self, start: Posture, rng: np.random.Generator):
+    def plan(self, start: Posture, _rng: np.random.Generator):
         self.starts.append(start)
         self._then()
         motion = self._motions.pop(0) if len(self._motions) > 1 else self._motions[0]
-        return StoredMotion(motion).plan(start, rng)
+        status = RiseStatus.STORED
+        return MotionPlan(status=status, reason=status.value, motion=motion)
 
 
 class Ailing(Twin):

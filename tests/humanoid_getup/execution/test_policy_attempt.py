@@ -11,7 +11,7 @@ pytest.importorskip("onnx")
 from tiny_policies import save_policy, weights_of
 
 from drivers import Ending, SafetyGuard, State, Twin
-from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.get_up import run_session
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.playback.monitors import AbortKind
@@ -131,10 +131,10 @@ def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[R
     session = RiseSession(
         guard=SafetyGuard(twin),
         world=world,
-        strategy=LearnedRise(policy, "mine"),
+        strategy=LearnedRise(world, policy, name="mine"),
         options=AttemptOptions(max_attempts=1, **options),
     )
-    return get_up(session, np.random.default_rng(0)), twin
+    return run_session(session, np.random.default_rng(0)), twin
 
 
 def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(world, idle, supine):
@@ -198,7 +198,7 @@ def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
     assert choose(records, supine, torque_limit=1.9) == "plan"  # nobody knows
 
 
-def test_a_policy_in_a_plan_is_named(idle: OnnxPolicy, supine: Posture):
-    plan = LearnedRise(idle, "mine").plan(supine, np.random.default_rng(0))
+def test_a_policy_in_a_plan_is_named(world: World, idle: OnnxPolicy, supine: Posture):
+    plan = LearnedRise(world, idle, name="mine").plan(supine, np.random.default_rng(0))
     assert isinstance(plan, PolicyPlan)
     assert (plan.title, plan.record()["policy"], plan.policy) == ("policy mine", "mine", idle)

@@ -17,7 +17,7 @@ from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.get_up import run_session
 from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange, RiseResult
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion_database import load_database
@@ -61,7 +61,7 @@ def rise_and_break(
             on_phase=phases.append,
             on_cycle=look,
         )
-        rise = get_up(session, rng)
+        rise = run_session(session, rng)
     return rise, phases, virtual
 
 

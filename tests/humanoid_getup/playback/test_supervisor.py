@@ -8,7 +8,7 @@ import pytest
 from drivers import SafetyGuard, State, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD
-from humanoid_getup.execution.get_up import get_up, lay_down
+from humanoid_getup.execution.get_up import lay_down, run_session
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
@@ -276,7 +276,7 @@ def test_a_planned_rise_that_stands_is_never_given_up(world: World, kind: str, s
     planner = PlannedRise(world, load_database(world.robot), RiseOptions())
     twin = Twin(world)
     lay_down(world, fall, twin.place)
-    session = RiseSession.on_twin(twin, world, planner, AttemptOptions(max_attempts=1))
-    (attempt,) = get_up(session, rng).attempts
+    session = RiseSession.on(twin, world, planner, AttemptOptions(max_attempts=1))
+    (attempt,) = run_session(session, rng).attempts
     assert attempt.abort is None
     assert attempt.stood

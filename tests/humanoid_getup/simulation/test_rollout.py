@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -38,6 +40,21 @@ def test_rollouts_do_not_disturb_each_other(world):
     np.testing.assert_array_equal(together.qpos[0], alone.qpos[0])
     np.testing.assert_array_equal(together.qpos[2], alone.qpos[0])
     assert not np.allclose(together.qpos[1], together.qpos[0])
+
+
+def test_a_rollout_does_not_depend_on_those_before_it(world):
+    starts, targets = _stand(world, 1, 60)
+    targets[0, :, :6] += np.linspace(0.0, 0.4, 60)[:, None]
+    nominal = DomainParameters.nominal(world, 1)
+    alone = Rollout(world, 1).play(starts, targets, nominal)
+    used = Rollout(world, 1)
+    diverging = np.where(np.arange(60)[:, None] < 30, targets, np.nan)
+    heavy = replace(nominal, mass=1.3 * nominal.mass, armature=2.0 * nominal.armature)
+    for before, parameters in ((-targets, nominal), (diverging, nominal), (targets, heavy)):
+        used.play(starts, before, parameters)
+        again = used.play(starts, targets, nominal)
+        np.testing.assert_array_equal(again.qpos, alone.qpos)
+        np.testing.assert_array_equal(again.torque, alone.torque)
 
 
 def test_a_standing_robot_stands_and_a_lying_one_does_not(world):

@@ -5,7 +5,7 @@ import pytest
 
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
-from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.falls import sample_fall, sample_falls
 from humanoid_getup.strategies.plan import MotionPlan, RiseOptions, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit
@@ -41,9 +41,15 @@ def test_a_rise_begins_where_the_robot_lies_and_ends_in_the_stance(plan, fall, o
     np.testing.assert_allclose(motion.joint_target[-1], op3.standing.joint_pos, atol=1e-6)
 
 
-def test_the_same_seed_gives_the_same_rise(world, database, fall, plan):
-    again = PlannedRise(world, database, RiseOptions()).plan(fall, np.random.default_rng(0))
+def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
+    """A planner that has planned another rise plans this one as a new planner does."""
+    planner = PlannedRise(world, database, RiseOptions())
+    other = planner.plan(sample_fall(world, "prone", seed=4).posture, np.random.default_rng(1))
+    assert other.rollouts > 0
+    again = planner.plan(fall, np.random.default_rng(0))
+    assert (again.rollouts, again.rounds, again.robust) == (plan.rollouts, plan.rounds, plan.robust)
     np.testing.assert_array_equal(again.motion.joint_target, plan.motion.joint_target)
+    np.testing.assert_array_equal(again.motion.position, plan.motion.position)
 
 
 def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):

@@ -22,8 +22,8 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from humanoid_getup.cli.options import find_policy
 from humanoid_getup.cli.output import to_json
+from humanoid_getup.cli.policies import find_policy
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet

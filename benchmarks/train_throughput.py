@@ -32,7 +32,7 @@ from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.initial_states import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
-from sim2real.training.progress import TrainReport
+from sim2real.training.iteration_log import TrainReport
 from sim2real.training.train import build_options, load_pool, train
 
 ROUNDS = 5  # of bare physics and of the environment, in turn

@@ -372,7 +372,7 @@ def test_a_calibration_of_another_robot_is_bad_input(tmp_path, capsys):
     folder = copy_tiny(tmp_path)
     (folder / "calibration.toml").write_text('robot = "op3"\n')
     told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
-    assert "it is of robot 'op3', allowed 'tiny'" in told
+    assert "it is of robot 'op3', expected 'tiny'" in told
 
 
 def test_a_port_with_nobody_on_it_says_what_to_check(capsys):

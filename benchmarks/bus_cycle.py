@@ -2,19 +2,17 @@
 
     python benchmarks/bus_cycle.py --cycles 500 --json bus_cycle.json
 
-A virtual bus in a process of its own, in real time, answers at the speed of the wire. Its
-servos lie on a table: physics would share the processor with the wire's clock. On it, one
-after another, each client does the same job as fast as it can: current, velocity and position
-of 20 servos, the IMU, and 20 goals. Peers: the group handlers of `dynamixel-sdk`, plain and
-fast, and LeRobot's Dynamixel bus, which reads one quantity at a time
+A virtual bus in a separate process replies in real time, at the speed of the wire. Its servos
+are not simulated, since physics would share the processor with the clock of the wire. One after
+another, each client does the same job as fast as it can: current, velocity and position of 20
+servos, the IMU, and 20 goals. Peers: the group handlers of `dynamixel-sdk`, plain and fast, and
+LeRobot's Dynamixel bus, which reads one quantity at a time
 (pip install --no-deps lerobot deepdiff orderly-set tqdm cachebox). A peer's group read that
-fails is asked again, and counted.
+fails is repeated and counted.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import multiprocessing
 import sys
 import time
@@ -22,11 +20,13 @@ import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from json import dumps
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tyro
 
 from drivers import Command, SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
@@ -53,7 +53,7 @@ class Client:
     cycle_bytes: int
     """Bytes on the wire in one cycle, both ways, when nothing is stuffed."""
     failures: list[int] = field(default_factory=lambda: [0])
-    """One number: group reads that failed and were asked again."""
+    """One number: group reads that failed and were repeated."""
 
 
 def robot_at(baud: int) -> Robot:
@@ -79,7 +79,7 @@ def serve(baud: int, pipe: Connection) -> None:
 
 @contextmanager
 def bus_at(baud: int) -> Iterator[tuple[str, list[float]]]:
-    """Run a bus in a process of its own; yield its path, and later how late it was [s]."""
+    """Run a bus in a separate process; yield its path, and a list for its lateness [s]."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(baud, theirs), daemon=True)
@@ -96,7 +96,7 @@ def bus_at(baud: int) -> Iterator[tuple[str, list[float]]]:
 
 @contextmanager
 def our_backend(path: str, baud: int) -> Iterator[Client]:
-    """Talk by our backend, behind the guard as always."""
+    """Use our backend behind the guard."""
     robot = robot_at(baud)
     backend = DynamixelBackend(robot, {"main": path})
     with SafetyGuard(backend) as guard:
@@ -113,7 +113,7 @@ def our_backend(path: str, baud: int) -> Iterator[Client]:
 
 @contextmanager
 def our_backend_unguarded(path: str, baud: int) -> Iterator[Client]:
-    """Talk by our backend without the guard's arithmetic, as the peers do."""
+    """Use our backend without the guard, as the peers do."""
     robot = robot_at(baud)
     with DynamixelBackend(robot, {"main": path}) as backend:
         command = Command.position(robot, backend.read().joint_pos)
@@ -129,7 +129,7 @@ def our_backend_unguarded(path: str, baud: int) -> Iterator[Client]:
 
 @contextmanager
 def bare_bytes(path: str, baud: int) -> Iterator[Client]:
-    """Send ready-made frames and wait for as many bytes as will come: what the bus itself costs."""
+    """Send precomputed frames and wait for all bytes of the replies: the cost of the bus itself."""
     ids = [joint.servo.id for joint in robot_at(baud).joints]
     group = sync_read(ids, Span(*STATE), fast=True)
     imu = read(200, Span(*IMU))
@@ -141,7 +141,7 @@ def bare_bytes(path: str, baud: int) -> Iterator[Client]:
         port.write(frame)
         while size > 0:
             chunk = port.read(time.monotonic() + 0.1)
-            assert chunk, "an answer is missing"
+            assert chunk, "a reply is missing"
             size -= len(chunk)
 
     def turn() -> None:
@@ -157,7 +157,7 @@ def bare_bytes(path: str, baud: int) -> Iterator[Client]:
 
 @contextmanager
 def sdk_handlers(path: str, baud: int, *, fast: bool) -> Iterator[Client]:
-    """Talk by the group handlers of dynamixel-sdk."""
+    """Use the group handlers of dynamixel-sdk."""
     import dynamixel_sdk as sdk
     from dynamixel_sdk import port_handler
 
@@ -197,7 +197,7 @@ def sdk_handlers(path: str, baud: int, *, fast: bool) -> Iterator[Client]:
 
 @contextmanager
 def lerobot_bus(path: str, baud: int) -> Iterator[Client]:
-    """Talk by LeRobot's bus; the IMU, which it does not know, by the handler inside it."""
+    """Use LeRobot's bus, and its packet handler for the IMU, which the bus does not support."""
     import dynamixel_sdk as sdk
 
     _stub_learning_libraries()
@@ -286,31 +286,32 @@ def measure(client: Client, cycles: int, baud: int) -> dict[str, float]:
     }
 
 
-def main() -> None:
-    """Measure every client at every rate."""
-    parser = argparse.ArgumentParser(description="Cycle time on a servo bus.")
-    parser.add_argument("--cycles", type=int, default=500)
-    parser.add_argument("--json", default=None)
-    parser.add_argument("--bauds", type=int, nargs="+", default=BAUDS)
-    options = parser.parse_args()
+def main(*, cycles: int = 500, bauds: tuple[int, ...] = BAUDS, json: Path | None = None) -> None:
+    """Measure every client at every baud rate.
+
+    Args:
+        cycles: Cycles of each measurement.
+        bauds: Baud rates [bit/s].
+        json: File for the results.
+    """
     cases: dict[str, dict[str, float]] = {}
-    for baud in options.bauds:
+    for baud in bauds:
         for name, client in CLIENTS.items():
             with bus_at(baud) as (path, lateness):
                 try:
                     with client(path, baud) as ready:
-                        case = measure(ready, options.cycles, baud)
+                        case = measure(ready, cycles, baud)
                 except ImportError as error:
-                    print(f"{name}: left out, {error}", file=sys.stderr)
+                    print(f"{name}: skipped, {error}", file=sys.stderr)
                     continue
             case["bus_late_us"] = lateness[0] * 1e6
             cases[f"{name} at {baud / 1e6:g} Mbps"] = case
             figures = ", ".join(f"{key} {value:.4g}" for key, value in case.items())
             print(f"{name:22} {baud / 1e6:g} Mbps: {figures}", flush=True)
-    if options.json:
-        record = {"name": "bus_cycle", "seed": None, "n": options.cycles, "cases": cases}
-        Path(options.json).write_text(json.dumps(record, indent=1) + "\n", "utf-8")
+    if json:
+        record = {"name": "bus_cycle", "seed": None, "n": cycles, "cases": cases}
+        json.write_text(dumps(record, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -12,7 +12,6 @@ Prints one line of JSON and exits with 1 if anything failed.
 
 from __future__ import annotations
 
-import argparse
 import faulthandler
 import json
 import random
@@ -21,6 +20,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 
+import tyro
 from fuzz_chain import ChainTally, fuzz_chain
 from fuzz_driver import DriverTally, fuzz_driver
 
@@ -227,20 +227,28 @@ TARGETS: dict[str, Callable[[random.Random, int], Tally | ChainTally | DriverTal
 }
 
 
-def main() -> int:
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Fuzz each end of the servo bus."""
+
+    bytes: int = 1_000_000
+    """Bytes for each target."""
+    seed: int = 0
+    only: str | None = None
+    """Target to fuzz; default: all."""
+
+
+def main(options: Options) -> int:
     """Run; return 1 if a target failed."""
-    options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    options.add_argument("--bytes", type=int, default=1_000_000, help="for each target")
-    options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--only", choices=TARGETS, default=None)
-    arguments = options.parse_args()
-    report: dict[str, object] = {"seed": arguments.seed}
+    if options.only not in (None, *TARGETS):
+        raise SystemExit(f"--only is {options.only}, expected {', '.join(TARGETS)}")
+    report: dict[str, object] = {"seed": options.seed}
     failed = []
     for name, fuzz in TARGETS.items():
-        if arguments.only not in (None, name):
+        if options.only not in (None, name):
             continue
         start = time.perf_counter()
-        tally = fuzz(random.Random(f"{arguments.seed} {name}"), arguments.bytes)
+        tally = fuzz(random.Random(f"{options.seed} {name}"), options.bytes)
         faulthandler.cancel_dump_traceback_later()
         report[name] = asdict(tally) | {"time_s": round(time.perf_counter() - start, 2)}
         if tally.has_failed:
@@ -250,4 +258,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(tyro.cli(Options)))

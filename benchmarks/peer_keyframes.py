@@ -35,8 +35,7 @@ from rich.table import Table
 from scipy.interpolate import PchipInterpolator
 
 from drivers import State
-from humanoid_getup.benchmarks.rise import CLASSES, bench_methods
-from humanoid_getup.cli.options import load_policy
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES, bench_methods
 from humanoid_getup.cli.output import counting, to_json
 from humanoid_getup.motions.motion import Motion, StartClass
 from humanoid_getup.motions.motion_database import load_database
@@ -180,7 +179,7 @@ def compare(
 
         strategies: dict[str, Strategy] = {
             PLANNED: PlannedRise(world, database, RiseOptions(torque_limit=limit)),
-            ROBUST: LearnedRise(load_policy(robot, ROBUST, limit.value), ROBUST),
+            ROBUST: LearnedRise(world, ROBUST, torque_limit=limit),
             PEER: peer,
         }
         result = bench_methods(
@@ -195,17 +194,17 @@ def compare(
         cases[name] = {
             way: summary | _count(records, way) for way, summary in result["cases"].items()
         }
-    return {"name": "peer_keyframes", "seed": seed, "n": len(CLASSES) * each, "limits": cases}
+    return {"name": "peer_keyframes", "seed": seed, "n": len(BENCH_CLASSES) * each, "limits": cases}
 
 
 def _count(records: list[dict[str, Any]], way: str) -> dict[str, Any]:
     """Count a strategy's stands by class of fall and what was not played; keep why it failed."""
     ours = [record for record in records if record["way"] == way]
-    each = len(ours) // len(CLASSES)
+    each = len(ours) // len(BENCH_CLASSES)
     return {
         "stood_by_class": {
             name: sum(record["stood"] for record in ours[k * each : (k + 1) * each])
-            for k, name in enumerate(CLASSES)
+            for k, name in enumerate(BENCH_CLASSES)
         },
         "not_played": sum(record["attempts"] == 0 for record in ours),
         "failures": [record["reason"] for record in ours if not record["stood"]],
@@ -256,7 +255,7 @@ class Options:
 def main(options: Options) -> None:
     """Measure, print, write."""
     world = World(load_robot(options.robot), load_scene(options.scene))
-    with counting("rises", len(LIMITS) * 3 * len(CLASSES) * options.n) as count:
+    with counting("rises", len(LIMITS) * 3 * len(BENCH_CLASSES) * options.n) as count:
         result = compare(
             world,
             options.peers,

@@ -10,16 +10,16 @@ the arc. Shortening and smoothing are left out: only the search is compared.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from json import dumps
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tyro
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
@@ -41,7 +41,7 @@ COUNTS = {"supine": 20, "prone": 20, "lateral": 20}
 
 @dataclass(frozen=True)
 class Attempt:
-    """How a planner fared on one problem."""
+    """Result of a planner on one problem."""
 
     planned: bool
     time_s: float
@@ -70,7 +70,7 @@ class SameEdges(ob.MotionValidator):
         self.problem, self.to_node = problem, to_node
 
     def checkMotion(self, a: ob.State, b: ob.State) -> bool:
-        """Tell whether the robot may go from ``a`` to ``b``."""
+        """Return whether the edge from ``a`` to ``b`` is free."""
         return not self.problem.fails(self.to_node(a), self.to_node(b))
 
 
@@ -159,23 +159,31 @@ def _pose(checker: CollisionChecker, start: Posture, goal: Posture) -> PosturePr
     return PostureProblem(checker, PostureMetric.of(checker.robot), start, goal, positions)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--robot", default="op3")
-    parser.add_argument("--scene", default="flat")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--limit", type=float, default=10.0, help="OMPL's time a problem [s]")
-    parser.add_argument("--json", type=Path, help="write the table here")
-    arguments = parser.parse_args()
-    robot, scene = load_robot(arguments.robot), load_scene(arguments.scene)
+def main(
+    *,
+    robot: str = "op3",
+    scene: str = "flat",
+    seed: int = 0,
+    limit: float = 10.0,
+    json: Path | None = None,
+) -> None:
+    """Compare RRT-blossom with OMPL's RRTConnect.
+
+    Args:
+        robot: Name of a robot.
+        scene: Name of a scene.
+        seed: Seed of the falls and of both planners.
+        limit: OMPL's time for a problem [s].
+        json: File for the results.
+    """
+    world = World(load_robot(robot), load_scene(scene))
     ou.setLogLevel(ou.LOG_ERROR)
-    ou.RNG.setSeed(arguments.seed + 1)  # once: OMPL seeds all later generators from it
-    world = World(robot, scene)
-    falls = sample_falls(world, COUNTS, np.random.default_rng(arguments.seed))
-    database = load_database(robot)
+    ou.RNG.setSeed(seed + 1)  # once: OMPL seeds all later generators from it
+    falls = sample_falls(world, COUNTS, np.random.default_rng(seed))
+    database = load_database(world.robot)
     starts = [fall.posture for fall in falls]
     goals = [database.select(start)[0].posture for start in starts]
-    attempts = compare(starts, goals, CollisionChecker(robot, scene), arguments.limit)
+    attempts = compare(starts, goals, CollisionChecker(world.robot, world.scene), limit)
     table = {name: summarize(rows) for name, rows in attempts.items()}
     for name, row in table.items():
         print(
@@ -184,11 +192,11 @@ def main() -> None:
             f"{row['checks_median']:.0f} checks, length {row['length_median']:.2f}",
             file=sys.stderr,
         )
-    if arguments.json:
-        head: dict[str, Any] = {"name": "planner_vs_ompl", "seed": arguments.seed}
+    if json:
+        head: dict[str, Any] = {"name": "planner_vs_ompl", "seed": seed}
         record = {**head, "n": len(starts), "cases": table}
-        arguments.json.write_text(json.dumps(record, indent=1) + "\n", "utf-8")
+        json.write_text(dumps(record, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

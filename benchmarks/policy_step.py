@@ -2,18 +2,19 @@
 
     python benchmarks/policy_step.py robots/op3/policies/robust.onnx
 
-Every sixth cycle observes and asks the network; the others move the targets on. The
-measurements are those of a twin that the policy moves, so no branch is spared.
+Every sixth cycle observes and runs the network; the others interpolate targets. The
+measurements come from a twin that the policy moves, so every branch is taken.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 
 from drivers import SafetyGuard, Twin
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -38,16 +39,18 @@ def time_cycles(policy: OnnxPolicy, steps: int) -> np.ndarray:
     return np.array(spent).reshape(-1, policy.action.cycles)[WARM_UP:]
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description="Time of control cycles.")
-    parser.add_argument("policy", type=Path, help="ONNX file")
-    parser.add_argument("--robot", default="op3")
-    parser.add_argument("--steps", type=int, default=2000, help="policy steps")
-    arguments = parser.parse_args()
-    robot = load_robot(arguments.robot)
-    policy = OnnxPolicy.load(arguments.policy, robot, robot.control_period)
-    spent = 1e3 * time_cycles(policy, arguments.steps)  # ms
+def main(
+    policy: Annotated[Path, tyro.conf.Positional], *, robot: str = "op3", steps: int = 2000
+) -> None:
+    """Measure the time of a policy's control cycles and print it.
+
+    Args:
+        policy: ONNX file.
+        robot: Name of a robot.
+        steps: Policy steps.
+    """
+    loaded = load_robot(robot)
+    spent = 1e3 * time_cycles(OnnxPolicy.load(policy, loaded, loaded.control_period), steps)  # ms
     figures = {
         "policy_steps": len(spent),
         "deciding_cycle_median_ms": float(np.median(spent[:, 0])),
@@ -58,4 +61,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -1,29 +1,28 @@
-"""Compare training with bare physics: policy steps a second, same machine, same run.
+"""Compare training with bare physics: policy steps per second, same machine, same run.
 
 Bare physics steps the same robots on `mujoco.batch` with targets that the environment sent:
-nothing is sensed, rewarded or laid down again. Against it: the environment with random
-actions; the whole of training, learning included; and the same task as single-robot
-Gymnasium environments in two processes under stable-baselines3 (`pip install
-stable-baselines3`; left out where it is missing).
+nothing is sensed, rewarded or reset. Compared with it: the environment with random actions;
+training, learning included; and the same task as single-robot Gymnasium environments in two
+processes under stable-baselines3 (`pip install stable-baselines3`; skipped if missing).
 
     python benchmarks/train_throughput.py --recipe quick --json throughput.json
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
-import json
 import statistics
 import tempfile
 import time
 from dataclasses import dataclass, replace
+from json import dumps
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import mujoco
 import numpy as np
+import tyro
 from mujoco.batch import Batch
 
 from humanoid_getup.policy.observation import Floats
@@ -32,7 +31,7 @@ from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.initial_states import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
-from sim2real.training.progress import TrainReport
+from sim2real.training.iteration_log import TrainReport
 from sim2real.training.train import build_options, load_pool, train
 
 ROUNDS = 5  # of bare physics and of the environment, in turn
@@ -41,7 +40,7 @@ PROCESSES = 2
 
 @dataclass(frozen=True)
 class Task:
-    """What is trained, and with what."""
+    """A training to measure."""
 
     robot: Robot
     recipe: Recipe
@@ -57,7 +56,7 @@ class Task:
 
 
 class Recorder:
-    """Passes everything on to a batch, and keeps the controls that are rolled out."""
+    """Forwards every call to a batch and records the controls that are rolled out."""
 
     def __init__(self, batch: Batch) -> None:
         self._batch = batch
@@ -72,7 +71,7 @@ class Recorder:
 
 
 def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float]:
-    """Return policy steps a second of bare physics and of the environment."""
+    """Return policy steps per second of bare physics and of the environment."""
     n = task.recipe.robots
     env = task.make_env(n, task.threads)
     env.reset(seed=0)
@@ -97,7 +96,7 @@ def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float
 
 
 def measure_training(task: Task, iterations: int) -> float:
-    """Return policy steps a second of training, from the first update's end on."""
+    """Return policy steps per second of training, from the first update's end on."""
     seen: list[tuple[float, int]] = []
 
     def note(report: TrainReport) -> None:
@@ -111,15 +110,17 @@ def measure_training(task: Task, iterations: int) -> float:
 
 
 class OneRobot(gymnasium.Env):
-    """The same task, one robot, as Gymnasium's single environments are.
+    """The same task with one robot, as a single Gymnasium environment.
 
-    At an end the robot already lies in its next start: what it saw last is returned, and
-    the reset that follows hands out what it sees now.
+    `GetUpEnv` resets a robot in the last step of its episode: that step returns the final
+    observation, and the following reset the first one of the new episode.
     """
 
     def __init__(self, task: Task) -> None:
         self._env = task.make_env(1, 1)
-        self._begun: Floats | None = None  # seen in an episode that nobody has asked for yet
+        self._begun: Floats | None = (
+            None  # first observation of an episode that has not been requested yet
+        )
         self.observation_space = self._env.single_observation_space
         self.action_space = self._env.single_action_space
 
@@ -139,9 +140,9 @@ class OneRobot(gymnasium.Env):
 
 
 def measure_peer(task: Task, iterations: int) -> float | None:
-    """Return policy steps a second of stable-baselines3's PPO; None where it is missing."""
+    """Return policy steps per second of stable-baselines3's PPO; None if it is missing."""
     if importlib.util.find_spec("stable_baselines3") is None:
-        print("stable-baselines3 is not installed: left out")
+        print("stable-baselines3 is not installed: skipped")
         return None
     from stable_baselines3 import PPO  # pyright: ignore[reportMissingImports]
     from stable_baselines3.common.vec_env import SubprocVecEnv  # pyright: ignore[reportMissingImports]
@@ -168,41 +169,54 @@ def measure_peer(task: Task, iterations: int) -> float | None:
         robots.close()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robot", default="op3")
-    parser.add_argument("--recipe", default="quick", choices=sorted(RECIPES))
-    parser.add_argument("--robots", type=int, default=None, help="side by side")
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--iterations", type=int, default=10, help="of training")
-    parser.add_argument("--peer-iterations", type=int, default=2, help="of stable-baselines3")
-    parser.add_argument("--steps", type=int, default=40, help="policy steps in a round")
-    parser.add_argument("--falls", type=int, default=128)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    recipe = RECIPES[options.recipe]
-    recipe = replace(recipe, falls=options.falls, robots=options.robots or recipe.robots)
-    robot = load_robot(options.robot)
+def main(
+    *,
+    robot: str = "op3",
+    recipe: Literal["quick", "robust", "gentle"] = "quick",
+    robots: int | None = None,
+    threads: int = 0,
+    iterations: int = 10,
+    peer_iterations: int = 2,
+    steps: int = 40,
+    falls: int = 128,
+    json: Path | None = None,
+) -> None:
+    """Compare training with bare physics.
+
+    Args:
+        robot: Name of a robot.
+        recipe: Training recipe.
+        robots: Robots side by side; default: the recipe's.
+        threads: Threads that step physics; 0 for one per processor.
+        iterations: Iterations of training.
+        peer_iterations: Iterations of stable-baselines3.
+        steps: Policy steps in a round.
+        falls: Settled falls in the pool.
+        json: File for the results.
+    """
+    chosen = replace(RECIPES[recipe], falls=falls)
+    chosen = replace(chosen, robots=robots or chosen.robots)
+    loaded = load_robot(robot)
     with tempfile.TemporaryDirectory() as folder:
-        pool = load_pool(robot, recipe, 0, Path(folder, "falls.npz"))
-    task = Task(robot, recipe, pool, options.threads, options.steps)
+        pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
+    task = Task(loaded, chosen, pool, threads, steps)
     bare, env = measure_stepping(task, np.random.default_rng(0))
-    rates = {"bare": bare, "env": env, "training": measure_training(task, options.iterations)}
-    peer = measure_peer(task, options.peer_iterations)
+    rates = {"bare": bare, "env": env, "training": measure_training(task, iterations)}
+    peer = measure_peer(task, peer_iterations)
     rates |= {} if peer is None else {"stable_baselines3": peer}
     for name, rate in rates.items():
         print(f"{name:18} {rate:9,.0f} policy steps/s  {rate / bare:5.2f} of bare")
     record = {
         "name": "train_throughput",
-        "recipe": options.recipe,
-        "robots": recipe.robots,
+        "recipe": recipe,
+        "robots": chosen.robots,
         "mujoco": mujoco.__version__,
         "policy_steps_per_s": rates,
         "over_bare": {name: rate / bare for name, rate in rates.items()},
     }
-    if options.json:
-        options.json.write_text(json.dumps(record, indent=1) + "\n", "utf-8")
+    if json:
+        json.write_text(dumps(record, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

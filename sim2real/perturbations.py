@@ -1,4 +1,4 @@
-"""Perturbations: a policy evaluated on robots that differ from their description."""
+"""Perturbations: evaluation of a policy on robots that differ from their description."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sim2real.environment.model_variants import MODEL_VARIANTS, ModelVariant, ba
 from sim2real.environment.randomization import NOISE
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
-from sim2real.policy_evaluation import DURATION, Policy, PolicyRollouts, roll_out_policy
+from sim2real.policy_evaluation import DURATION, PolicyFunction, PolicyRollouts, roll_out_policy
 
 PHYSICS_STEP = 0.002  # s, the twin's
 PUSH_EVERY = 1.0  # s
@@ -47,27 +47,27 @@ class Perturbation:
     pwm_limited: bool = False
     """Whether the torque limit is a PWM limit, as in a servo's position mode."""
     delay: float = 0.0
-    """Age of targets when they reach the servos [s]."""
+    """Delay of targets on their way to the servos [s]."""
     voltage: float | None = None
     """Supply [V]."""
     friction: float | None = None
     """Sliding friction of every contact."""
     mass: float = 1.0
-    """Scale of every link's mass."""
+    """Factor on the mass of every link."""
     backlash: float = 0.0
-    """Backlash between every gear and its link, from end to end [rad]."""
+    """Backlash of every gear, from end to end [rad]."""
     weak_servo: float = 1.0
-    """Scale of torque and gain of one servo, a random one in every robot."""
+    """Factor on torque and gain of one servo, a random one in every robot."""
     push: float = 0.0
-    """Speed of a push in a random direction, once a second [m/s]."""
+    """Velocity change by a push in a random direction, once a second [m/s]."""
     imu_tilt: float = 0.0
     """Mounting error of the IMU about a random axis [rad]."""
     gyro_bias: float = 0.0
     """Bias of the gyro about a random axis [rad/s]."""
     noise: bool = False
-    """Whether the sensors are as noisy as in training."""
+    """Whether sensors have the noise of training."""
     physics: str | None = None
-    """One of ``MODEL_VARIANTS``."""
+    """Name of one of ``MODEL_VARIANTS``."""
 
     @property
     def label(self) -> str:
@@ -84,7 +84,7 @@ class Perturbation:
 def evaluate_policy(
     robot: Robot,
     action: ActionSpec,
-    policy: Policy,
+    policy: PolicyFunction,
     starts: Sequence[Posture],
     perturbation: Perturbation,
     seed: int,
@@ -94,16 +94,16 @@ def evaluate_policy(
     threads: int = 0,
     report: Callable[[int], None] = lambda _: None,
 ) -> list[PolicyRollouts]:
-    """Let a policy get robots up under a perturbation; return a record per chunk.
+    """Roll out a policy under a perturbation; return the rollouts in chunks.
 
     Args:
         robot: Robot.
-        action: Meaning of the policy's actions.
+        action: Action space of the policy.
         policy: Policy.
         starts: Initial postures.
         perturbation: Differences from the robot's description.
         seed: Seed of everything random: weak servos, pushes, the IMU's axis, noise.
-        scene: Scene by name.
+        scene: Name of a scene.
         duration: Duration of each rollout [s].
         threads: Threads that step physics; 0 for one per processor.
         report: Called with the number of robots done since the last call.
@@ -208,7 +208,7 @@ def _format(value: object) -> str:
 
 
 class _Pushes:
-    """Pushes every robot now and then, in a random horizontal direction."""
+    """Pushes every robot periodically, in a random horizontal direction."""
 
     def __init__(
         self, sim: TrainingSim, speed: float, every: int, rng: np.random.Generator

@@ -1,4 +1,4 @@
-"""Evaluation of a policy on settled falls, judged by the shared definition of standing."""
+"""Rollouts of a policy from settled falls, judged by the shared definition of standing."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from humanoid_getup.policy.observation import Floats, compute_torque_share, obse
 from robots.quaternion import Array
 from sim2real.environment.training_simulation import StepRecord, TrainingSim
 
-Policy = Callable[[Floats], Array]
+PolicyFunction = Callable[[Floats], Array]
 """Maps observations (N, size) to actions (N, k)."""
 
-DURATION = 10.0  # s from the fall to the end of the record, whose last 3 s must be a stand
+DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyRollouts:
-    """Record of N robots under a policy, a sample per control period."""
+    """Rollouts of N robots, a sample per control period."""
 
     period: float
     """[s]"""
@@ -36,7 +36,7 @@ class PolicyRollouts:
     joint_vel: Array
     """[rad/s], (N, T, n)"""
     head_impact: Array
-    """Greatest speed at which the head hit the ground [m/s], (N,)."""
+    """Largest speed at which the head hit the ground [m/s], (N,)."""
 
     @property
     def stood(self) -> NDArray[np.bool_]:
@@ -45,7 +45,7 @@ class PolicyRollouts:
 
     @property
     def stand_time(self) -> Array:
-        """Return when each held stand began [s]; nan for those that did not, (N,)."""
+        """Return the start time of each held stand [s]; nan without one, (N,)."""
         return np.array([judge(row, self.period).start_time for row in self.upright])
 
     def peak_torque(self) -> Array:
@@ -53,12 +53,12 @@ class PolicyRollouts:
         return np.abs(self.torque).max(axis=(1, 2))
 
     def standing_speed(self) -> Array:
-        """Compute the joint speed over the last two seconds [rad/s]; nan without a stand, (N,)."""
+        """Compute the RMS joint speed of the last 2 s [rad/s]; nan without a stand, (N,)."""
         recent = self.joint_vel[:, -round(2.0 / self.period) :]
         return np.where(self.stood, np.sqrt(np.mean(recent**2, axis=(1, 2))), np.nan)
 
     def rms_torque(self) -> Array:
-        """Compute the torque over all joints and the way up [N·m]; nan without a stand, (N,)."""
+        """Compute the RMS torque of all joints until the stand [N·m]; nan without one, (N,)."""
         ends = self.stand_time / self.period
         means = [
             np.nan if np.isnan(end) else np.mean(row[: round(end) + 1] ** 2)
@@ -70,23 +70,23 @@ class PolicyRollouts:
 def roll_out_policy(
     sim: TrainingSim,
     action: ActionSpec,
-    policy: Policy,
+    policy: PolicyFunction,
     starts: Array,
     *,
     duration: float = DURATION,
     rng: np.random.Generator | None = None,
     on_step: Callable[[int], None] = lambda _: None,
 ) -> PolicyRollouts:
-    """Let a policy get robots up, under the domain parameters of the simulation.
+    """Roll out a policy, under the domain parameters of the simulation.
 
     Args:
         sim: Simulation of as many robots as there are starts.
-        action: Meaning of the policy's actions.
+        action: Action space of the policy.
         policy: Policy.
         starts: MuJoCo positions, (N, nq).
         duration: Duration [s].
         rng: Random source of sensor noise; ``None`` for none.
-        on_step: Called with its number before each policy step, to disturb the robots.
+        on_step: Called before each policy step with its number, to disturb the robots.
     """
     robot = sim.robot
     sim.place(sim.everyone, starts)

@@ -1,4 +1,4 @@
-"""Fault injection: everything that can break on a bus, in the middle of a rise."""
+"""Fault injection: faults of bus, servos, board and controller in the middle of a rise."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import read_posture
 
-WINDOW = (0.1, 0.8)  # share of the motion in which the fault comes
-AFTERMATH = 0.5  # s of bus time watched after the run: the servos' own watchdog is shorter
-MARGIN = 0.03  # s of waiting for an answer: nothing is timed here
+WINDOW = (0.1, 0.8)  # part of the motion in which the fault is injected
+AFTERMATH = 0.5  # s of bus time observed after the run: longer than the servos' watchdog
+REPLY_MARGIN = 0.03  # s of waiting for a reply: in lock-step nothing is timed
 
 
 class FaultyError(Exception):
-    """A bug of a controller, injected on purpose."""
+    """An injected bug of a controller."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class FaultTrial:
     reason: str
     stood: bool
     safe: float | None
-    """From the fault until torque was off or the servos held [s]; None where that never
-    happened, or where the rise went on."""
+    """Time from the fault until torque was off or the servos held [s]; ``None`` if that never
+    happened, or if the rise went on."""
     beyond_limits: int
     believed_wrong: int
     holds: int
@@ -62,12 +62,12 @@ class FaultTrial:
 
 @dataclass
 class FaultTarget:
-    """What a fault can break."""
+    """Interfaces that faults are injected into."""
 
     faults: FaultInjector
     guard: SafetyGuard
     servo: int
-    """Id of a servo, drawn at random."""
+    """Id of a random servo."""
     board: int
 
 
@@ -78,7 +78,7 @@ class FaultCase:
     inject: Callable[[FaultTarget], object] = lambda _: None
     """Injects the fault, once."""
     corrupt: Callable[[Command], Command] = lambda command: command
-    """Changes what the controller sends from then on."""
+    """Changes every command after the injection."""
 
 
 def _raise(_command: Command) -> Command:
@@ -89,8 +89,8 @@ def _rate(fault: LineFault, rate: float) -> FaultCase:
     return FaultCase(lambda m: m.faults.set_rate(fault, rate))
 
 
-def _order(fault: LineFault, count: int = 1) -> FaultCase:
-    return FaultCase(lambda m: m.faults.strike_next(fault, None, count))
+def _once(fault: LineFault) -> FaultCase:
+    return FaultCase(lambda m: m.faults.strike_next(fault, None, 1))
 
 
 def _trip(error: HardwareError) -> FaultCase:
@@ -103,12 +103,12 @@ def _everywhere(value: float) -> Callable[[Command], Command]:
 
 CASES: Mapping[str, FaultCase] = {
     "none": FaultCase(),
-    "one answer lost": _order(LineFault.LOSE),
-    "one answer damaged": _order(LineFault.FLIP),
-    "one answer late": _order(LineFault.LATE),
-    "one answer cut": _order(LineFault.CUT),
-    "one answer split": _order(LineFault.SPLIT),
-    "one request lost": _order(LineFault.LOSE_REQUEST),
+    "one answer lost": _once(LineFault.LOSE),
+    "one answer damaged": _once(LineFault.FLIP),
+    "one answer late": _once(LineFault.LATE),
+    "one answer cut": _once(LineFault.CUT),
+    "one answer split": _once(LineFault.SPLIT),
+    "one request lost": _once(LineFault.LOSE_REQUEST),
     "answers lost, 1 %": _rate(LineFault.LOSE, 0.01),
     "bits flipped, 1e-4 a byte": _rate(LineFault.FLIP, 1e-4),
     "bits flipped, 1e-3 a byte": _rate(LineFault.FLIP, 1e-3),
@@ -143,7 +143,7 @@ CASES: Mapping[str, FaultCase] = {
 
 
 class FaultyController:
-    """A controller that injects a fault in one of its cycles."""
+    """A controller that injects a fault once it is due."""
 
     def __init__(
         self, player: TimedController, case: FaultCase, target: FaultTarget, at: float
@@ -155,16 +155,16 @@ class FaultyController:
 
     @property
     def done(self) -> bool:
-        """Return whether the controller is done."""
+        """Whether the controller is done."""
         return self._player.done
 
     def reset(self, state: State) -> None:
-        """Begin."""
+        """Start the wrapped controller."""
         self._begin = state.time
         self._player.reset(state)
 
     def step(self, state: State) -> Command:
-        """Step the controller; inject the fault when it is due."""
+        """Step the wrapped controller; inject the fault when it is due."""
         command = self._player.step(state)
         if state.time - self._begin >= self._at and not self.injected:
             self._case.inject(self._target)
@@ -181,12 +181,12 @@ def bench_faults(
     cases: Mapping[str, FaultCase] = CASES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Inject each fault some times during a rise on the virtual bus.
+    """Inject each fault several times during a rise on the virtual bus.
 
     Args:
         world: Robot and scene.
-        motion: Rise to play, from its own start.
-        seed: Seed of the moments, the servos and the damage.
+        motion: Motion to play, from its own start.
+        seed: Seed of the times, the servos and the damage.
         each: Rises of each case.
         cases: Faults by name.
         report: Called after each case.
@@ -203,9 +203,11 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
     robot = world.robot
     virtual = VirtualRobot(Simulation(world), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, rng=rng) as ports:
-        backend = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
+        backend = DynamixelBackend(
+            robot, ports.paths, clock=CycleClock(), answer_margin=REPLY_MARGIN
+        )
         with backend:
-            pass  # the first connection sets the servos up; time may pass in it
+            pass  # the first connection configures the servos, which may take time
         at_rest = settle_posture(world, motion.posture(0))
         start = read_posture(robot, world.model, at_rest)
         ports.main.call(lambda: virtual.place(start))
@@ -266,10 +268,10 @@ def _summarize(trials: list[FaultTrial]) -> dict[str, Any]:
     }
 
 
-LONGEST_START = 30.0  # s until the client has turned torque on
-KILL_WINDOW = (0.3, 0.8)  # share of the motion in which the client is killed
-KILL_AFTERMATH = 0.6  # s watched after the kill
-POLL = 0.01  # s between two looks for torque
+MAX_START_TIME = 30.0  # s until the client has switched torque on
+KILL_WINDOW = (0.3, 0.8)  # part of the motion in which the client is killed
+KILL_AFTERMATH = 0.6  # s observed after the kill
+POLL = 0.01  # s between two checks for torque
 
 
 def bench_kill(
@@ -284,8 +286,8 @@ def bench_kill(
 
     Args:
         world: Robot and scene.
-        motion: Rise that the client plays, from its own start.
-        seed: Seed of the moments.
+        motion: Motion that the client plays, from its own start.
+        seed: Seed of the times.
         each: Kills.
         report: Called after each.
     """
@@ -300,7 +302,7 @@ def bench_kill(
             continue
         refused += 1
         if refused > each:
-            raise RuntimeError("the client does not turn its robot's torque on")
+            raise RuntimeError("the client does not switch its robot's torque on")
     stops = [trial["stop_s"] for trial in trials]
     case = {
         "n": each,
@@ -318,7 +320,7 @@ def bench_kill(
 
 
 def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | None:
-    """Kill a client; ``None`` when it never began, on an overloaded machine."""
+    """Kill a client; ``None`` if it never started, as on an overloaded machine."""
     robot = world.robot
     virtual = VirtualRobot(Simulation(world))
     virtual.place(read_posture(robot, world.model, settle_posture(world, motion.posture(0))))
@@ -346,7 +348,7 @@ def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | N
 
 
 def _await_torque(virtual: VirtualRobot, client: subprocess.Popen[bytes]) -> bool:
-    until = time.monotonic() + LONGEST_START
+    until = time.monotonic() + MAX_START_TIME
     while not virtual.simulation.has_torque:
         if time.monotonic() > until or client.poll() is not None:
             client.kill()

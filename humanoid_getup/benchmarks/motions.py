@@ -1,9 +1,9 @@
-"""The motion database's benchmark: each motion's time, load, reserve and robustness."""
+"""Benchmark of motions: time, load, torque reserve and robustness of each."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,14 @@ from drivers import RunReport, SafetyGuard, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge, RunOutcome
 from humanoid_getup.evaluation.standing import HOLD, HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
-from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.rollout import Rollout
-from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
-from robots import Robot
 from robots.ground import GROUND
 from robots.kinematics import read_posture
 from robots.quaternion import Array
@@ -31,8 +28,8 @@ LIMITS = np.array([4.1, 3.5, 3.0, 2.5, 2.2, 2.0, 1.8, 1.6, 1.5, 1.4, 1.3, 1.2, 1
 
 
 def bench_motions(
-    robot: Robot,
-    scene: Scene,
+    world: World,
+    motions: Sequence[Motion],
     *,
     seed: int,
     plays: int = 50,
@@ -43,8 +40,6 @@ def bench_motions(
     Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
     friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
     """
-    world = World(robot, scene)
-    motions = [m for m in load_database(robot).motions if not m.name.endswith(MIRRORED_SUFFIX)]
     cases = {}
     for number, motion in enumerate(motions):
         start = settle_posture(world, motion.posture(0))
@@ -59,7 +54,7 @@ def bench_motions(
         }
         cases[motion.name] = record
         report({"motion": motion.name, **record})
-    return {"name": "motions", "seed": seed, "n": plays, "robot": robot.name, "cases": cases}
+    return {"name": "motions", "seed": seed, "n": plays, "robot": world.robot.name, "cases": cases}
 
 
 def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
@@ -82,13 +77,13 @@ def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
 
 
 def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | None:
-    """Find the lowest torque limit [N·m] down to which the motion stands at every one."""
+    """Find the lowest of `LIMITS` [N·m] such that the motion stands under it and all above."""
     robot, period = world.robot, world.robot.control_period
     n, hold = len(LIMITS), round((HOLD_TIME + 0.3) / period)
     targets = motion.sample(np.arange(motion.time[0], motion.time[-1] + 0.5 * period, period))
     targets = np.concatenate([targets, np.repeat(targets[-1:], hold, axis=0)])
-    conditions = DomainParameters.nominal(world, n, torque_limit=LIMITS)
-    trace = Rollout(world, n).play(np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), conditions)
+    parameters = DomainParameters.nominal(world, n, torque_limit=LIMITS)
+    trace = Rollout(world, n).play(np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), parameters)
     upright = is_upright(measure_stance(world, trace), robot)
     stood = np.array([judge(u, period).stood for u in upright])
     unbroken = np.cumprod(stood).astype(bool)
@@ -100,20 +95,20 @@ def _play_disturbed(
 ) -> list[bool]:
     robot = world.robot
     torque = float(robot.max_torque.max())
-    starts, conditions = randomize_rollouts(
+    starts, parameters = randomize_rollouts(
         world, start, plays + 1, RolloutRandomization(), torque, rng
     )
     stood = []
     for i in range(1, plays + 1):  # the first is the undisturbed one
         model = copy.copy(world.model)
-        model.geom_friction[model.geom(GROUND).id, 0] = conditions.friction[i]
-        twin = Twin(World(robot, world.scene, model=model), voltage=float(conditions.voltage[i]))
+        model.geom_friction[model.geom(GROUND).id, 0] = parameters.friction[i]
+        twin = Twin(World(robot, world.scene, model=model), voltage=float(parameters.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
         stood.append(_play(twin, motion)[1].stand.stood)
     return stood
 
 
 def _play(twin: Twin, motion: Motion) -> tuple[RunReport, RunOutcome]:
-    """Play a motion without supervision: what it is worth by itself is measured."""
+    """Play a motion without monitors, which would end a failing one early."""
     player = MotionPlayer(twin.robot, motion, hold=HOLD)
     return play(player, SafetyGuard(twin), GroundTruthJudge(twin.simulation, None))

@@ -24,31 +24,30 @@ from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.execution.get_up import run_session
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.quaternion import Array
 
-MARGIN = 0.2  # s of waiting for an answer: nothing is timed here
+REPLY_MARGIN = 0.2  # s of waiting for a reply: in lock-step nothing is timed
 SIT_TIME, SIT_HOLD = 1.5, 0.5  # s
 TUMBLE_TIME, TUMBLE_HOLD = 0.8, 0.4  # s
-SIT_DEPTH = 0.6  # share of the way from standing to all joints at their squat
+SIT_DEPTH = 0.6  # fraction of the way from standing to squatting
 MEGABYTE = 2**20
 
 
-class Counted(ObservingBackend):
-    """Counts cycles, and remembers how old the oldest value was."""
+class CountingBackend(ObservingBackend):
+    """Counts cycles and records the age of the oldest value."""
 
     def __init__(self, backend: Backend) -> None:
         """Count a backend's cycles."""
         super().__init__(backend)
         self.writes = 0
         self.oldest = 0.0
-        """Oldest value of any measurement [s]."""
+        """Age of the oldest value in any measurement [s]."""
 
     def read(self) -> State:
         """Measure."""
@@ -62,17 +61,17 @@ class Counted(ObservingBackend):
         return super().write(command)
 
 
-class Lead:
-    """A controller that leads all joints to angles in a time, holds, and has done."""
+class Interpolation:
+    """A controller that moves all joints to goal angles at constant speed, then holds."""
 
     def __init__(self, robot: Robot, goal: Array, duration: float, hold: float) -> None:
-        """Lead a robot's joints.
+        """Prepare the controller.
 
         Args:
-            robot: Robot to lead.
-            goal: Angles to come to [rad], shape (n,).
-            duration: Time of the way [s].
-            hold: Time at the end of it [s].
+            robot: Robot to move.
+            goal: Joint angles at the end [rad], shape (n,).
+            duration: Duration of the movement [s].
+            hold: Time of holding the goal [s].
         """
         self._robot, self._goal = robot, goal
         self._duration, self._hold = duration, hold
@@ -85,12 +84,12 @@ class Lead:
         return self._now - self._begin >= self._duration + self._hold - 1e-9
 
     def reset(self, state: State) -> None:
-        """Begin at the measured angles."""
+        """Start at the measured angles."""
         self._begin = self._now = state.time
         self._from = state.joint_pos
 
     def step(self, state: State) -> Command:
-        """Send the angles that are due."""
+        """Interpolate between the measured start and the goal."""
         self._now = state.time
         share = min((self._now - self._begin) / self._duration, 1.0)
         return Command.position(self._robot, self._from + share * (self._goal - self._from))
@@ -112,8 +111,8 @@ class SoakCounts:
 
 
 def bench_soak(
-    robot: Robot,
-    scene: Scene,
+    world: World,
+    database: MotionDatabase,
     *,
     seed: int,
     duration: float,
@@ -122,20 +121,21 @@ def bench_soak(
     """Rise, sit, tumble and rise again on a virtual bus in lock-step.
 
     Args:
-        robot: Robot that falls.
-        scene: Where.
-        seed: Of the first fall, the tumbles and the plans.
-        duration: Time on the bus to go on for [s].
+        world: Robot and scene.
+        database: Motions that plans end in.
+        seed: Seed of the first fall, the tumbles and the plans.
+        duration: Time on the bus [s].
         report: Called after each round with the bus time [s].
     """
-    world = World(robot, scene)
-    planner = PlannedRise(world, load_database(robot), RiseOptions())
+    robot, planner = world.robot, PlannedRise(world, database, RiseOptions())
     rng = np.random.default_rng(seed)
     virtual = VirtualRobot(Simulation(world), powered=True)
     counts, began = SoakCounts(), time.perf_counter()
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=MARGIN)
-        backend = Counted(driver)
+        driver = DynamixelBackend(
+            robot, ports.paths, clock=CycleClock(), answer_margin=REPLY_MARGIN
+        )
+        backend = CountingBackend(driver)
         guard = SafetyGuard(backend)
         start = sample_falls(world, {"supine": 1}, rng)[0].posture
         ports.main.call(lambda: virtual.place(start))
@@ -213,10 +213,10 @@ def _go_round(
         counts.clips += rise.run.clips.total
     squat = next(m for m in planner.database.motions if m.start_class == "squat").joint_pos[0]
     sit = robot.standing.joint_pos + SIT_DEPTH * (squat - robot.standing.joint_pos)
-    sitting = run(Lead(robot, sit, SIT_TIME, SIT_HOLD), guard, max_time=10.0)
+    sitting = run(Interpolation(robot, sit, SIT_TIME, SIT_HOLD), guard, max_time=10.0)
     counts.sat += sitting.ending is Ending.DONE
     anywhere = rng.uniform(robot.lower, robot.upper)
-    run(Lead(robot, anywhere, TUMBLE_TIME, TUMBLE_HOLD), guard, max_time=10.0)
+    run(Interpolation(robot, anywhere, TUMBLE_TIME, TUMBLE_HOLD), guard, max_time=10.0)
 
 
 def _resident_memory() -> float:

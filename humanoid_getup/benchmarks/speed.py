@@ -1,4 +1,4 @@
-"""Speed of the filter's simulation against bare physics, in one run."""
+"""Benchmark of the filter: speed of its simulation relative to bare physics."""
 
 from __future__ import annotations
 
@@ -10,27 +10,25 @@ import numpy as np
 
 from humanoid_getup.filtering.dynamics_filter import Candidate, DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
-from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot
+from robots import Posture
 from robots.kinematics import place
 from robots.quaternion import Array
 
 SPEED = 3.0  # rad/s
 
 
-def bench_filter(robot: Robot, scene: Scene, *, seed: int, repeats: int = 5) -> dict[str, Any]:
+def bench_filter(
+    world: World, database: MotionDatabase, *, seed: int, repeats: int = 5
+) -> dict[str, Any]:
     """Time the filter's simulation and a loop of ``mj_step`` over the same rises.
 
-    Both step the same model through the same targets. Per core: the filter on one
-    thread against one loop. Whole: the filter as it is used, on all cores, against
-    the same loop.
+    Both step the same model through the same targets. The case ``one_thread`` compares
+    one core with one loop; ``all_threads`` compares the filter as it is used with the same loop.
     """
-    world = World(robot, scene)
-    database = load_database(robot)
     falls = sample_falls(world, {"supine": 2, "prone": 2}, np.random.default_rng(seed))
     cases: dict[str, list[float]] = {"one_thread": [], "all_threads": []}
     for _ in range(repeats):
@@ -50,7 +48,7 @@ def bench_filter(robot: Robot, scene: Scene, *, seed: int, repeats: int = 5) -> 
     }
 
 
-def _compare(world: World, connections: list, start: Posture, threads: int) -> float:
+def _compare(world: World, connections: list[Connection], start: Posture, threads: int) -> float:
     """Return the filter's steps per second as a share of a bare loop's."""
     period = world.robot.control_period
     candidates = [
@@ -58,7 +56,7 @@ def _compare(world: World, connections: list, start: Posture, threads: int) -> f
         for c in connections
     ]
     dynamics_filter = DynamicsFilter(world, threads=threads)
-    dynamics_filter.roll_out(start, candidates)  # builds what later calls reuse
+    dynamics_filter.roll_out(start, candidates)  # compiles what later calls reuse
     began = time.perf_counter()
     rollouts = dynamics_filter.roll_out(start, candidates)
     filter_s = time.perf_counter() - began

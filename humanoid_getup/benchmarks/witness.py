@@ -41,23 +41,23 @@ class ObservingBackend(Backend):
 
 @dataclass(frozen=True)
 class ServoSnapshot:
-    """The servos of a virtual robot after one pass of its physics."""
+    """State of a virtual robot's servos after a physics step."""
 
     time: float
     """Bus time [s]."""
     torque_on: np.ndarray
-    """Which servos drive, (n,)."""
+    """Which servos have torque on, (n,)."""
     target: Array
-    """Their targets [rad], (n,)."""
+    """Targets [rad], (n,)."""
     ticks: Array
-    """Their encoder counts, as angles [rad], (n,)."""
+    """Encoder counts as angles [rad], (n,)."""
 
 
 class ServoTrace:
-    """The servos of a virtual robot after every pass of its physics."""
+    """Snapshots of a virtual robot's servos after every physics step."""
 
     def __init__(self, virtual: VirtualRobot) -> None:
-        """Record a virtual robot from now on."""
+        """Start to record a virtual robot."""
         self._virtual = virtual
         self._units = ServoUnits(virtual.robot)
         self.snapshots: list[ServoSnapshot] = []
@@ -75,9 +75,10 @@ class ServoTrace:
         )
 
     def count_beyond_limits(self) -> int:
-        """Count the targets of driven servos outside their ranges.
+        """Count targets outside the joint ranges, of servos with torque on.
 
-        A joint that was outside may have its target where it is, or further inside.
+        The target of a joint that was outside its range may be where the joint is, or further
+        inside.
         """
         robot, beyond = self._virtual.robot, 0
         for before, now in pairwise(self.snapshots):
@@ -87,9 +88,10 @@ class ServoTrace:
         return beyond
 
     def find_safe_time(self, since: float) -> float | None:
-        """Find when torque was off or the servos held for good, after a bus time [s]; None: never.
+        """Find the time from ``since`` [s] until torque was off or the servos held for good.
 
-        A servo that cannot be reached any more and that holds its last target is safe as well.
+        A servo that holds its last target because it cannot be reached is safe as well.
+        ``None`` if the servos never became safe.
         """
         later = [s for s in self.snapshots if s.time > since]
         safe: float | None = None
@@ -106,27 +108,27 @@ class ServoTrace:
 class Witness(ObservingBackend):
     """Compares what a backend reports with the virtual robot behind it, in lock-step.
 
-    In lock-step nothing happens between an answer and the next request, so what the
-    driver calls fresh must equal the encoder counts, tick for tick.
+    In lock-step nothing happens between a reply and the next request, so values that the
+    driver reports as fresh must equal the encoder counts, tick for tick.
     """
 
     def __init__(self, backend: Backend, robot: VirtualRobot, ports: VirtualPorts) -> None:
-        """Watch a virtual robot and the backend that drives it."""
+        """Observe a virtual robot and the backend that drives it."""
         super().__init__(backend)
         self._virtual, self._ports = robot, ports
         self._units = ServoUnits(robot.robot)
         self.trace = ServoTrace(robot)
         self.too_fast = 0
-        """Targets sent that moved further in a period than the joint's top speed allows."""
+        """Number of targets that moved faster than the joint's maximum speed."""
         self._sent: Command | None = None
         self.believed_wrong: list[str] = []
-        """Each value that the driver called fresh and that was wrong."""
+        """Values that the driver reported as fresh and that were wrong."""
 
     def read(self) -> State:
-        """Measure, and compare with the truth."""
+        """Measure, and compare with the ground truth."""
         seen, before = len(self.trace.snapshots), self._measure()
         state = super().read()
-        # Waiting for what never comes lets time pass: any moment of the reading is true.
+        # Time passes while a reply is missing: the value at any time of the reading is true.
         moments = [
             before,
             *(snapshot.ticks for snapshot in self.trace.snapshots[seen:]),
@@ -148,7 +150,7 @@ class Witness(ObservingBackend):
         )
 
     def write(self, command: Command) -> Command:
-        """Send a command; count the targets that move faster than their joints can."""
+        """Send a command; count targets that move faster than their joints can."""
         sent = super().write(command)
         before, self._sent = self._sent, sent
         if before is not None:

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from tyro.conf import arg
+from rich.table import Table
 
-from humanoid_getup.cli.checks import at_least, between, positive
+from humanoid_getup.benchmarks import fault_injection, motions, rise, soak, speed
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.options import (
-    MotionName,
-    PwmLimited,
-    TorqueLimitOption,
-    WorldOptions,
-    load_policy,
+from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
+from humanoid_getup.cli.options.bench import (
+    BenchFaults,
+    BenchFilter,
+    BenchKill,
+    BenchMethods,
+    BenchMotions,
+    BenchRise,
+    BenchSoak,
 )
+from humanoid_getup.cli.options.shared import WorldOptions
 from humanoid_getup.cli.output import (
     console_for,
     counting,
@@ -26,253 +29,149 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
+from humanoid_getup.cli.policies import load_policy
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import RiseOptions, Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.track_record import PLAN
 
-if TYPE_CHECKING:
-    from humanoid_getup.simulation.world import World
-    from humanoid_getup.strategies.plan import Strategy
-    from robots import TorqueLimit
-
-RISE_FIGURES = ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s")
-MOTION_FIGURES = (
-    "stand_time_s",
-    "peak_torque_nm",
-    "rms_torque_nm",
-    "lowest_torque_limit_nm",
-    "disturbed_stood",
-)
-SPEED_FIGURES = ("n", "filter_over_bare_steps_per_s")
-FAULT_FIGURES = ("n", "stood", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
-SOAK_FIGURES = ("n", "stood", "faster_than_real_time", "cycles", "unexplained_s", "memory_mib")
-METHOD_FIGURES = (
-    "n",
-    "stood",
-    "stand_time_s",
-    "peak_torque_nm",
-    "rms_torque_nm",
-    "head_impact_m_s",
-    "hottest_after_ten_rises_c",
-)
-
-Count = Annotated[int, at_least(1)]
+SAFETY_FIGURES = ("n", "stood", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
+LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
+FIGURES = {
+    "rise": ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s"),
+    "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
+    "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_stood"),
+    "filter": ("n", "filter_over_bare_steps_per_s"),
+    "faults": SAFETY_FIGURES,
+    "kill": SAFETY_FIGURES,
+    "soak": ("n", "stood", "faster_than_real_time", "cycles", "unexplained_s", "memory_mib"),
+}
+"""Figures of each benchmark's table, by its name."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchOptions(WorldOptions):
-    """Options of every benchmark."""
-
-    n: Count = 1
-
-    def load_stage(self) -> World:
-        """Check the options, load the robot, and check that its motions can be loaded."""
-        with phase("loading"):
-            world = super().load_stage()
-            from humanoid_getup.motions.motion_database import load_database
-
-            with refusing():
-                load_database(world.robot)
-        return world
-
-    def hand_over(self, result: dict[str, Any], figures: tuple[str, ...]) -> int:
-        """Write the results, print some of them as a table, and return the exit code.
-
-        The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.
-        """
-        from rich.table import Table
-
-        write_json(to_json(result), self.json)
-        cases = result.get("classes") or result["cases"]
-        table = Table(result["name"], *figures, box=None, header_style="bold")
-        for name, case in cases.items():
-            table.add_row(name, *(format_figure(case.get(figure)) for figure in figures))
-        console_for(self.json).print(table)
-        harms = ("beyond_limits", "believed_wrong", "never_safe")
-        harmed = any(case.get(harm) for case in cases.values() for harm in harms)
-        return DID_NOT_STAND if harmed else DID_IT
-
-
-@dataclass(frozen=True, kw_only=True)
-class BenchRise(BenchOptions):
-    """Rise from many settled falls: success rates, times and faults."""
-
-    n: Count = 20
-    """Falls of each class: supine, prone, lateral."""
-    torque_limit: TorqueLimitOption = None
-    planning: bool = True
-    """Plan a collision-free path to the rising motion; otherwise interpolate."""
-    filtering: bool = True
-    """Filter the path through physics; otherwise play it unfiltered."""
-    assistance: Annotated[float, between(0.0, 1.0)] = 1.0
-    """Factor on the virtual actuator's torques in the filter; 0 is plain tracking."""
-    pwm_limited: PwmLimited = False
-
-    def run(self) -> int:
-        """Run the benchmark."""
-        world = self.load_stage()
-        from humanoid_getup.benchmarks.rise import CLASSES, bench_rise
-        from humanoid_getup.strategies.plan import RiseOptions
-
-        options = RiseOptions(
-            planning=self.planning,
-            filtering=self.filtering,
-            assistance=self.assistance,
-            torque_limit=TorqueLimit(self.torque_limit, "pwm" if self.pwm_limited else "torque"),
+def bench_rise(command: BenchRise) -> int:
+    """Rise from many settled falls."""
+    world, database = _load(command)
+    options = RiseOptions(
+        planning=command.planning,
+        filtering=command.filtering,
+        assistance=command.assistance,
+        torque_limit=make_torque_limit(command),
+    )
+    with counting("rises", len(rise.BENCH_CLASSES) * command.n) as count:
+        result = rise.bench_rise(
+            world,
+            database,
+            seed=command.seed,
+            each=command.n,
+            options=options,
+            report=lambda _: count(1),
         )
-        with counting("rises", len(CLASSES) * self.n) as count:
-            result = bench_rise(
-                world.robot,
-                world.scene,
-                seed=self.seed,
-                each=self.n,
-                options=options,
-                report=lambda _: count(1),
-            )
-        return self.hand_over(result, RISE_FIGURES)
+    return _hand_over(result, command)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchMotions(BenchOptions):
-    """Play every motion of the database: time, load, reserve and robustness."""
+def bench_methods(command: BenchMethods) -> int:
+    """Compare plans and policies on the same falls."""
+    world, database = _load(command)
+    limit = make_torque_limit(command)
 
-    n: Count = 50
-    """Disturbed plays of each motion."""
+    def make_strategy(name: str) -> Strategy:
+        if name == PLAN:
+            return PlannedRise(world, database, RiseOptions(torque_limit=limit))
+        policy = load_policy(world.robot, name, command.torque_limit)
+        return LearnedRise(world, policy, torque_limit=limit, name=name)
 
-    def run(self) -> int:
-        """Run the benchmark."""
-        world = self.load_stage()
-        from humanoid_getup.benchmarks.motions import bench_motions
-        from humanoid_getup.motions.motion_database import MOTION_FOLDER
+    strategies = {name: make_strategy(name) for name in command.ways}
+    rises = len(rise.BENCH_CLASSES) * command.n * len(strategies)
+    with counting("rises", rises) as count:
+        result = rise.bench_methods(
+            world,
+            strategies,
+            seed=command.seed,
+            each=command.n,
+            torque_limit=limit,
+            report=lambda _: count(1),
+        )
+    return _hand_over(result, command)
 
-        motions = len(list((world.robot.folder / MOTION_FOLDER).glob("*.npz")))
-        with counting("motions", motions) as count:
-            robot, scene = world.robot, world.scene
-            result = bench_motions(
-                robot, scene, seed=self.seed, plays=self.n, report=lambda _: count(1)
-            )
-        return self.hand_over(result, MOTION_FIGURES)
+
+def bench_motions(command: BenchMotions) -> int:
+    """Play every stored motion, undisturbed and disturbed."""
+    world, database = _load(command)
+    own = [m for m in database.motions if not m.name.endswith(MIRRORED_SUFFIX)]
+    with counting("motions", len(own)) as count:
+        result = motions.bench_motions(
+            world, own, seed=command.seed, plays=command.n, report=lambda _: count(1)
+        )
+    return _hand_over(result, command)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchFilter(BenchOptions):
+def bench_filter(command: BenchFilter) -> int:
     """Compare the speed of the filter's simulation with bare physics."""
-
-    n: Count = 5
-    """Repetitions."""
-
-    def run(self) -> int:
-        """Run the benchmark."""
-        world = self.load_stage()
-        from humanoid_getup.benchmarks.speed import bench_filter
-
-        with phase("filtering"):
-            result = bench_filter(world.robot, world.scene, seed=self.seed, repeats=self.n)
-        return self.hand_over(result, SPEED_FIGURES)
+    world, database = _load(command)
+    with phase("filtering"):
+        result = speed.bench_filter(world, database, seed=command.seed, repeats=command.n)
+    return _hand_over(result, command)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchFaults(BenchOptions):
-    """Inject each kind of fault in the middle of a rise; exit code 1 if any was unsafe."""
-
-    n: Count = 20
-    """Rises of each case."""
-    motion: MotionName = "supine_roll_over"
-
-    def run(self) -> int:
-        """Run the benchmark."""
-        from humanoid_getup.benchmarks.fault_injection import CASES, bench_faults
-
-        return self._run_cases(bench_faults, "cases", len(CASES))
-
-    def _run_cases(self, bench: Callable[..., dict[str, Any]], what: str, total: int) -> int:
-        from humanoid_getup.motions.motion_database import find_motion
-
-        world = self.load_stage()
-        with refusing():
-            motion = find_motion(world.robot, self.motion)
-        with counting(what, total) as count:
-            result = bench(world, motion, seed=self.seed, each=self.n, report=lambda _: count(1))
-        return self.hand_over(result, FAULT_FIGURES)
+def bench_faults(command: BenchFaults) -> int:
+    """Inject each kind of fault in the middle of a rise."""
+    return _disturb(command, fault_injection.bench_faults, "cases", len(fault_injection.CASES))
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchKill(BenchFaults):
-    """Kill the program (SIGKILL) in the middle of a rise, and measure when the servos stop."""
-
-    n: Count = 20
-    """Kills."""
-
-    def run(self) -> int:
-        """Run the benchmark."""
-        from humanoid_getup.benchmarks.fault_injection import bench_kill
-
-        return self._run_cases(bench_kill, "kills", self.n)
+def bench_kill(command: BenchKill) -> int:
+    """Kill the program in the middle of a rise."""
+    return _disturb(command, fault_injection.bench_kill, "kills", command.n)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchSoak(BenchOptions):
-    """Rise, sit, tumble and rise again on the virtual bus, as long as requested."""
-
-    duration: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 1800.0
-    """Time on the bus [s]."""
-
-    def run(self) -> int:
-        """Run the benchmark."""
-        world = self.load_stage()
-        from humanoid_getup.benchmarks.soak import bench_soak
-
-        passed = 0.0
-        with counting("bus time [s]", round(self.duration)) as count:
-
-            def report(now: float) -> None:
-                nonlocal passed
-                count(now - passed)
-                passed = now
-
-            result = bench_soak(
-                world.robot, world.scene, seed=self.seed, duration=self.duration, report=report
-            )
-        return self.hand_over(result, SOAK_FIGURES)
+def _disturb(
+    command: BenchFaults, bench: Callable[..., dict[str, Any]], what: str, total: int
+) -> int:
+    world = load_world(command)
+    motion = find_motion(world.robot, command.motion)
+    with counting(what, total) as count:
+        result = bench(world, motion, seed=command.seed, each=command.n, report=lambda _: count(1))
+    return _hand_over(result, command)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchMethods(BenchOptions):
-    """Get up from the same falls by plans and by policies: success, time, load, impact, heat."""
+def bench_soak(command: BenchSoak) -> int:
+    """Rise, sit, tumble and rise again for a time on the bus."""
+    world, database = _load(command)
+    passed = 0.0
+    with counting("bus time [s]", round(command.duration)) as count:
 
-    n: Count = 20
-    """Falls of each class: supine, prone, lateral."""
-    ways: tuple[str, ...] = ("plan", "robust")
-    """Strategies to compare: plan, and policies by name or file."""
-    torque_limit: TorqueLimitOption = None
-    pwm_limited: PwmLimited = False
+        def report(now: float) -> None:
+            nonlocal passed
+            count(now - passed)
+            passed = now
 
-    def run(self) -> int:
-        """Run the benchmark."""
-        world = self.load_stage()
-        from humanoid_getup.benchmarks.rise import CLASSES, bench_methods
-        from robots import TorqueLimit
+        result = soak.bench_soak(
+            world, database, seed=command.seed, duration=command.duration, report=report
+        )
+    return _hand_over(result, command)
 
-        limit = TorqueLimit(self.torque_limit, "pwm" if self.pwm_limited else "torque")
-        strategies = {name: self._make_strategy(world, name, limit) for name in self.ways}
-        with counting("rises", len(CLASSES) * self.n * len(strategies)) as count:
-            result = bench_methods(
-                world,
-                strategies,
-                seed=self.seed,
-                each=self.n,
-                torque_limit=limit,
-                report=lambda _: count(1),
-            )
-        return self.hand_over(result, METHOD_FIGURES)
 
-    def _make_strategy(self, world: World, name: str, limit: TorqueLimit) -> Strategy:
-        from humanoid_getup.motions.motion_database import load_database
-        from humanoid_getup.strategies.learned_rise import LearnedRise
-        from humanoid_getup.strategies.plan import RiseOptions
-        from humanoid_getup.strategies.planned_rise import PlannedRise
-        from humanoid_getup.strategies.track_record import PLAN
+def _load(command: WorldOptions) -> tuple[World, MotionDatabase]:
+    world = load_world(command)
+    with phase("loading"), refusing():
+        return world, load_database(world.robot)
 
-        if name != PLAN:
-            policy = load_policy(world.robot, name, self.torque_limit)
-            return LearnedRise(world, policy, torque_limit=limit, name=name)
-        with refusing():
-            database = load_database(world.robot)
-        return PlannedRise(world, database, RiseOptions(torque_limit=limit))
+
+def _hand_over(result: dict[str, Any], command: WorldOptions) -> int:
+    """Write the results, print the main figures as a table, and return the exit code.
+
+    The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.
+    """
+    write_json(to_json(result), command.json)
+    cases = result.get("classes") or result["cases"]
+    figures = FIGURES[result["name"]]
+    table = Table(result["name"], *figures, box=None, header_style="bold")
+    for name, case in cases.items():
+        table.add_row(name, *(format_figure(case.get(figure)) for figure in figures))
+    console_for(command.json).print(table)
+    harms = ("beyond_limits", "believed_wrong", "never_safe")
+    harmed = any(case.get(harm) for case in cases.values() for harm in harms)
+    return DID_NOT_STAND if harmed else DID_IT

@@ -1,4 +1,4 @@
-"""Building motions in parallel processes, with a progress bar for each."""
+"""`getup motions build`: build motions in parallel processes, with a progress bar for each."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import queue
 import signal
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass
 from multiprocessing.queues import Queue
 
 from rich.console import Console
@@ -20,9 +19,15 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from humanoid_getup.motions.build import build_motion
+from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.cli.inputs import load_robot
+from humanoid_getup.cli.options.motions import BuildMotions
+from humanoid_getup.cli.output import console_for, find_folder_faults
+from humanoid_getup.motions.build import KEYFRAMES, build_motion, load_authored, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from robots import Robot
 
 POLL_TIME = 0.2  # s between two reads of the workers' progress
@@ -31,19 +36,41 @@ _progress: Queue | None = None
 """In a worker: the queue of its progress reports."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class BuildJob:
-    """Settings that all motions are built with."""
+def build(command: BuildMotions) -> int:
+    """Build the motions; report those that do not end in a held stand."""
+    robot = load_robot(command)
+    folder = robot.folder / MOTION_FOLDER
+    if faults := find_folder_faults(folder, ()):
+        raise BadInputError("; ".join(faults))
+    chosen = _choose_keyframes(robot, command.names)
 
-    robot: Robot
-    generations: int
-    seed: int
-    jobs: int
-    """Processes."""
+    def save(motion: Motion) -> None:
+        folder.mkdir(exist_ok=True)
+        motion.save(motion_file(robot.folder, motion.name))
+
+    failures = _build_all(robot, chosen, command, save)
+    console = console_for(None)
+    console.print(f"built {len(chosen) - len(failures)} of {len(chosen)} into {folder}")
+    for failure in failures:
+        console.print(f"[red]not built: {failure}")
+    return DID_NOT_STAND if failures else DID_IT
 
 
-def build_all(
-    keyframes: list[Keyframes], job: BuildJob, save: Callable[[Motion], None]
+def _choose_keyframes(robot: Robot, names: tuple[str, ...]) -> list[Keyframes]:
+    with refusing():
+        try:
+            stored = {c.name: c for c in load_authored(robot)}
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{robot.folder / KEYFRAMES}: {error!r}") from error
+        unknown = [name for name in names if name not in stored]
+        if unknown:
+            listed = ", ".join(f"'{name}'" for name in unknown)
+            raise ValueError(f"unknown motion {listed}, expected {', '.join(stored)}")
+    return [stored[name] for name in names or stored]
+
+
+def _build_all(
+    robot: Robot, keyframes: list[Keyframes], command: BuildMotions, save: Callable[[Motion], None]
 ) -> list[str]:
     """Build motions in processes, save each when it is ready; return why the others failed.
 
@@ -55,11 +82,11 @@ def build_all(
     note = TextColumn("[dim]{task.fields[note]}")
     with Progress(*columns, TimeElapsedColumn(), note, console=Console(stderr=True)) as progress:
         bars = {
-            c.name: progress.add_task(c.name, total=job.generations, note="") for c in keyframes
+            c.name: progress.add_task(c.name, total=command.generations, note="") for c in keyframes
         }
-        pool = ProcessPoolExecutor(job.jobs, context, _start_worker, (reports,))
+        pool = ProcessPoolExecutor(command.jobs, context, _start_worker, (reports,))
         try:
-            waiting = {pool.submit(_build, c, job): c.name for c in keyframes}
+            waiting = {pool.submit(_build, robot, c, command): c.name for c in keyframes}
             failures: list[str] = []
             while waiting:
                 _show(reports, progress, bars)
@@ -78,7 +105,7 @@ def _collect(waiting: dict[Future[Motion], str], save: Callable[[Motion], None])
         name = waiting.pop(future)
         try:
             save(future.result())
-        except (RuntimeError, ValueError, KeyError, OSError) as error:  # no stand, no disk...
+        except (RuntimeError, ValueError, KeyError, OSError) as error:  # no stand, disk full...
             failures.append(f"{name}: {error}")
     return failures
 
@@ -98,13 +125,12 @@ def _start_worker(reports: Queue) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
 
 
-def _build(keyframes: Keyframes, job: BuildJob) -> Motion:
+def _build(robot: Robot, keyframes: Keyframes, command: BuildMotions) -> Motion:
     def report(generation: int, cost: float, stood: float) -> None:
         if _progress is not None:
             _progress.put((keyframes.name, generation, cost, stood))
 
-    generations, seed = job.generations, job.seed
     motion, _ = build_motion(
-        job.robot, keyframes, generations=generations, seed=seed, report=report
+        robot, keyframes, generations=command.generations, seed=command.seed, report=report
     )
     return motion

@@ -6,15 +6,13 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from tyro.conf import arg
 
 from drivers.dynamixel.diagnostics import name_all
 from drivers.dynamixel.port import is_pseudo_terminal
@@ -31,9 +29,9 @@ from drivers.service.calibrate import (
 from drivers.service.session import RobotBus, open_robot_bus
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.options import RobotOption
-from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
-from humanoid_getup.cli.ports import find_port_faults, name_ports
+from humanoid_getup.cli.inputs import name_ports
+from humanoid_getup.cli.options.hardware import Calibrate
+from humanoid_getup.cli.output import console_for, to_json, write_json
 from robots import Joint, Robot, load_posture, load_robot
 from robots.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
@@ -43,107 +41,83 @@ NOT_SAVED = "nothing is saved"
 REHEARSAL_FILE = "calibration.virtual.toml"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Calibrate(RobotOption):
-    """Measure the servos' zeros and directions, torque off.
-
-    The result is the robot's calibration.toml, or calibration.virtual.toml beside it if a port
-    is a pseudo-terminal, as of a virtual bus: a rehearsal leaves the robot's file alone.
-    """
-
-    port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")] = ()
-    """Serial port; of a robot with several, one NAME=PATH each."""
-    at: Annotated[str | None, arg(metavar="zero|standing|FILE")] = None
-    """Posture in which the robot is held while its zeros are measured: all angles 0, its stance,
-    or a posture file; default: zero, and with --signs alone no zeros are measured."""
-    joint: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
-    """Joints to calibrate; default: all."""
-    signs: bool = False
-    """Measure the servos' directions: a person turns one joint after the other."""
-    yes: bool = False
-    """Do not ask before torque goes off, before zeros are measured, or before saving."""
-    out: Annotated[Path | None, arg(metavar="FILE")] = None
-    """Calibration file to write; default: see above."""
-    json: Annotated[str | None, arg(metavar="FILE|-")] = None
-    """Write the figures to a file; - prints them alone on standard output."""
-
-    def run(self) -> int:
-        """Measure, ask, save; 0 if saved, 1 if the person did not want it."""
-        faults = find_json_faults(self.json) + find_port_faults(None, self.port)
-        if faults:
-            raise BadInputError("; ".join(faults))
-        robot = self.load_robot()
-        joints, joint_pos = self._choose_joints(robot), self._choose_posture(robot)
-        ports = name_ports(robot, self.port)
-        is_rehearsal = any(map(is_pseudo_terminal, ports.values()))
-        path = self.out or robot.folder / (REHEARSAL_FILE if is_rehearsal else CALIBRATION_FILE)
-        check_folder(path.parent)
-        console = console_for(self.json)
-        prompt = open_prompt(console)
-        if prompt is None and (self.signs or not self.yes):
-            needed = "--signs needs a person" if self.signs else "it cannot ask (or use --yes)"
-            raise BadInputError(f"standard input is not a terminal: {needed}")
-        asker = None if self.yes else prompt
-        with open_robot_bus(robot, ports) as bus:
-            calibrator = Calibrator(bus, joints)
-            calibrator.check()
-            if not _release(bus, calibrator, asker):
-                return _leave(console)
-            if self.signs and prompt is not None:
-                calibrator.check_signs(prompt)
-            if joint_pos is not None:
-                _measure_zeros(calibrator, robot, joints, joint_pos, asker)
-        measured = calibrator.measured
-        console.print(_tabulate(measured))
-        _print_warnings(measured, console, has_zeros=joint_pos is not None)
-        check_ranges(measured)
-        saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
-        if saved:
-            _save(robot, measured, path)
-        write_json(to_json(_record(robot, measured, path if saved else None)), self.json)
-        if not saved:
+def calibrate(command: Calibrate) -> int:
+    """Measure, ask, save; 0 if saved, 1 if the person declined."""
+    robot = _load_robot(command)
+    joints, joint_pos = _choose_joints(command, robot), _choose_posture(command, robot)
+    ports = name_ports(robot, command.port)
+    is_rehearsal = any(map(is_pseudo_terminal, ports.values()))
+    path = command.out or robot.folder / (REHEARSAL_FILE if is_rehearsal else CALIBRATION_FILE)
+    check_folder(path.parent)
+    console = console_for(command.json)
+    prompt = open_prompt(console)
+    if prompt is None and (command.signs or not command.yes):
+        needed = "--signs needs a person" if command.signs else "it cannot ask (or use --yes)"
+        raise BadInputError(f"standard input is not a terminal: {needed}")
+    asker = None if command.yes else prompt
+    with open_robot_bus(robot, ports) as bus:
+        calibrator = Calibrator(bus, joints)
+        calibrator.check()
+        if not _release(bus, calibrator, asker):
             return _leave(console)
-        console.print(f"[bold green]saved {escape(str(path))}[/]; check the angles: getup doctor")
-        if is_rehearsal and self.out is None:
-            console.print("rehearsed on a virtual bus: the robot's own calibration is unchanged")
-        return DID_IT
+        if command.signs and prompt is not None:
+            calibrator.check_signs(prompt)
+        if joint_pos is not None:
+            _measure_zeros(calibrator, robot, joints, joint_pos, asker)
+    measured = calibrator.measured
+    console.print(_tabulate(measured))
+    _print_warnings(measured, console, has_zeros=joint_pos is not None)
+    check_ranges(measured)
+    saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
+    if saved:
+        _save(robot, measured, path)
+    write_json(to_json(_record(robot, measured, path if saved else None)), command.json)
+    if not saved:
+        return _leave(console)
+    console.print(f"[bold green]saved {escape(str(path))}[/]; check the angles: getup doctor")
+    if is_rehearsal and command.out is None:
+        console.print("rehearsed on a virtual bus: the robot's own calibration is unchanged")
+    return DID_IT
 
-    def load_robot(self) -> Robot:
-        """Load the robot with its present calibration."""
+
+def _load_robot(command: Calibrate) -> Robot:
+    """Load the robot with its present calibration."""
+    with refusing():
+        try:
+            return load_robot(command.robot)
+        except ValueError as error:
+            if isinstance(error.__cause__, CalibrationError):
+                raise BadInputError(f"{error}; move that file away first") from error
+            raise
+
+
+def _choose_joints(command: Calibrate, robot: Robot) -> tuple[Joint, ...]:
+    unknown = [name for name in command.joint if name not in robot.joint_names]
+    if unknown:
+        names = ", ".join(f"'{name}'" for name in unknown)
+        raise BadInputError(f"unknown joint {names}: expected {', '.join(robot.joint_names)}")
+    return tuple(j for j in robot.joints if not command.joint or j.name in command.joint)
+
+
+def _choose_posture(command: Calibrate, robot: Robot) -> Array | None:
+    """Return the angles of the posture to hold [rad], (n,); ``None`` to measure no zeros."""
+    at = command.at
+    if at is None:
+        if command.signs:
+            return None
+        at = ZERO
+    if at == STANDING:
+        return robot.standing.joint_pos
+    if at != ZERO:
+        if not Path(at).exists():
+            raise BadInputError(f"unknown posture '{at}': expected zero, standing, or a file")
         with refusing():
-            try:
-                return load_robot(self.robot)
-            except ValueError as error:
-                if isinstance(error.__cause__, CalibrationError):
-                    raise BadInputError(f"{error}; move that file away first") from error
-                raise
-
-    def _choose_joints(self, robot: Robot) -> tuple[Joint, ...]:
-        unknown = [name for name in self.joint if name not in robot.joint_names]
-        if unknown:
-            names = ", ".join(f"'{name}'" for name in unknown)
-            raise BadInputError(f"unknown joint {names}: expected {', '.join(robot.joint_names)}")
-        return tuple(j for j in robot.joints if not self.joint or j.name in self.joint)
-
-    def _choose_posture(self, robot: Robot) -> Array | None:
-        """Return the angles of the posture to hold [rad], (n,); ``None`` to measure no zeros."""
-        at = self.at
-        if at is None:
-            if self.signs:
-                return None
-            at = ZERO
-        if at == STANDING:
-            return robot.standing.joint_pos
-        if at != ZERO:
-            if not Path(at).exists():
-                raise BadInputError(f"unknown posture '{at}': expected zero, standing, or a file")
-            with refusing():
-                return load_posture(Path(at), robot).joint_pos
-        beyond = [j for j in self._choose_joints(robot) if not j.lower <= 0.0 <= j.upper]
-        if beyond:
-            names = ", ".join(f"'{joint.name}'" for joint in beyond)
-            raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")
-        return np.zeros(robot.n)
+            return load_posture(Path(at), robot).joint_pos
+    beyond = [j for j in _choose_joints(command, robot) if not j.lower <= 0.0 <= j.upper]
+    if beyond:
+        names = ", ".join(f"'{joint.name}'" for joint in beyond)
+        raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")
+    return np.zeros(robot.n)
 
 
 class TerminalPrompt:

@@ -1,57 +1,69 @@
-"""The commands of `getup`. Only the module of the chosen command is imported."""
+"""The commands of `getup`: only the modules of the chosen command are imported."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Annotated, Any, Protocol, Union
+from typing import Annotated, Any, Union
 
 import tyro
 from tyro.conf import subcommand
 
 from humanoid_getup.cli.checks import find_value_faults, registry
 from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.options.shared import CommandOptions
+from humanoid_getup.cli.output import phase
 
 DESCRIPTION = "Get a fallen humanoid up: plan, filter through physics, play, judge."
 
-COMMANDS: dict[str, tuple[str, str]] = {
-    "rise": ("rise.RiseCommand", "Get up from a fall by a planned motion or a policy."),
-    "play": ("play.Play", "Play a rising motion and judge how it ends."),
-    "run": ("rise.RunPolicy", "Run a trained policy once, supervised, and judge how it ends."),
-    "train": ("train.Train", "Train a get-up policy, or continue a training."),
-    "eval": ("evaluate.EvalPolicy", "Evaluate a policy on settled falls, by start class."),
-    "export": ("export.Export", "Export the policy of a training to one ONNX file."),
-    "motions": ("", "List, build, show or play rising motions."),
-    "motions list": ("motions.ListMotions", "List a robot's rising motions."),
-    "motions build": ("motions.BuildMotions", "Build rising motions from keyframes."),
-    "motions show": ("motions.ShowMotion", "Draw a rising motion as a film strip."),
-    "motions play": ("play.Play", "Play a rising motion and judge how it ends."),
-    "bench": ("", "Run a benchmark on the twin or on the virtual bus."),
-    "bench rise": ("bench.BenchRise", "Rise from many settled falls."),
-    "bench methods": ("bench.BenchMethods", "Compare plans and policies on the same falls."),
-    "bench motions": ("bench.BenchMotions", "Play every stored motion under disturbances."),
-    "bench filter": ("bench.BenchFilter", "Compare the speed of the filter with bare physics."),
-    "bench faults": ("bench.BenchFaults", "Inject faults in the middle of a rise."),
-    "bench kill": ("bench.BenchKill", "Kill the program in the middle of a rise."),
-    "bench soak": ("bench.BenchSoak", "Rise, sit, tumble and rise again for a long time."),
-    "bus": ("bus.ServeBus", "Serve a virtual Dynamixel bus until stopped."),
-    "scan": ("scan.Scan", "List serial ports and the devices that answer on them."),
-    "doctor": ("doctor.Doctor", "Check a robot on its bus before first torque; moves nothing."),
-    "calibrate": ("calibrate.Calibrate", "Measure the zeros and signs of the servos."),
-    "preflight": ("preflight.Preflight", "Judge whether a motion may be played."),
-    "replay": ("replay.Replay", "Replay a flight log on the twin and compare."),
-    "robots": ("robots.ListRobots", "List the robots that come with the program."),
+COMMANDS: dict[str, tuple[str, str, str]] = {
+    "rise": ("rise.Rise", "rise.rise", "Get up from a fall by a planned motion or a policy."),
+    "play": ("rise.Play", "rise.play", "Play a rising motion and judge how it ends."),
+    "run": ("rise.RunPolicy", "rise.run_policy", "Run a policy once and judge how it ends."),
+    "train": ("policies.Train", "train.train", "Train a policy, or continue a training."),
+    "eval": ("policies.Evaluate", "evaluate.evaluate", "Evaluate a policy on settled falls."),
+    "export": ("policies.Export", "export.export", "Export the policy of a training."),
+    "motions": ("", "", "List, build, show or play rising motions."),
+    "motions list": ("motions.ListMotions", "motions.list_motions", "List rising motions."),
+    "motions build": ("motions.BuildMotions", "building.build", "Build motions from keyframes."),
+    "motions show": ("motions.ShowMotion", "motions.show", "Draw a motion as a film strip."),
+    "motions play": ("rise.Play", "rise.play", "Play a rising motion, as getup play does."),
+    "bench": ("", "", "Run a benchmark on the twin or on the virtual bus."),
+    "bench rise": ("bench.BenchRise", "bench.bench_rise", "Rise from many settled falls."),
+    "bench methods": ("bench.BenchMethods", "bench.bench_methods", "Compare plans and policies."),
+    "bench motions": ("bench.BenchMotions", "bench.bench_motions", "Play every motion disturbed."),
+    "bench filter": ("bench.BenchFilter", "bench.bench_filter", "Time the filter's physics."),
+    "bench faults": ("bench.BenchFaults", "bench.bench_faults", "Inject faults during a rise."),
+    "bench kill": ("bench.BenchKill", "bench.bench_kill", "Kill the program during a rise."),
+    "bench soak": ("bench.BenchSoak", "bench.bench_soak", "Rise and fall for a long time."),
+    "bus": ("hardware.ServeBus", "bus.serve_bus", "Serve a virtual Dynamixel bus until stopped."),
+    "scan": ("hardware.Scan", "scan.scan", "List serial ports and the devices on them."),
+    "doctor": ("hardware.Doctor", "doctor.doctor", "Check a robot on its bus; moves nothing."),
+    "calibrate": (
+        "hardware.Calibrate",
+        "calibrate.calibrate",
+        "Measure the zeros and signs of the servos.",
+    ),
+    "preflight": ("motions.Preflight", "preflight.preflight", "Judge if a motion may be played."),
+    "replay": ("motions.Replay", "replay.replay_log", "Replay a flight log and compare."),
+    "robots": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
 }
-"""Name: module and class, empty for a group of commands; summary."""
+"""Name: options, the function that runs them, summary. A group of commands has only a summary."""
 
 
-class Command(Protocol):
-    """One command with its options."""
+@dataclass(frozen=True)
+class Invocation:
+    """A command and its options."""
+
+    name: str
+    options: CommandOptions
 
     def run(self) -> int:
-        """Run it; return the exit code."""
-        ...
+        """Import the function of the command, call it, and return the exit code."""
+        with phase("loading"):
+            work = _load("humanoid_getup.cli", COMMANDS[self.name][1])
+        return work(self.options)
 
 
 @dataclass(frozen=True)
@@ -59,7 +71,7 @@ class _Unread:
     """A command that is only listed."""
 
 
-def parse(arguments: Sequence[str]) -> Command:
+def parse(arguments: Sequence[str]) -> Invocation:
     """Read a command line; exit with code 2 where tyro cannot read it.
 
     Raises:
@@ -68,33 +80,37 @@ def parse(arguments: Sequence[str]) -> Command:
     for length in (2, 1):
         name = " ".join(arguments[:length])
         if COMMANDS.get(name, ("", ""))[0]:
-            command = _read(load_command(name), f"getup {name}", arguments[length:])
-            if faults := find_value_faults(command):
+            options = _read(load_options(name), f"getup {name}", arguments[length:])
+            if faults := find_value_faults(options) or options.find_faults():
                 raise BadInputError("; ".join(faults))
-            return command
+            return Invocation(name, options)
     completes = any(argument.startswith("--tyro-") for argument in arguments)
     group = arguments[0] if arguments and arguments[0] in COMMANDS else ""
-    description = COMMANDS[group][1] if group else DESCRIPTION
+    description = COMMANDS[group][-1] if group else DESCRIPTION
     listed = list_commands(group, load=completes)
     _read(listed, f"getup {group}".rstrip(), arguments[bool(group) :], description)
     raise BadInputError("expected a command first: getup --help")
 
 
-def load_command(name: str) -> Any:
+def load_options(name: str) -> Any:
     """Import the options of a command."""
-    module, options = COMMANDS[name][0].split(".")
-    return getattr(import_module(f"humanoid_getup.cli.{module}"), options)
+    return _load("humanoid_getup.cli.options", COMMANDS[name][0])
+
+
+def _load(package: str, target: str) -> Any:
+    module, name = target.split(".")
+    return getattr(import_module(f"{package}.{module}"), name)
 
 
 def list_commands(group: str = "", *, load: bool = False) -> Any:
     """Return the commands of a group, or all groups and single commands, as a tyro union."""
     members: list[Any] = []
-    for name, (target, summary) in COMMANDS.items():
+    for name, (target, _, summary) in COMMANDS.items():
         parent, _, own_name = name.rpartition(" ")
         if parent != group:
             continue
         if load:
-            kind = load_command(name) if target else list_commands(name, load=True)
+            kind = load_options(name) if target else list_commands(name, load=True)
         else:
             kind = _Unread
         members.append(Annotated[kind, subcommand(own_name, description=summary)])

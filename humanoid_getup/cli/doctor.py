@@ -3,53 +3,36 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from dataclasses import asdict
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from tyro.conf import arg
 
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
-from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.cli.options import RobotOption
-from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
-from humanoid_getup.cli.ports import find_port_faults, name_ports
+from humanoid_getup.cli.inputs import load_robot, name_ports
+from humanoid_getup.cli.options.hardware import Doctor
+from humanoid_getup.cli.output import console_for, phase, to_json, write_json
 
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 HEADINGS = ("joint", "id", "model", "fw", "°C", "V", "angle °", "range °", "delay µs", "mode")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Doctor(RobotOption):
-    """Check a robot on its bus before first torque; moves nothing."""
-
-    port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")] = ()
-    """Serial port; of a robot with several, one NAME=PATH each."""
-    json: Annotated[str | None, arg(metavar="FILE|-")] = None
-    """Write the figures to a file; - prints them alone on standard output."""
-
-    def run(self) -> int:
-        """Check and report; 0 if the robot is healthy, 3 if it must not move."""
-        faults = find_json_faults(self.json) + find_port_faults(None, self.port)
-        if faults:
-            raise BadInputError("; ".join(faults))
-        robot = self.load_robot()
-        ports = name_ports(robot, self.port)
-        with Console(stderr=True).status("checking"), open_robot_bus(robot, ports) as bus:
-            health = examine(bus)
-        write_json(to_json(to_record(health)), self.json)
-        print_health(health, console_for(self.json))
-        return HARDWARE_FAULT if health.errors else DID_IT
-
-
-# JSON ---------------------------------------------------------------------------------------
+def doctor(command: Doctor) -> int:
+    """Check and report; 0 if the robot is healthy, 3 if it must not move."""
+    robot = load_robot(command)
+    ports = name_ports(robot, command.port)
+    with phase("checking"), open_robot_bus(robot, ports) as bus:
+        health = examine(bus)
+    write_json(to_json(to_record(health)), command.json)
+    print_health(health, console_for(command.json))
+    return HARDWARE_FAULT if health.errors else DID_IT
 
 
 def to_record(health: HealthCheck) -> dict[str, Any]:
@@ -95,9 +78,6 @@ def _record_servo(servo: ServoFacts) -> dict[str, Any]:
         "torque_on": bool(registers["torque_enable"]),
         "hardware_error": registers["hardware_error_status"],
     }
-
-
-# Terminal -----------------------------------------------------------------------------------
 
 
 def print_health(health: HealthCheck, console: Console) -> None:

@@ -1,71 +1,48 @@
-"""`getup preflight MOTION`: whether a motion may be played, before any torque is on."""
+"""`getup preflight MOTION`: judge whether a motion may be played, before torque is on."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from tyro.conf import Positional, arg
+from rich.console import Console
+from rich.table import Table
 
-from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.options import MotionName, TorqueLimitOption, WorldOptions
+from humanoid_getup.cli.inputs import find_motion, load_world
+from humanoid_getup.cli.options.motions import Preflight
 from humanoid_getup.cli.output import console_for, phase, to_json, write_json
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from humanoid_getup.motions.motion import Motion
-    from humanoid_getup.playback.preflight import MotionVerdict
-    from robots import Robot
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.preflight import MotionVerdict, Severity
+from humanoid_getup.playback.preflight import preflight as judge_motion
+from humanoid_getup.playback.preflight_rollout import MOST_RISES
+from robots import Robot, TorqueLimit
 
 SHOWN = 6  # joints in the table, the most loaded first
 
 
-@dataclass(frozen=True, kw_only=True)
-class Preflight(WorldOptions):
-    """Judge a motion by limits, speed, torque at a supply, heat and self-collision."""
-
-    motion: Positional[MotionName]
-    voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
-    """Supply voltage at the servos [V]; default: the robot's nominal one."""
-    torque_limit: TorqueLimitOption = None
-    temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
-    """Temperature of all servos before the rise [°C]."""
-
-    def run(self) -> int:
-        """Roll out, judge, report; 0 if the motion may be played, 1 if it is refused."""
-        with phase("loading"):
-            from humanoid_getup.motions.motion_database import find_motion
-            from humanoid_getup.playback.preflight import preflight
-            from robots import TorqueLimit
-
-            world = self.load_stage()
-            with refusing():
-                motion = find_motion(world.robot, self.motion)
-        voltage = world.robot.supply_voltage if self.voltage is None else self.voltage
-        with phase("rolling out"), refusing():
-            verdict = preflight(
-                world,
-                motion,
-                voltage=voltage,
-                torque_limit=TorqueLimit(self.torque_limit, "pwm"),
-                temperature=self.temperature,
-            )
-        write_json(to_json(self._record(world.robot, motion, verdict)), self.json)
-        print_verdict(world.robot, motion, verdict, console_for(self.json))
-        return DID_IT if verdict.passed else DID_NOT_STAND
-
-    def _record(self, robot: Robot, motion: Motion, verdict: MotionVerdict) -> dict[str, Any]:
-        return {
-            "robot": robot.name,
-            "motion": motion.name,
-            "scene": self.scene,
-            "torque_limit_nm": self.torque_limit,
-            "temperature_c": self.temperature,
-            **record_verdict(robot, verdict),
-        }
+def preflight(command: Preflight) -> int:
+    """Roll out, judge, report; 0 if the motion may be played, 1 if it is refused."""
+    world = load_world(command)
+    robot, motion = world.robot, find_motion(world.robot, command.motion)
+    with phase("rolling out"), refusing():
+        verdict = judge_motion(
+            world,
+            motion,
+            voltage=robot.supply_voltage if command.voltage is None else command.voltage,
+            torque_limit=TorqueLimit(command.torque_limit, "pwm"),
+            temperature=command.temperature,
+        )
+    about = {
+        "robot": robot.name,
+        "motion": motion.name,
+        "scene": command.scene,
+        "torque_limit_nm": command.torque_limit,
+        "temperature_c": command.temperature,
+    }
+    write_json(to_json(about | record_verdict(robot, verdict)), command.json)
+    print_verdict(robot, motion, verdict, console_for(command.json))
+    return DID_IT if verdict.passed else DID_NOT_STAND
 
 
 def record_verdict(robot: Robot, verdict: MotionVerdict) -> dict[str, Any]:
@@ -100,11 +77,6 @@ def record_verdict(robot: Robot, verdict: MotionVerdict) -> dict[str, Any]:
 
 def print_verdict(robot: Robot, motion: Motion, verdict: MotionVerdict, console: Console) -> None:
     """Print the verdict, its reasons and the most loaded joints."""
-    from rich.table import Table
-
-    from humanoid_getup.playback.preflight import Severity
-    from humanoid_getup.playback.preflight_rollout import MOST_RISES
-
     figures = verdict.figures
     word, color = ("passed", "green") if verdict.passed else ("refused", "red")
     console.print(f"[bold {color}]{motion.name}: {word} at {figures.voltage:.1f} V")

@@ -1,4 +1,4 @@
-"""What a rise leaves behind: files, JSON, a summary and an exit code."""
+"""The results of a rise: files, JSON, a summary and an exit code."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers import Ending
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
-from humanoid_getup.cli.options import RunOptions
+from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.output import (
     ARTEFACTS,
     REPORT,
@@ -30,8 +30,8 @@ from humanoid_getup.simulation.world import World
 def hand_over(
     result: RiseResult, world: World, options: RunOptions, start: str, extra: dict[str, Any]
 ) -> int:
-    """Write and print how a rise went; return the exit code."""
-    asked = RunContext(
+    """Write and print the result of a rise; return the exit code."""
+    context = RunContext(
         robot=world.robot.name,
         period=world.robot.control_period,
         seed=options.seed,
@@ -41,7 +41,7 @@ def hand_over(
         torque_limit=options.torque_limit,
         extra=extra,
     )
-    report = make_report(result, asked)
+    report = make_report(result, context)
     files: list[str] = []
     if options.out is not None:
         with staging(options.out) as folder:
@@ -72,7 +72,7 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
         if result.stood
         else len(outcome.qpos) * period
     )
-    last = len(outcome.qpos) - 1  # how it stands when all is over
+    last = len(outcome.qpos) - 1  # the final posture
     rows = film_strip.pick_frames(min(last, round(end / period)), film_strip.FRAMES - 1)
     rows = np.union1d(rows, [last])
     try:

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from humanoid_getup.cli.errors import BadInputError, refusing
+from rich.table import Table
+
+from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.options import JsonTarget
-from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
+from humanoid_getup.cli.options.motions import ListRobots
+from humanoid_getup.cli.output import console_for, to_json, write_json
+from robots import Robot, load_robot
+from robots import list_robots as list_names
 
-if TYPE_CHECKING:
-    from robots import Robot
 
-
-@dataclass(frozen=True, kw_only=True)
-class ListRobots:
-    """List the robots that come with the program."""
-
-    json: JsonTarget = None
-
-    def run(self) -> int:
-        """Print a table, or JSON."""
-        if faults := find_json_faults(self.json):
-            raise BadInputError("; ".join(faults))
-        from robots import list_robots, load_robot
-
-        with refusing():
-            rows = [_describe(load_robot(name)) for name in list_robots()]
-        write_json(to_json({"robots": rows}), self.json)
-        if self.json is None:
-            _print(rows)
-        return DID_IT
+def list_robots(command: ListRobots) -> int:
+    """Print a table, or JSON."""
+    with refusing():
+        rows = [_describe(load_robot(name)) for name in list_names()]
+    write_json(to_json({"robots": rows}), command.json)
+    if command.json is None:
+        _print(rows)
+    return DID_IT
 
 
 def _describe(robot: Robot) -> dict[str, Any]:
@@ -46,8 +36,6 @@ def _describe(robot: Robot) -> dict[str, Any]:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    from rich.table import Table
-
     table = Table("robot", box=None, header_style="bold")
     for heading in ("joints", "mass [kg]", "neck height [m]", "motions"):
         table.add_column(heading, justify="right")

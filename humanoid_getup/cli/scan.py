@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Annotated
+from dataclasses import asdict
 
 from rich.console import Console
 from rich.table import Table
-from tyro.conf import arg
 
 from drivers.dynamixel.port import PortError, SerialPort
 from drivers.service.scan import (
@@ -20,9 +18,10 @@ from drivers.service.scan import (
     list_serial_ports,
     scan_port,
 )
-from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.cli.output import console_for, find_json_faults, to_json, write_json
+from humanoid_getup.cli.options.hardware import Scan
+from humanoid_getup.cli.output import console_for, phase, to_json, write_json
 from robots.robot import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
@@ -36,71 +35,52 @@ ONLY_BOARDS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scan:
-    """List serial ports and the devices on them; sends pings and reads, changes nothing."""
+def scan(command: Scan) -> int:
+    """Scan the ports; 0 if a device answers, 3 if none does."""
+    rates = _choose_rates(command)
+    ports = list_serial_ports()
+    with phase("scanning") as report:
+        scans = _scan_all(command.port, ports, rates, report)
+    found = [device for scan in scans for device in scan.found]
+    advice = _advise(scans, found)
+    record = {
+        "ports": [asdict(port) for port in ports],
+        "scans": [asdict(scan) for scan in scans],
+        "advice": advice,
+    }
+    write_json(to_json(record), command.json)
+    _print(ports if command.port is None else (), scans, advice, console_for(command.json))
+    return DID_IT if found else HARDWARE_FAULT
 
-    port: Annotated[str | None, arg(metavar="PATH")] = None
-    """Serial port; default: all USB adapters."""
-    baud: Annotated[int | None, arg(metavar="BIT/S")] = None
-    """Baud rate [bit/s]; default: 57600 and 1, 2, 3 and 4 Mbit/s."""
-    all_bauds: bool = False
-    """Try every baud rate that a servo may have: ten seconds a port."""
-    json: Annotated[str | None, arg(metavar="FILE|-")] = None
-    """Write the figures to a file; - prints them alone on standard output."""
 
-    def run(self) -> int:
-        """Scan the ports; 0 if a device answers, 3 if none does."""
-        if faults := self.find_faults():
-            raise BadInputError("; ".join(faults))
-        ports = list_serial_ports()
-        with Console(stderr=True).status("scanning") as status:
-            scans = self._scan(ports, status.update)
-        found = [device for scan in scans for device in scan.found]
-        advice = _advise(scans, found)
-        record = {
-            "ports": [asdict(port) for port in ports],
-            "scans": [asdict(scan) for scan in scans],
-            "advice": advice,
-        }
-        write_json(to_json(record), self.json)
-        _print(ports if self.port is None else (), scans, advice, console_for(self.json))
-        return DID_IT if found else HARDWARE_FAULT
+def _choose_rates(command: Scan) -> tuple[int, ...]:
+    """Return the baud rates to try [bit/s]."""
+    if command.baud is None:
+        return BAUD_RATES if command.all_bauds else COMMON_RATES
+    with refusing():
+        check_rate(command.baud)
+    return (command.baud,)
 
-    def find_faults(self) -> list[str]:
-        """List all that is wrong with the options' values."""
-        faults = find_json_faults(self.json)
-        if self.baud is not None and self.all_bauds:
-            faults.append("baud and all-bauds exclude each other, expected one of them")
-        elif self.baud is not None:
-            try:
-                check_rate(self.baud)
-            except ValueError as error:
-                faults.append(str(error))
-        return faults
 
-    @property
-    def rates(self) -> tuple[int, ...]:
-        """Return the baud rates to try [bit/s]."""
-        if self.baud is not None:
-            return (self.baud,)
-        return BAUD_RATES if self.all_bauds else COMMON_RATES
-
-    def _scan(self, ports: Sequence[PortFacts], report: Callable[[str], None]) -> list[PortScan]:
-        rates = self.rates
-        if self.port is not None:
-            report(f"scanning {self.port}")
-            return [scan_port(SerialPort(self.port, rates[0]), rates)]
-        scans = []
-        for port in ports:
-            if not port.is_adapter:
-                continue
-            report(f"scanning {port.path}")
-            try:
-                scans.append(scan_port(SerialPort(port.path, rates[0]), rates))
-            except PortError as error:  # the next one may be the robot's
-                scans.append(PortScan(path=port.path, refusal=str(error)))
-        return scans
+def _scan_all(
+    path: str | None,
+    ports: Sequence[PortFacts],
+    rates: tuple[int, ...],
+    report: Callable[[str], None],
+) -> list[PortScan]:
+    if path is not None:
+        report(f"scanning {path}")
+        return [scan_port(SerialPort(path, rates[0]), rates)]
+    scans = []
+    for port in ports:
+        if not port.is_adapter:
+            continue
+        report(f"scanning {port.path}")
+        try:
+            scans.append(scan_port(SerialPort(port.path, rates[0]), rates))
+        except PortError as error:  # the next one may be the robot's
+            scans.append(PortScan(path=port.path, refusal=str(error)))
+    return scans
 
 
 def _advise(scans: Sequence[PortScan], found: Sequence[FoundDevice]) -> str | None:

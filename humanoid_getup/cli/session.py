@@ -12,7 +12,7 @@ from drivers import Cycle, GuardLimits, SafetyGuard
 from drivers.flight_log.writer import FlightLog
 from drivers.stop_key import StopKey
 from humanoid_getup.cli.backends import BackendChoice
-from humanoid_getup.cli.options import RunOptions
+from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.execution.result import PhaseChange
 from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
@@ -24,10 +24,10 @@ FLIGHT = "flight.mcap"
 
 
 class Recorder:
-    """Writes a flight log from the first cycle on, or nothing where none is wanted."""
+    """Writes a flight log from the first cycle on, if one is requested."""
 
     def __init__(self, open_log: Callable[[], FlightLog] | None) -> None:
-        """Record into a log that is opened when there is something to record."""
+        """Record into a log that the first cycle opens; ``None`` for no log."""
         self._open_log = open_log
         self.opened: FlightLog | None = None
         self._time = 0.0
@@ -59,13 +59,13 @@ def recording(
     about: Mapping[str, str | float | int],
     start: Posture | None = None,
 ) -> Iterator[Recorder]:
-    """Record into a folder while the block lasts, or nowhere.
+    """Record into a folder while the block lasts.
 
     Args:
-        out: Folder, made if need be; ``None`` for nowhere.
+        out: Folder, created with the first cycle; ``None`` for no log.
         robot: Robot that is moved.
-        about: Noted at the head of the log.
-        start: Where the robot is when the first cycle begins, if that is known.
+        about: Metadata of the log.
+        start: Posture of the robot at the first cycle, if known.
     """
     if out is None:
         yield Recorder(None)
@@ -84,19 +84,16 @@ def recording(
         print(f"getup: the flight log is incomplete: {fault}", file=sys.stderr)
 
 
-WHERE_IT_LAY = "where the robot lay"
-
-
-def stop_key(body: BackendChoice, guard: SafetyGuard) -> StopKey | nullcontext[None]:
+def stop_key(choice: BackendChoice, guard: SafetyGuard) -> StopKey | nullcontext[None]:
     """Let any key of the terminal stop a robot that moves in real time."""
-    return StopKey(guard.stop) if body.realtime else nullcontext()
+    return StopKey(guard.stop) if choice.realtime else nullcontext()
 
 
 @contextmanager
 def open_session(
     command: RunOptions,
     world: World,
-    body: BackendChoice,
+    choice: BackendChoice,
     strategy: Strategy,
     *,
     report: Callable[[str], None],
@@ -109,19 +106,19 @@ def open_session(
     Args:
         command: Options of the command.
         world: Robot and scene.
-        body: Robot to move.
-        strategy: Finds motions or policies.
+        choice: Robot to move.
+        strategy: Strategy that gets the robot up.
         report: Called with each phase.
-        about: More to note in the flight log.
-        start: Where the robot is when the first cycle begins, if that is known.
+        about: Further metadata of the flight log.
+        start: Posture of the robot at the first cycle, if known.
         options: Further `AttemptOptions`.
     """
-    simulation, limit = body.simulation, command.torque_limit
-    guard = SafetyGuard(body.backend, GuardLimits.of(world.robot, limit))
+    simulation, limit = choice.simulation, command.torque_limit
+    guard = SafetyGuard(choice.backend, GuardLimits.of(world.robot, limit))
     about = {"seed": command.seed, "scene": command.scene, "backend": command.backend} | (
         dict(about or {})
     )
-    with recording(command.out, world.robot, about, start) as recorder, stop_key(body, guard):
+    with recording(command.out, world.robot, about, start) as recorder, stop_key(choice, guard):
 
         def note(change: PhaseChange) -> None:
             report(change.phase.value)
@@ -132,10 +129,10 @@ def open_session(
             world=world,
             strategy=strategy,
             options=AttemptOptions(
-                torque_limit=body.limit_torque(limit), realtime=body.realtime, **options
+                torque_limit=choice.limit_torque(limit), realtime=choice.realtime, **options
             ),
             make_judge=simulation and (lambda: GroundTruthJudge(simulation, limit)),
-            services=body.services,
+            services=choice.services,
             on_phase=note,
             on_cycle=recorder.log,
         )

@@ -4,163 +4,91 @@ from __future__ import annotations
 
 import math
 import os
-import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-from tyro.conf import arg
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-from humanoid_getup.cli.checks import at_least
 from humanoid_getup.cli.errors import BadInputError, needing, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.options import RobotOption, Seed
-from humanoid_getup.cli.output import console_for, find_folder_faults, phase
-
-REMEMBERED = 20  # last reports: long enough to be steady, short enough to follow changes
-
-
-class TrainingSpeed:
-    """Rate over the last reports, including all that happens between them."""
-
-    def __init__(self) -> None:
-        self._seen: deque[tuple[float, int]] = deque(maxlen=REMEMBERED)
-
-    def note(self, now: float, done: int) -> None:
-        """Record the amount done at a time [s]."""
-        self._seen.append((now, done))
-
-    @property
-    def rate(self) -> float:
-        """Return the amount done per second; nan before the second report."""
-        if len(self._seen) < 2 or self._seen[-1][0] <= self._seen[0][0]:
-            return math.nan
-        (began, before), (now, done) = self._seen[0], self._seen[-1]
-        return (done - before) / (now - began)
-
-    def time_to_go(self, total: int) -> float:
-        """Return the remaining time at this rate [s]; nan before the second report."""
-        if not self.rate > 0.0:
-            return math.nan
-        return (total - self._seen[-1][1]) / self.rate
-
-
-def format_time(seconds: float) -> str:
-    """Write a duration for people: 42 s, 7 min, 1 h 05 min; ? for nan."""
-    if math.isnan(seconds):
-        return "?"
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
-
+from humanoid_getup.cli.inputs import load_robot
+from humanoid_getup.cli.options.policies import Train
+from humanoid_getup.cli.output import console_for, phase
 
 if TYPE_CHECKING:
-    from sim2real.training.config import Recipe
-    from sim2real.training.progress import TrainReport
+    from sim2real.training.iteration_log import TrainReport
+
+RECENT = 20  # iterations whose falls are counted: enough for a steady share
+SPEED_WINDOW = 300.0  # s over which the speed is measured: several iterations
 
 
-@dataclass(frozen=True, kw_only=True)
-class Train(RobotOption):
-    """Train a policy that gets the robot up; the same command again continues a training."""
-
-    out: Annotated[Path, arg(metavar="DIR")]
-    """Folder for checkpoint, progress and TensorBoard files."""
-    recipe: Literal["quick", "robust", "gentle"] = "quick"
-    """Training recipe."""
-    parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
-    """Folder of a training whose policy is the initial one; default: random weights."""
-    seed: Seed = 0
-    threads: Annotated[int, at_least(0)] = 0
-    """Threads that step physics; 0: all of the machine."""
-    device: str = "cpu"
-    """Device of the networks: cpu or cuda."""
-    iterations: Annotated[int | None, at_least(1)] = None
-    """Updates of the policy; default: the recipe's."""
-    robots: Annotated[int | None, at_least(1)] = None
-    """Robots that are simulated side by side; default: the recipe's."""
-
-    def run(self) -> int:
-        """Train, or continue a training."""
-        faults = find_folder_faults(self.out, ())
-        if self.parent is not None and not self.parent.is_dir():
-            faults.append(f"--from is {self.parent}, expected the folder of a training")
-        if faults:
-            raise BadInputError("; ".join(faults))
-        robot = self.load_robot()
-        with phase("loading torch"), needing("train"):
-            from sim2real.training.distributed import DistributedProcess
-            from sim2real.training.train import train
-        recipe = self._choose_recipe()
-        self._check_device()
-        leads = DistributedProcess.from_environment(os.environ).leads
-        with refusing(), learning(recipe.iterations, shown=leads) as learned:
-            train(
-                robot,
-                recipe,
-                self.seed,
-                self.out,
-                device=self.device,
-                threads=self.threads,
-                parent=self.parent,
-                report=learned.note,
-            )
-        if leads:
-            console_for(None).print(f"{self.out}: {learned.summary}")
-        return DID_IT
-
-    def _choose_recipe(self) -> Recipe:
-        from sim2real.training.config import RECIPES
-
-        recipe = RECIPES[self.recipe]
-        return replace(
-            recipe,
-            iterations=self.iterations or recipe.iterations,
-            robots=self.robots or recipe.robots,
-        )
-
-    def _check_device(self) -> None:
+def train(command: Train) -> int:
+    """Train, or continue a training."""
+    robot = load_robot(command)
+    with phase("loading torch"), needing("train"):
         import torch
 
-        try:
-            kind = torch.device(self.device).type
-        except RuntimeError:
-            kind = None
-        if kind == "cpu" or (kind == "cuda" and torch.cuda.is_available()):
-            return
-        expected = "cpu or cuda" if torch.cuda.is_available() else "cpu: torch finds no GPU here"
-        raise BadInputError(f"--device is '{self.device}', expected {expected}")
+        from sim2real.training.config import RECIPES
+        from sim2real.training.distributed import DistributedProcess
+        from sim2real.training.train import train
+    _check_device(command.device, has_gpu=torch.cuda.is_available())
+    recipe = RECIPES[command.recipe]
+    recipe = replace(
+        recipe,
+        iterations=command.iterations or recipe.iterations,
+        robots=command.robots or recipe.robots,
+    )
+    leads = DistributedProcess.from_environment(os.environ).leads
+    with refusing(), show_progress(recipe.iterations, shown=leads) as progress:
+        train(
+            robot,
+            recipe,
+            command.seed,
+            command.out,
+            device=command.device,
+            threads=command.threads,
+            parent=command.parent,
+            report=progress.note,
+        )
+    if leads:
+        console_for(None).print(f"{command.out}: {progress.summary}")
+    return DID_IT
 
 
-class Learned:
+def _check_device(device: str, *, has_gpu: bool) -> None:
+    name, _, number = device.partition(":")
+    is_numbered = number.isdecimal() or device == name
+    if is_numbered and (name == "cpu" or (name == "cuda" and has_gpu)):
+        return
+    expected = "cpu or cuda" if has_gpu else "cpu: torch finds no GPU here"
+    raise BadInputError(f"--device is '{device}', expected {expected}")
+
+
+class TrainingProgress:
     """Progress of a training, in words and in a bar."""
 
-    def __init__(self, show: Callable[..., None]) -> None:
-        self._show, self._speed = show, TrainingSpeed()
-        self._recent: deque[TrainReport] = deque(maxlen=REMEMBERED)
+    def __init__(self, bar: Progress, iterations: int) -> None:
+        self._bar = bar
+        self._task = bar.add_task("training", total=iterations, stood="", rate="")
+        self._recent: deque[TrainReport] = deque(maxlen=RECENT)
 
     def note(self, report: TrainReport) -> None:
         """Record one iteration's report."""
         self._recent.append(report)
-        self._speed.note(time.monotonic(), report.steps)
-        total = report.steps // (report.iteration + 1) * report.iterations
-        self._show(
-            completed=report.iteration + 1,
-            stood=f"{self.share:.0%} stand",
-            rate=f"{self._speed.rate:,.0f} steps/s",
-            left=f"{format_time(self._speed.time_to_go(total))} to go",
-        )
+        done = report.iteration + 1
+        self._bar.update(self._task, completed=done, stood=f"{self.share:.0%} stand")
+        if speed := self._bar.tasks[0].speed:  # iterations/s
+            self._bar.update(self._task, rate=f"{speed * report.steps / done:,.0f} steps/s")
 
     @property
     def share(self) -> float:
         """Return the share of recent falls that ended standing; nan for none."""
         falls = sum(report.falls for report in self._recent)
-        return sum(report.stood for report in self._recent) / falls if falls else float("nan")
+        return sum(report.stood for report in self._recent) / falls if falls else math.nan
 
     @property
     def summary(self) -> str:
@@ -175,20 +103,30 @@ class Learned:
 
 
 @contextmanager
-def learning(iterations: int, *, shown: bool) -> Iterator[Learned]:
+def show_progress(iterations: int, *, shown: bool) -> Iterator[TrainingProgress]:
     """Show a progress bar on standard error; yield what advances it."""
-    fields = ("stood", "rate", "left")
     columns = (
-        TextColumn("training"),
+        "training",
         BarColumn(),
         MofNCompleteColumn(),
-        *(TextColumn(f"{{task.fields[{name}]}}") for name in fields),
+        "{task.fields[stood]}",
+        "{task.fields[rate]}",
+        TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    with Progress(*columns, console=console, disable=not shown) as progress:
-        bar = progress.add_task("training", total=iterations, stood="", rate="", left="")
+    with Progress(
+        *columns, console=console, disable=not shown, speed_estimate_period=SPEED_WINDOW
+    ) as bar:
         try:
-            yield Learned(lambda **fields: progress.update(bar, **fields))
+            yield TrainingProgress(bar, iterations)
         except KeyboardInterrupt:
             console.print("the last checkpoint is kept: the same command continues from it")
             raise
+
+
+def format_time(seconds: float) -> str:
+    """Write a duration for people: 42 s, 7 min, 1 h 05 min."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"

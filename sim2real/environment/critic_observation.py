@@ -1,4 +1,4 @@
-"""The critic's observation: the policy's and what only a simulation knows."""
+"""The critic's observation: the policy's observation and privileged state."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from sim2real.environment.randomization import MOST_DELAY
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
-    """What critic terms are computed from, for N robots."""
+class CriticInputs:
+    """Quantities that critic terms are computed from, for N robots."""
 
     state: PrivilegedState
     parameters: DomainParameters
     held: NDArray[np.floating[Any]]
-    """How long each has stood [s], (N,)."""
+    """Time of uninterrupted standing [s], (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class CriticTerm:
-    """A named part of the critic's observation, and its mirror image."""
+    """A named part of the critic's observation, with its mirror image."""
 
     name: str
-    read: Callable[[Known], NDArray[Any]]
-    """Computes its values, (N, size), or (N,) where it has one."""
+    read: Callable[[CriticInputs], NDArray[Any]]
+    """Computes the values, (N, size) or (N,)."""
     mirror: MirrorPart
 
 
 def list_critic_terms(robot: Robot) -> tuple[CriticTerm, ...]:
-    """List the terms that follow the policy's observation, in their order."""
+    """List the terms that follow the policy's observation, in order."""
     size = robot.standing_neck_height
     soles = len(robot.sole_sites)
     same = (np.arange(1), np.ones(1))
@@ -61,8 +61,10 @@ def list_critic_terms(robot: Robot) -> tuple[CriticTerm, ...]:
     )
 
 
-def observe_privileged(terms: Sequence[CriticTerm], observation: Floats, known: Known) -> Floats:
+def observe_privileged(
+    terms: Sequence[CriticTerm], observation: Floats, inputs: CriticInputs
+) -> Floats:
     """Concatenate the policy's observation and each term, (N, size)."""
     n = len(observation)
-    read = (term.read(known).reshape(n, -1) for term in terms)
+    read = (term.read(inputs).reshape(n, -1) for term in terms)
     return np.concatenate((observation, *read), axis=1, dtype=np.float32, casting="same_kind")

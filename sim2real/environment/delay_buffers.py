@@ -1,4 +1,4 @@
-"""Delay buffers: MuJoCo's history of targets and sensors, by which it delays them."""
+"""Delay buffers: MuJoCo's history of targets and sensor values, from which delays are read."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ Whole = NDArray[np.integer[Any]]
 
 
 class DelayBuffers:
-    """Fills the buffers so that a robot's past is its present.
+    """Fills the buffers of placed robots as if they had always been in their present state.
 
-    A buffer is two numbers of bookkeeping, its sample times, then its samples
-    (mjData.history).
+    A buffer in mjData.history is two numbers of bookkeeping, the sample times, then the samples.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -32,7 +31,7 @@ class DelayBuffers:
         )
 
     def fill(self, history: Array, ids: Ids, ctrl: Array, sensordata: Array) -> None:
-        """Fill the past of some robots with their present."""
+        """Fill the buffers of some robots with present values."""
         rows = np.tile(self._blank, (len(ids), 1))
         for (there, here), now in ((self._ctrl, ctrl), (self._sensors, sensordata)):
             rows[:, there] = now[ids[:, None], here]
@@ -40,7 +39,7 @@ class DelayBuffers:
 
 
 def _find_samples(starts: Whole, history: Whole, addresses: Whole, sizes: Whole) -> tuple[Ids, Ids]:
-    """Find where histories keep their samples, and where the values are that they sample."""
+    """Return the addresses of all samples in the history, and of their values."""
     there, here = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
     for start, samples, address, size in zip(starts, history[:, 0], addresses, sizes, strict=True):
         there.append(start + 2 + samples + np.arange(samples * size))

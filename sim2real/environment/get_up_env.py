@@ -1,4 +1,4 @@
-"""The training environment: many fallen robots that learn to rise."""
+"""The training environment: many fallen robots that learn to get up."""
 
 from __future__ import annotations
 
@@ -25,102 +25,109 @@ from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.critic_observation import Known, list_critic_terms, observe_privileged
+from sim2real.environment.critic_observation import (
+    CriticInputs,
+    list_critic_terms,
+    observe_privileged,
+)
 from sim2real.environment.initial_states import StartPool, list_motion_starts, sample_stands
 from sim2real.environment.randomization import DomainRandomization
 from sim2real.environment.rewards import QUICK, Reward, RewardInputs, score
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
-PHYSICS_STEP = 0.006  # s; judges take 0.002
-# s; the known motions rise in 1.6 to 4.6 s, so there is time for a second try and for a stand.
+PHYSICS_STEP = 0.006  # s; evaluation takes 0.002
+# s; the stored motions rise in 1.6 to 4.6 s, so there is time for a second try and a stand.
 EPISODE = 6.0
-# s of standing after which an episode has shown what it can: half of what a judge asks for,
-# since exploring shakes a stand that would be held.
+# s of standing that count as success: half of what a judge requires, since exploration noise
+# disturbs a stand that would be held.
 HELD = 1.5
-# Hard falls are drawn more often, so less than half of them standing is most of all falls.
-LIFT_EPISODES, LIFT_SUCCESS, LIFT_STEP = 200, 0.45, 0.05
-STANDS = 64  # postures that episodes of standing robots begin with
+# Hard falls are drawn more often: a success rate of 0.45 means more than half of all falls.
+FORCE_EPISODES, FORCE_SUCCESS, FORCE_STEP = 200, 0.45, 0.05
+STANDS = 64  # standing initial postures
 FLOAT = np.float32
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnvOptions:
-    """What a training environment is made of."""
+    """Settings of a training environment."""
 
     robots: int = 512
-    """How many rise side by side."""
+    """Number of robots that are simulated side by side."""
     randomization: DomainRandomization | None = None
-    """``None`` for robots as described."""
+    """``None``: every robot has its nominal parameters."""
     rewards: tuple[Reward, ...] = QUICK
     falls: float = 0.8
-    """Share of episodes that begin with a settled fall."""
+    """Fraction of episodes that start with a settled fall."""
     motions: float = 0.1
-    """Share that begins somewhere along a known motion; the rest begins standing."""
-    lift: float = 0.0
-    """Largest share of its weight that a robot hangs by at first; fades with success."""
+    """Fraction that starts at a frame of a stored motion; the rest starts standing."""
+    assistive_force: float = 0.0
+    """Initial upper limit of the assistive force, as a fraction of the weight; fades with
+    success."""
     ends_early: float = 0.5
-    """Share of episodes that end once the robot has held its stand for ``HELD``."""
+    """Fraction of episodes that end once the robot has stood for ``HELD``."""
     scene: str = "flat"
     physics_step: float = PHYSICS_STEP
     """[s]"""
     threads: int = 0
+    """Threads that step physics; 0 for one per processor."""
 
 
 @dataclass(eq=False)
 class _Episodes:
-    """What is remembered of each robot's episode."""
+    """State of each robot's episode."""
 
     age: NDArray[np.int_]
+    """Policy steps so far."""
     length: NDArray[np.int_]
+    """Policy steps at most."""
     held: NDArray[np.int_]
-    """Policy steps in a row that it stands."""
+    """Policy steps of uninterrupted standing."""
     start: NDArray[np.int_]
-    """Row in the pool of falls; -1 for other starts."""
+    """Row in the pool of falls; -1 for other initial states."""
     ends_early: NDArray[np.bool_]
 
 
 @dataclass(eq=False)
-class _Help:
-    """How far robots are lifted: less and less while most of them stand."""
+class _AssistiveForce:
+    """Curriculum of the assistive force; field names are those of the checkpoint file."""
 
     lift: float
-    """Largest share of the weight."""
+    """Upper limit, as a fraction of the weight."""
     first: float
-    """Where it began."""
+    """Initial upper limit."""
     ended: int = 0
     stood: int = 0
 
     @property
     def cost_share(self) -> float:
-        """Return the share of the costs that counts: they come as help goes."""
+        """Return the factor on costs: it grows from 0 to 1 as the force fades."""
         return 1.0 - self.lift / self.first if self.first else 1.0
 
     def note(self, stood: NDArray[np.bool_]) -> None:
-        """Count episodes; every so many, see whether less help will do."""
+        """Count episodes; reduce the force after enough of them if most ended in a stand."""
         self.ended += len(stood)
         self.stood += int(stood.sum())
-        if self.ended < LIFT_EPISODES:
+        if self.ended < FORCE_EPISODES:
             return
-        if self.stood > LIFT_SUCCESS * self.ended:
-            self.lift = max(self.lift - LIFT_STEP, 0.0)
+        if self.stood > FORCE_SUCCESS * self.ended:
+            self.lift = max(self.lift - FORCE_STEP, 0.0)
         self.ended = self.stood = 0
 
 
 def make_world(robot: Robot, scene: str, delays: bool, physics_step: float = PHYSICS_STEP) -> World:
-    """Compile the world that training steps."""
+    """Compile the world of training."""
     longest = LONGEST_DELAY if delays else 0.0
     return build_training_world(robot, load_scene(scene), physics_step, longest)
 
 
 class GetUpEnv(VectorEnv):
-    """Robots that begin fallen and are rewarded for standing up; a Gymnasium vector environment.
+    """Fallen robots that are rewarded for standing up, as a Gymnasium vector environment.
 
-    Actions are those of an :class:`ActionSpec`, from -1 to 1. Observations are what
-    :func:`humanoid_getup.policy.observation.observe` makes of the sensors; ``info["critic"]`` adds
-    what only a simulation knows. Episodes end by time alone, so all ends are truncations; the
-    robot that comes back in the same step already lies in its next start, and
-    ``info["final_obs"]`` is what it saw last.
+    Actions are those of an :class:`ActionSpec`, from -1 to 1. Observations are computed by
+    :func:`humanoid_getup.policy.observation.observe`; ``info["critic"]`` adds privileged state.
+    Episodes end by time alone, so all ends are truncations. A robot is reset in the same step;
+    ``info["final_obs"]`` is the last observation of its episode.
     """
 
     metadata: ClassVar = {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -132,9 +139,9 @@ class GetUpEnv(VectorEnv):
 
         Args:
             robot: Robot.
-            action: What actions mean.
+            action: Action space.
             pool: Settled falls, as MuJoCo positions of ``make_world``'s model.
-            options: How many robots, how they differ, what they are rewarded for.
+            options: Number of robots, randomization, rewards.
         """
         self.robot, self.action, self.options, self.pool = robot, action, options, pool
         randomization = options.randomization
@@ -161,7 +168,7 @@ class GetUpEnv(VectorEnv):
         self.single_action_space = space(-1.0, 1.0, (action.size,), FLOAT)
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
-        self._help = _Help(options.lift, options.lift)
+        self._force = _AssistiveForce(options.assistive_force, options.assistive_force)
         self._rng = np.random.default_rng(0)
         self._target = np.zeros((n, robot.n))
         self._last_action = np.zeros((n, action.size))
@@ -175,24 +182,26 @@ class GetUpEnv(VectorEnv):
 
     @property
     def ages(self) -> NDArray[np.int_]:
-        """Return how many policy steps each episode has lasted; it may be written to."""
+        """Return the age of each episode in policy steps, (N,), writable."""
         return self._episodes.age
 
     @property
     def longest(self) -> int:
-        """Return how many policy steps an episode lasts at most."""
+        """Return the maximum length of an episode in policy steps."""
         return int(self._episodes.length[0])
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begin all episodes anew; a seed makes them what they are on every machine."""
+        """Start new episodes; a seed makes them reproducible on every machine."""
         del options
         super().reset(seed=seed)
         if seed is not None:
             self._rng = self.np_random
             self.pool.success[:] = 0.0
-            self._help = _Help(self.options.lift, self.options.lift)
+            self._force = _AssistiveForce(
+                self.options.assistive_force, self.options.assistive_force
+            )
         self._begin(np.arange(self.num_envs))
         observation = self._observe()
         return observation, {"critic": self._observe_privileged(observation)}
@@ -200,9 +209,9 @@ class GetUpEnv(VectorEnv):
     def step(
         self, actions: Array
     ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Let a policy step pass."""
-        asked = np.asarray(actions, dtype=float)
-        action = np.clip(asked, -1.0, 1.0)
+        """Step all robots by one policy step."""
+        requested = np.asarray(actions, dtype=float)
+        action = np.clip(requested, -1.0, 1.0)
         measured, gravity = self._sensed.joint_pos, self._sensed.gravity
         following = next_target(self.action, self._target, measured, gravity, action)
         self.sim.follow(self._target, following)
@@ -210,10 +219,10 @@ class GetUpEnv(VectorEnv):
         state = self.sim.measure_privileged_state()
         self._sensed = self.sim.sense(self._rng if self.options.randomization else None)
         inputs = RewardInputs.of(
-            self.robot, state, self._sensed.joint_pos, asked, self._last_action
+            self.robot, state, self._sensed.joint_pos, requested, self._last_action
         )
         self._last_action = action
-        reward, parts = score(self.options.rewards, inputs, self._help.cost_share)
+        reward, parts = score(self.options.rewards, inputs, self._force.cost_share)
         reward[self.sim.diverged] = 0.0
         self._push()
         ended, report = self._end(inputs)
@@ -225,12 +234,12 @@ class GetUpEnv(VectorEnv):
         observation = self._observe()
         info = {
             "critic": self._observe_privileged(observation),
-            "lift": self._help.lift,
+            "assistive_force": self._force.lift,
             "rewards": {name: float(part.mean()) for name, part in parts.items()},
             **report,
         }
-        nobody = np.zeros(self.num_envs, dtype=bool)
-        return observation, reward.astype(FLOAT), nobody, truncated, info
+        terminated = np.zeros(self.num_envs, dtype=bool)
+        return observation, reward.astype(FLOAT), terminated, truncated, info
 
     def _push(self) -> None:
         randomization = self.options.randomization
@@ -242,20 +251,20 @@ class GetUpEnv(VectorEnv):
         self.sim.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
 
     def _end(self, inputs: RewardInputs) -> tuple[NDArray[np.int_], dict[str, Any]]:
-        """Find whose episode is over, and count how those from falls went."""
+        """Find the episodes that are over; count the outcomes of those from falls."""
         e = self._episodes
         e.age += 1
         e.held = np.where(inputs.standing, e.held + 1, 0)
-        shown = e.held >= round(HELD / self.step_time)
-        shown &= ~self.sim.diverged
-        ended = np.flatnonzero((e.age >= e.length) | (shown & e.ends_early) | self.sim.diverged)
+        succeeded = e.held >= round(HELD / self.step_time)
+        succeeded &= ~self.sim.diverged
+        ended = np.flatnonzero((e.age >= e.length) | (succeeded & e.ends_early) | self.sim.diverged)
         from_fall = ended[e.start[ended] >= 0]
-        self.pool.note(e.start[from_fall], shown[from_fall])
-        self._help.note(shown[from_fall])
-        return ended, {"falls": len(from_fall), "stood": int(shown[from_fall].sum())}
+        self.pool.note(e.start[from_fall], succeeded[from_fall])
+        self._force.note(succeeded[from_fall])
+        return ended, {"falls": len(from_fall), "stood": int(succeeded[from_fall].sum())}
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
-        """Lay some robots down for their next episode."""
+        """Place some robots for their next episode."""
         rng, o, count = self._rng, self.options, len(ids)
         kind = rng.random(count)
         start = np.where(kind < o.falls, self.pool.draw(count, rng), -1)
@@ -267,7 +276,7 @@ class GetUpEnv(VectorEnv):
             drawn = o.randomization.sample(self.sim.world, count, rng)
             self.sim.set_parameters(ids, drawn)
         self.sim.place(ids, qpos)
-        self.sim.set_assistive_force(ids, rng.uniform(0.0, self._help.lift, count))
+        self.sim.set_assistive_force(ids, rng.uniform(0.0, self._force.lift, count))
         layout = self.robot.layout(self.sim.model)
         self._target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
         self._last_action[ids] = 0.0
@@ -282,18 +291,18 @@ class GetUpEnv(VectorEnv):
         return observe(self.robot, self._sensed, self._target, self._last_action, share)
 
     def mirror_of_critic(self) -> Mirror:
-        """Return how left and right are exchanged in what critics see."""
+        """Return how left and right are exchanged in the critic's observation."""
         seen = mirror_of_observation(self.robot, self.action)
         privileged = (term.mirror for term in self._critic_terms)
         return Mirror.of_parts(((seen.index, seen.sign), *privileged))
 
     def save_state(self) -> dict[str, Any]:
-        """Return everything that the next steps depend on."""
+        """Return the complete state, for :meth:`restore_state`."""
         return {
             "sim": self.sim.save_state(),
             "rng": self._rng.bit_generator.state,
             "success": self.pool.success.copy(),
-            "help": copy.copy(self._help),
+            "help": copy.copy(self._force),
             "target": self._target.copy(),
             "last_action": self._last_action.copy(),
             "sensed": self._sensed,
@@ -301,19 +310,19 @@ class GetUpEnv(VectorEnv):
         }
 
     def restore_state(self, state: dict[str, Any]) -> None:
-        """Go on from where :meth:`save_state` was called."""
+        """Restore a state of :meth:`save_state`."""
         self.sim.restore_state(state["sim"])
         self._rng.bit_generator.state = state["rng"]
         self.pool.success[:] = state["success"]
-        self._help = copy.copy(state["help"])
+        self._force = copy.copy(state["help"])
         self._target, self._last_action = state["target"].copy(), state["last_action"].copy()
         self._sensed = state["sensed"]
         self._episodes = copy.deepcopy(state["episodes"])
 
     def _observe_privileged(self, observation: Floats) -> Floats:
-        known = Known(
+        inputs = CriticInputs(
             state=self.sim.measure_privileged_state(),
             parameters=self.sim.parameters,
             held=self._episodes.held * self.step_time,
         )
-        return observe_privileged(self._critic_terms, observation, known)
+        return observe_privileged(self._critic_terms, observation, inputs)

@@ -1,4 +1,4 @@
-"""Where training episodes begin: settled falls, places along known motions, and standing."""
+"""Initial states of training episodes: settled falls, frames of motions, and standing."""
 
 from __future__ import annotations
 
@@ -20,61 +20,61 @@ from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to
 from robots.kinematics import mirror_positions, place
 from robots.quaternion import Array
 
-# Coarse physics steps shake: a robot at rest moves at up to 0.03, one that rolls or slides faster.
+# With coarse physics steps a robot at rest moves at up to 0.03; rolling and sliding are faster.
 SETTLING = Settling(speed=0.5)
-MOST_ROUNDS = 50  # batches that are dropped for each that is needed if all lie still
-# Weight of the last episode in a start's share of success: three episodes tell most of it,
-# since a training that learns makes older ones worthless.
+MOST_ROUNDS = 50  # batches to drop for each that would do if every robot settled
+# Weight of the last episode in the success rate of an initial state: the last three episodes
+# dominate, since older ones say little about a policy that learns.
 MEMORY = 0.3
-# Weight of a start that always ends standing, against one that never does: seldom enough to
-# leave time for the hard ones, often enough not to be unlearnt.
+# Weight of an initial state that always ends standing, relative to one that never does: low
+# enough to leave time for hard ones, high enough that it is not forgotten.
 LEAST = 0.15
-POOL_SEED = 7_001  # sets the falls of trainings apart from those that seeds alone give
-# Of a motion's frames, one each 32 ms at the OP3's 8 ms: between two, joints move 0.17 rad at
+POOL_SEED = 7_001  # makes the falls of training differ from those of evaluation
+# Every fourth frame of a motion, 32 ms apart on the OP3: between two, joints move 0.17 rad at
 # most, so that more frames would hardly differ.
 FRAMES_APART = 4
-MOST_AT_ONCE = 512  # robots that are dropped together
+BATCH = 512  # robots that are dropped together
 
 
 @dataclass(eq=False)
 class StartPool:
-    """Starts, and how often each has ended standing: what fails is tried more often."""
+    """Initial states with their success rates; those that fail are drawn more often."""
 
     qpos: Array
     """MuJoCo positions, (P, nq)."""
     success: Array
-    """Running share of episodes that ended standing, (P,)."""
+    """Running fraction of episodes that ended standing, (P,)."""
 
     @staticmethod
     def of(qpos: Array) -> StartPool:
-        """Make a pool of which nothing is known yet."""
+        """Make a pool whose success rates are 0."""
         return StartPool(qpos, np.zeros(len(qpos)))
 
     def draw(self, count: int, rng: np.random.Generator) -> NDArray[np.int_]:
-        """Draw starts, hard ones more often."""
+        """Draw rows of the pool, hard ones more often."""
         weight = LEAST + (1.0 - LEAST) * (1.0 - self.success)
         total = np.cumsum(weight)
         return np.searchsorted(total, rng.uniform(0.0, total[-1], count))
 
     def note(self, starts: NDArray[np.int_], stood: NDArray[np.bool_]) -> None:
-        """Remember how some episodes ended."""
+        """Update the success rates by some episodes."""
         self.success[starts] += MEMORY * (stood - self.success[starts])
 
     def save(self, file: Path, robot: Robot) -> None:
-        """Write the starts to an .npz file, and whose they are."""
+        """Write the initial states and the robot's name to an .npz file."""
         save_arrays(file, {"qpos": self.qpos, "robot": robot.name})
 
     @staticmethod
     def load(file: Path, robot: Robot, width: int) -> StartPool:
-        """Read starts from an .npz file.
+        """Read initial states from an .npz file.
 
         Args:
-            file: Where they lie.
-            robot: Robot that shall start there.
-            width: Numbers of its MuJoCo positions, nq.
+            file: File of :meth:`save`.
+            robot: Robot whose states are expected.
+            width: Number of its MuJoCo positions, nq.
 
         Raises:
-            ValueError: if the file holds none, or those of another robot.
+            ValueError: if the file holds no initial states of this robot.
         """
         try:
             arrays = load_arrays(file, ("qpos", "robot"))
@@ -91,13 +91,13 @@ class StartPool:
 
 def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
     """Make a pool of ``count`` settled falls and their mirror images."""
-    sim = VecSim(world, min(count, MOST_AT_ONCE))
+    sim = VecSim(world, min(count, BATCH))
     falls = drop_falls(sim, count, rng)
-    return StartPool.of(np.concatenate([falls, mirror_starts(world.robot, world.model, falls)]))
+    return StartPool.of(np.concatenate([falls, mirror_positions(world.robot, world.model, falls)]))
 
 
 def pool_rng(seed: int) -> np.random.Generator:
-    """Make the random source of a training's falls; no evaluation's seed gives the same.
+    """Make the random source of a training's falls, which differs from every evaluation's.
 
     Evaluations draw from ``default_rng(seed)``, which differs for every seed below 2**32.
     """
@@ -105,7 +105,7 @@ def pool_rng(seed: int) -> np.random.Generator:
 
 
 def drop_falls(sim: VecSim, count: int, rng: np.random.Generator) -> Array:
-    """Drop limp robots in random postures until ``count`` have settled, (count, nq).
+    """Drop robots with torque off in random postures until ``count`` have settled, (count, nq).
 
     Raises:
         FallError: if too few settle.
@@ -118,23 +118,18 @@ def drop_falls(sim: VecSim, count: int, rng: np.random.Generator) -> Array:
         if sum(map(len, found)) >= count:
             return np.concatenate(found)[:count]
     raise FallError(
-        f"robot '{sim.robot.name}' does not come to lie still: {sum(map(len, found))} of "
-        f"{rounds * sim.n} falls did, {count} are needed"
+        f"robot '{sim.robot.name}' does not come to rest: {sum(map(len, found))} of "
+        f"{rounds * sim.n} falls settled, expected {count}"
     )
-
-
-def mirror_starts(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
-    """Exchange left and right in MuJoCo positions (P, nq)."""
-    return mirror_positions(robot, model, qpos)
 
 
 def sample_stands(
     robot: Robot, model: mujoco.MjModel, count: int, rng: np.random.Generator
 ) -> Array:
-    """Sample standing robots whose arms are anywhere on their way home, (count, nq).
+    """Sample standing robots with arms between a random posture and home, (count, nq).
 
-    A rise ends with the arms where they were thrown, at a stop as a rule, where small trials
-    change nothing: that they belong home is learned from where it is near.
+    A rise leaves the arms wherever they were swung, usually at a joint limit, where exploration
+    changes nothing. A policy learns to bring them home from states in which home is near.
     """
     layout, data = robot.layout(model), mujoco.MjData(model)
     standing = place(robot, model, robot.standing)
@@ -154,7 +149,7 @@ def sample_stands(
 
 
 def find_arms(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Find the joints that a rise moves, and that no foot hangs on, (n,)."""
+    """Find the joints that a rise moves and that do not carry a foot, (n,)."""
     rising = np.array([robot.joint_names.index(name) for name in robot.rising_joints], dtype=int)
     arms = np.zeros(robot.n, dtype=bool)
     arms[rising] = arms[robot.mirror_index[rising]] = True
@@ -168,7 +163,7 @@ def find_arms(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def list_motion_starts(robot: Robot, model: mujoco.MjModel) -> Array:
-    """List the frames of the robot's known motions as MuJoCo positions (M, nq)."""
+    """List frames of the robot's stored motions as MuJoCo positions, (M, nq)."""
     files = sorted((robot.folder / MOTION_FOLDER).glob("*.npz"))
     frames = [
         place(robot, model, motion.posture(frame))

@@ -1,4 +1,4 @@
-"""Makes a training environment from names and numbers."""
+"""Builds a training environment from keyword arguments, for Gymnasium's registry."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ def make_get_up(
     """Build a training environment from names and numbers.
 
     Args:
-        num_envs: Robots side by side.
-        robot: Robot by name, or a folder that holds a robot.toml.
-        rewards: Rewards by name.
-        randomization: How robots differ from their description, by name.
-        wide: Whether mirrored joints may also move contrary to each other, and limbs spread.
-        falls: Settled falls that episodes begin with; their mirror images double them.
+        num_envs: Number of robots side by side.
+        robot: Name of a robot, or a folder with a robot.toml.
+        rewards: Name of the rewards.
+        randomization: Name of the domain randomization.
+        wide: Whether mirrored joints may also move in opposite directions, and limbs spread.
+        falls: Number of settled falls in the pool; their mirror images double it.
         seed: Seed of the falls; that of the episodes goes to ``reset``.
-        threads: Threads that step physics; 0 for all that the machine has.
+        threads: Threads that step physics; 0 for one per processor.
 
     Raises:
-        ValueError: if there are no such rewards, or no such robot.
+        ValueError: if there is no such robot, reward or randomization.
     """
     if rewards not in REWARDS:
-        raise ValueError(f"unknown rewards '{rewards}': allowed {', '.join(REWARDS)}")
+        raise ValueError(f"unknown rewards '{rewards}', expected {', '.join(REWARDS)}")
     if randomization not in RANDOMIZATIONS:
-        allowed = ", ".join(RANDOMIZATIONS)
-        raise ValueError(f"unknown randomization '{randomization}': allowed {allowed}")
-    body = load_robot(robot)
-    action = choose_actions(body, wide)
-    world = make_world(body, "flat", delays=False)
+        expected = ", ".join(RANDOMIZATIONS)
+        raise ValueError(f"unknown randomization '{randomization}', expected {expected}")
+    loaded = load_robot(robot)
+    world = make_world(loaded, "flat", delays=False)
     options = EnvOptions(
         robots=num_envs,
         randomization=RANDOMIZATIONS[randomization],
         rewards=REWARDS[rewards],
         threads=threads,
     )
-    return GetUpEnv(body, action, make_pool(world, falls, pool_rng(seed)), options)
+    pool = make_pool(world, falls, pool_rng(seed))
+    return GetUpEnv(loaded, choose_actions(loaded, wide), pool, options)

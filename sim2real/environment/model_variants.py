@@ -1,4 +1,4 @@
-"""Model variants: physics other than a policy was trained in, on which it must not depend."""
+"""Model variants: physics that differ from those of training, to evaluate policies in."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robots import Robot, quaternion
 
 MENAGERIE = {"kp": 21.1, "damping": 1.084, "armature": 0.045, "frictionloss": 0.03, "torque": 5.0}
 """Servo figures of mujoco_menagerie's robotis_op3: N·m/rad, N·m·s/rad, kg·m², N·m, N·m."""
-BACKLASH_ARMATURE = 1e-4  # kg·m² beyond a gear's backlash, so that it has an inertia
+BACKLASH_ARMATURE = 1e-4  # kg·m² on the link's side, so that the hinge has an inertia
 BACKLASH_DAMPING = 1e-3  # N·m·s/rad
 
 MENAGERIE_SERVOS = "menagerie servos"
@@ -26,13 +26,13 @@ def fine_steps(spec: mujoco.MjSpec, _robot: Robot) -> None:
 
 
 def elliptic_cones(spec: mujoco.MjSpec, _robot: Robot) -> None:
-    """Use elliptic friction cones, with the same friction in every direction."""
+    """Use elliptic friction cones, which have the same friction in every direction."""
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0
 
 
 def other_solver(spec: mujoco.MjSpec, _robot: Robot) -> None:
-    """Use conjugate gradients with few iterations, and the implicit integrator."""
+    """Use the conjugate gradient solver with few iterations, and the implicit integrator."""
     spec.option.solver = mujoco.mjtSolver.mjSOL_CG
     spec.option.iterations = 20
     spec.option.ls_iterations = 10
@@ -46,7 +46,7 @@ def soft_contacts(spec: mujoco.MjSpec, _robot: Robot) -> None:
 
 
 def capsules(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Turn boxes into capsules of the same reach and mean thickness, but for the soles."""
+    """Replace boxes by capsules of the same length and mean thickness, except for the soles."""
     soles = {spec.site(site).parent.name for site in robot.sole_sites}
     for geom in spec.geoms:
         if geom.type != mujoco.mjtGeom.mjGEOM_BOX or geom.parent.name in soles:
@@ -75,13 +75,13 @@ def menagerie_servos(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 
 def backlash(angle: float) -> ModelVariant:
-    """Put backlash between every gear and its link.
+    """Add backlash between every gear and its link.
 
-    It is a second hinge in each joint, free between two stops; the servo's encoder
-    and motor are on the near side of it.
+    Each joint gets a second hinge that is free between two stops; the servo's encoder
+    and motor are on the gear's side of it.
 
     Args:
-        angle: Backlash from one end to the other [rad].
+        angle: Backlash from end to end [rad].
     """
 
     def change(spec: mujoco.MjSpec, robot: Robot) -> None:
@@ -92,7 +92,7 @@ def backlash(angle: float) -> ModelVariant:
             loose.pos[:] = joint.pos
             loose.limited = True
             loose.range[:] = [-half, half]
-            # MuJoCo's own stops would give way by more than the backlash itself.
+            # MuJoCo's default stops yield by more than the backlash itself.
             loose.solref_limit[:] = [0.004, 1.0]
             loose.solimp_limit[:2] = [0.999, 0.999]
             loose.armature = BACKLASH_ARMATURE

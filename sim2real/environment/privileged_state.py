@@ -1,4 +1,4 @@
-"""Privileged state: what only a simulation knows of robots in training."""
+"""Privileged state: quantities that only a simulation can measure."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from robots.quaternion import Array
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PrivilegedState:
-    """What only a simulation knows of N robots: for rewards and critics."""
+    """Quantities of N robots that only a simulation can measure, for rewards and critics."""
 
     stance: Stance
     """(N,)"""
     sole_height: Array
-    """Of each sole over the ground [m], (N, soles)."""
+    """Height of each sole over the ground [m], (N, soles)."""
     sole_distance: Array
-    """Horizontal distance of the soles' middle from the neck [m], (N,)."""
+    """Horizontal distance of the soles' center from the neck [m], (N,)."""
     upright: Array
     """Cosine of the torso's tilt, (N,)."""
     head_fall: Array
@@ -27,4 +27,4 @@ class PrivilegedState:
     joint_vel: Array
     """[rad/s], (N, n)"""
     torque: Array
-    """Of the servos [N·m], (N, n)."""
+    """Servo torques [N·m], (N, n)."""

@@ -1,4 +1,4 @@
-"""Domain randomization of training: the ranges that domain parameters are drawn from."""
+"""Domain randomization of training: distributions of the domain parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
-Range = tuple[float, float]
+Bounds = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,66 +25,68 @@ class ObservationNoise:
     gyro: float = 0.0
     """[rad/s]"""
     gravity: float = 0.0
-    """Of each component of the direction of gravity."""
+    """Each component of the gravity direction."""
 
 
-# A tick of the encoder is 0.0015 rad, a count of its speed 0.024 rad/s.
+# The resolution of the encoder is 0.0015 rad, that of its speed 0.024 rad/s.
 NOISE = ObservationNoise(joint_pos=0.003, joint_vel=0.08, gyro=0.05, gravity=0.02)
 MOST_DELAY = 0.04  # s
 
 
 @dataclass(frozen=True, kw_only=True)
 class DomainRandomization:
-    """Ranges from which domain parameters are drawn, uniformly, at every start of an episode."""
+    """Distributions of domain parameters, uniform unless noted; drawn for every episode."""
 
-    mass: Range = (0.85, 1.15)
-    """Share of the whole mass."""
-    link_mass: Range = (0.95, 1.05)
-    """Share of each link's mass besides."""
+    mass: Bounds = (0.85, 1.15)
+    """Factor on the mass of the robot."""
+    link_mass: Bounds = (0.95, 1.05)
+    """Further factor on the mass of each link."""
     com_shift: float = 0.01
-    """Either way and axis, of the torso's center of mass [m]."""
-    friction: Range = (0.3, 1.2)
-    voltage: Range = (0.875, 1.05)
-    """Share of the nominal supply; of the OP3's 12 V, 10.5 to 12.6 V."""
-    torque_share: Range = (0.42, 1.0)
-    """Torque limit as a share of the servos' own; 0.42 is 1.7 N·m of the OP3's 4.1."""
+    """Largest shift of the torso's center of mass along each axis, both ways [m]."""
+    friction: Bounds = (0.3, 1.2)
+    voltage: Bounds = (0.875, 1.05)
+    """Fraction of the nominal supply; of the OP3's 12 V, 10.5 to 12.6 V."""
+    torque_share: Bounds = (0.42, 1.0)
+    """Torque limit as a fraction of stall torque; 0.42 is 1.7 N·m of the OP3's 4.1 N·m."""
     full_torque: float = 0.35
-    """Share of episodes in which the servos have all their torque."""
+    """Probability that there is no torque limit."""
     pwm_limited: float = 0.5
-    """Share of episodes in which the torque limit is a PWM limit."""
-    weak_servo: Range = (0.55, 1.0)
-    """Strength of one servo..."""
+    """Probability that the torque limit is a PWM limit."""
+    weak_servo: Bounds = (0.55, 1.0)
+    """Factor on the strength of one weak servo."""
     weak_share: float = 0.15
-    """... in this share of episodes."""
-    strength: Range = (0.92, 1.08)
-    """Gain and torque of every servo: they differ from piece to piece."""
-    armature: Range = (0.7, 1.5)
-    heavy_armature: Range = (1.5, 20.0)
-    """Of the rotors where they are heavy: figures published for one servo differ by 18 times..."""
+    """Probability of a weak servo."""
+    strength: Bounds = (0.92, 1.08)
+    """Factor on gain and torque of every servo."""
+    armature: Bounds = (0.7, 1.5)
+    """Factor on the rotor inertia of all servos."""
+    heavy_armature: Bounds = (1.5, 20.0)
+    """The same for heavy rotors, log-uniform: published figures of one servo differ 18-fold."""
     heavy_share: float = 0.2
-    """... in this share of episodes, spread evenly in its logarithm."""
-    friction_loss: Range = (0.3, 1.6)
-    delay: Range = (0.0, 0.06)
-    """Of targets and measurements together, shared out by chance, each at most 0.04 s [s]."""
+    """Probability of heavy rotors."""
+    friction_loss: Bounds = (0.3, 1.6)
+    """Factor on the dry friction of all joints."""
+    delay: Bounds = (0.0, 0.06)
+    """Delay of targets plus that of measurements, split at random, each at most 0.04 s [s]."""
     joint_offset: float = 0.026
-    """Either way [rad]: 1.5 degrees of calibration left."""
-    backlash: Range = (0.0, 0.018)
-    """[rad]; the XM430's datasheet tells 0.25 degrees, worn gears have more."""
+    """Largest calibration error, both ways [rad]: 1.5 degrees."""
+    backlash: Bounds = (0.0, 0.018)
+    """[rad]; the XM430's datasheet states 0.25 degrees, worn gears have more."""
     imu_tilt: float = 0.05
-    """Standard deviation of each axis [rad]: mounting, and what a filter errs in motion."""
+    """Standard deviation about each axis [rad]: mounting, and errors of the filter in motion."""
     gyro_bias: float = 0.03
     """Standard deviation [rad/s]."""
     push_interval: float = 2.5
     """Mean time between pushes [s]."""
     push_speed: float = 0.4
-    """Largest change of the torso's speed by a push, each axis [m/s]."""
+    """Largest change of the torso's velocity by a push, along each axis [m/s]."""
     noise: ObservationNoise = NOISE
 
     def sample(self, world: World, n: int, rng: np.random.Generator) -> DomainParameters:
         """Draw the domain parameters of ``n`` robots."""
         robot = world.robot
 
-        def within(bounds: Range, *shape: int) -> Array:
+        def within(bounds: Bounds, *shape: int) -> Array:
             return rng.uniform(*bounds, shape)
 
         own = float(robot.max_torque.max())
@@ -158,7 +160,7 @@ MILD = DomainRandomization(
     gyro_bias=0.015,
     push_speed=0.2,
 )
-"""About half of each range: for robots that have no strength to spare."""
+"""About half of each range: for robots without a reserve of torque."""
 RANDOMIZATIONS = {"none": None, "torque": TORQUE, "mild": MILD, "all": DomainRandomization()}
-"""What may differ, by name: nothing; torque limits, which a policy is told of; everything, by
-little or by much."""
+"""Domain randomization by name: none; torque limits alone, which policies observe; all
+parameters, mildly or fully."""

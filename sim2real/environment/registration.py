@@ -1,7 +1,7 @@
-"""Gymnasium's registry knows the environment: ``gymnasium.make_vec("HumanoidGetUp-v0")``.
+"""Registers the environment with Gymnasium: ``gymnasium.make_vec("HumanoidGetUp-v0")``.
 
-Gymnasium finds it by the entry point in pyproject.toml. Where the package is not installed,
-import this module, or ask for "sim2real.environment.registration:HumanoidGetUp-v0".
+Gymnasium finds it by the entry point in pyproject.toml. If the package is not installed,
+import this module, or make "sim2real.environment.registration:HumanoidGetUp-v0".
 """
 
 from gymnasium.envs import registration
@@ -11,7 +11,7 @@ ENTRY_POINT = "sim2real.environment.make_env:make_get_up"
 
 
 def register() -> None:
-    """Make the environment known to Gymnasium; doing so twice is harmless."""
+    """Register the environment; calling this twice is harmless."""
     if NAME not in registration.registry:
         registration.register(NAME, vector_entry_point=ENTRY_POINT)
 

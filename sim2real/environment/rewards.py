@@ -1,4 +1,4 @@
-"""Rewards: small pure functions of a moment, one place each, the reason beside the weight."""
+"""Reward terms and their weights."""
 
 from __future__ import annotations
 
@@ -13,49 +13,49 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.privileged_state import PrivilegedState
 
-SOLES_LOW = 0.3  # share of the standing neck height
-MOST_ASKED = 4.0  # of an action's numbers from -1 to 1; beyond, nothing is counted any more
-UNDER_TORSO = 0.5  # share of the standing neck height
+SOLES_LOW = 0.3  # fraction of the standing neck height
+MOST_REQUESTED = 4.0  # unclipped action from which the cost saturates
+UNDER_TORSO = 0.5  # fraction of the standing neck height
 HALF_TURN = np.pi  # rad
-NECK_LOW = 0.4  # share of the standing neck height: about where the head can touch the ground
+NECK_LOW = 0.4  # fraction of the standing neck height, below which the head may hit the ground
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RewardInputs:
-    """What rewards see of N robots; heights are shares of the robot's standing neck height."""
+    """Inputs of the reward terms for N robots; lengths are in standing neck heights."""
 
     height: Array
-    """Of the neck over the ground, (N,)."""
+    """Height of the neck over the ground, (N,)."""
     stretch: Array
-    """Of the neck over the soles' middle, (N,)."""
+    """Height of the neck over the mean of the soles, (N,)."""
     sole_height: Array
     """Mean height of the soles, (N,)."""
     sole_distance: Array
-    """Horizontal distance of the soles' middle from the neck, (N,)."""
+    """Horizontal distance of the soles' center from the neck, (N,)."""
     upright: Array
     """Cosine of the torso's tilt, (N,)."""
     standing: NDArray[np.bool_]
-    """Whether the shared definition of standing holds now, (N,)."""
+    """Whether the standing condition holds, (N,)."""
     joint_speed: Array
-    """Share of the servos' no-load speed, (N, n)."""
+    """Fraction of the servos' no-load speed, (N, n)."""
     torque: Array
-    """Share of the servos' stall torque, (N, n)."""
+    """Fraction of the servos' stall torque, (N, n)."""
     fall_speed: Array
-    """Downward speed of the torso in standing neck heights a second, (N,)."""
+    """Downward speed of the torso [1/s], (N,)."""
     head_fall: Array
-    """Downward speed of the head in standing neck heights a second, (N,)."""
-    asked: Array
-    """What the policy asked for, beyond -1 and 1, too, (N, k)."""
+    """Downward speed of the head [1/s], (N,)."""
+    requested: Array
+    """Actions of the policy before clipping, (N, k)."""
     action: Array
-    """What of it counts, (N, k)."""
+    """Actions clipped to -1 to 1, (N, k)."""
     last_action: Array
-    """(N, k)"""
+    """Clipped actions of the last policy step, (N, k)."""
     away: Array
-    """Distance of each joint from standing [rad], (N, n)."""
+    """Angle of each joint from standing [rad], (N, n)."""
 
     @staticmethod
     def of(
-        robot: Robot, state: PrivilegedState, joint_pos: Array, asked: Array, last_action: Array
+        robot: Robot, state: PrivilegedState, joint_pos: Array, requested: Array, last_action: Array
     ) -> RewardInputs:
         """Normalize the privileged state."""
         size = robot.standing_neck_height
@@ -71,112 +71,112 @@ class RewardInputs:
             torque=state.torque / robot.max_torque,
             fall_speed=np.maximum(-state.root_vel[:, 2], 0.0) / size,
             head_fall=state.head_fall / size,
-            asked=asked,
-            action=np.clip(asked, -1.0, 1.0),
+            requested=requested,
+            action=np.clip(requested, -1.0, 1.0),
             last_action=last_action,
             away=joint_pos - robot.standing.joint_pos,
         )
 
 
 def way_up(m: RewardInputs) -> Array:
-    """Reward height, an upright torso, and soles near the ground: any way up begins so."""
+    """Reward height, an upright torso and low soles, as at the beginning of every rise."""
     up = 0.5 * (1.0 + m.upright)
     return np.clip(m.height, 0.0, 1.0) ** 2 * up * np.exp(-((m.sole_height / SOLES_LOW) ** 2))
 
 
 def over_feet(m: RewardInputs) -> Array:
-    """Reward a neck high over soles that are under the torso: sitting high is not that."""
+    """Reward a neck high over the soles, with the soles under it; sitting gains nothing."""
     up = 0.5 * (1.0 + m.upright)
     under = np.exp(-((m.sole_distance / UNDER_TORSO) ** 2))
     return np.clip(m.stretch, 0.0, 1.0) ** 2 * up**2 * under
 
 
 def stands(m: RewardInputs) -> Array:
-    """Reward the shared definition of standing: what success is counted by."""
+    """Reward the standing condition, by which success is counted."""
     return m.standing.astype(float)
 
 
 def stance(m: RewardInputs) -> Array:
-    """Reward each joint for its standing angle while standing: walking begins from there."""
+    """Reward joints near their standing angles while standing: walking starts there."""
     return m.standing * np.exp(-2.0 * m.away**2).mean(axis=1)
 
 
 def at_ease(m: RewardInputs) -> Array:
-    """Reward each joint for nearing its standing angle while standing, from however far.
+    """Reward joints for approaching their standing angles while standing, from any distance.
 
-    What fades far from home leaves the arms up where they were thrown.
+    A reward that vanishes far from home leaves the arms where they were swung.
     """
     return m.standing * np.clip(1.0 - np.abs(m.away) / HALF_TURN, 0.0, 1.0).mean(axis=1)
 
 
 def haste(m: RewardInputs) -> Array:
-    """Count what is asked for: who asks for more than all never learns to ask for less."""
-    return np.minimum(m.asked**2, MOST_ASKED**2).mean(axis=1)
+    """Penalize unclipped actions: beyond saturation no gradient leads back."""
+    return np.minimum(m.requested**2, MOST_REQUESTED**2).mean(axis=1)
 
 
 def action_change(m: RewardInputs) -> Array:
-    """Count the change of action: servos that are told to shake do shake."""
+    """Penalize changes of the action, which make servos shake."""
     return ((m.action - m.last_action) ** 2).mean(axis=1)
 
 
 def joint_speed(m: RewardInputs) -> Array:
-    """Count the speed of the joints: what is fast hits hard."""
+    """Penalize joint speed: fast limbs hit hard."""
     return (m.joint_speed**2).mean(axis=1)
 
 
 def restless(m: RewardInputs) -> Array:
-    """Count joint speed away from home while standing: who stands goes home or stands still."""
+    """Penalize joint speed away from the standing angles while standing."""
     return m.standing * np.maximum(m.joint_speed * np.sign(m.away), 0.0).mean(axis=1)
 
 
 def demanding(m: RewardInputs) -> Array:
-    """Count what is asked for while standing: arms pushed to their stops never come home."""
+    """Penalize unclipped actions while standing, which keep arms at their joint limits."""
     return m.standing * haste(m)
 
 
 def torque(m: RewardInputs) -> Array:
-    """Count torque: it heats servos and wears gears."""
+    """Penalize torque: it heats servos and wears gears."""
     return (m.torque**2).mean(axis=1)
 
 
 def dropping(m: RewardInputs) -> Array:
-    """Count the torso's downward speed: hard landings break gears."""
+    """Penalize the torso's downward speed: hard landings break gears."""
     return m.fall_speed**2
 
 
 def head_strike(m: RewardInputs) -> Array:
-    """Count the head's downward speed near the ground: it carries the cameras."""
+    """Penalize the head's downward speed near the ground: the head carries the cameras."""
     return m.head_fall**2 * np.exp(-((m.height / NECK_LOW) ** 2))
 
 
 @dataclass(frozen=True)
 class Reward:
-    """A term and what it weighs."""
+    """A reward term and its weight."""
 
     term: Callable[[RewardInputs], Array]
     weight: float
 
 
-# One policy step's sum is near 1 for a robot that stands, so that returns are near 20.
+# The sum is near 1 per policy step for a standing robot, so that returns are near 20.
 RISE = (
-    Reward(way_up, 0.40),  # felt from the first step on; less than what standing gives
-    Reward(over_feet, 0.80),  # takes over once the feet carry
+    Reward(way_up, 0.40),  # effective from the first step on; smaller than the reward of standing
+    Reward(over_feet, 0.80),  # takes over once the feet carry weight
     Reward(stands, 0.40),  # the goal itself
 )
 QUICK = (
     *RISE,
     Reward(stance, 0.10),
-    Reward(action_change, -0.001),  # more before the rise is found teaches lying still
+    Reward(action_change, -0.001),  # larger weights teach lying still
     Reward(joint_speed, -0.002),
 )
 ROBUST = (
     *RISE,
-    Reward(at_ease, 2.00),  # arms come down by it, by `demanding`, and by starts that stand
+    Reward(at_ease, 2.00),  # brings arms down, with `demanding` and standing initial states
     Reward(haste, -0.05),
     Reward(action_change, -0.05),
     Reward(joint_speed, -0.02),
-    Reward(restless, -3.00),  # full speed away from home costs most of what standing gives
-    Reward(demanding, -1.00),  # haste in a stand weighs twenty times that on the way
+    Reward(restless, -3.00),  # full speed away from home costs most of the reward of standing
+    Reward(demanding, -1.00),  # twenty times the weight of haste
     Reward(torque, -0.30),
     Reward(dropping, -0.02),
     Reward(head_strike, -0.20),
@@ -189,11 +189,11 @@ GENTLE = (
     Reward(joint_speed, -0.50),
     Reward(restless, -3.00),
     Reward(demanding, -1.00),
-    # What makes it gentle is the limit on its servos. Under it, costs of torque -6 or more and
-    # of all else -1 to -3 made it give up falls that it could win.
+    # The PWM limit makes it gentle. Under that limit, weights of -6 and below on torque, and of
+    # -1 to -3 on the other costs, made it give up falls from which it can rise.
     Reward(torque, -2.00),
     Reward(dropping, -0.50),
-    Reward(head_strike, -10.00),  # half a meter a second costs five steps of standing
+    Reward(head_strike, -10.00),  # 0.5 m/s cost five steps of standing
 )
 REWARDS = {"quick": QUICK, "robust": ROBUST, "gentle": GENTLE}
 
@@ -201,13 +201,13 @@ REWARDS = {"quick": QUICK, "robust": ROBUST, "gentle": GENTLE}
 def score(
     rewards: tuple[Reward, ...], inputs: RewardInputs, cost_share: float = 1.0
 ) -> tuple[Array, dict[str, Array]]:
-    """Sum the weighted terms, (N,); return each of them, too.
+    """Sum the weighted terms, (N,); return each of them as well.
 
     Args:
         rewards: Terms and weights.
-        inputs: What they are computed from.
-        cost_share: Share of the costs that counts: all of them before a rise is found teach
-            lying still.
+        inputs: Inputs of the terms.
+        cost_share: Factor on terms of negative weight: full costs teach a policy that cannot
+            rise yet to lie still.
     """
     parts = {
         r.term.__name__: r.weight * (cost_share if r.weight < 0.0 else 1.0) * r.term(inputs)

@@ -1,4 +1,4 @@
-"""The vectorized simulation of training: delayed, imperfect sensors and privileged state."""
+"""The vectorized simulation of training: delays, sensor errors and privileged state."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from sim2real.environment.privileged_state import PrivilegedState
 from sim2real.environment.randomization import ObservationNoise
 from sim2real.environment.training_world import SensorAddresses
 
-BACKLASH_TORQUE = 0.3  # N·m that hold a gear at the end of its backlash
+BACKLASH_TORQUE = 0.3  # N·m that keep a gear at the end of its backlash
 RECORDED = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRecord:
-    """What judges need of N robots in a policy step, a sample per control period."""
+    """Record of N robots over a policy step, a sample per control period, for judges."""
 
     qpos: Array
     """MuJoCo positions, (N, cycles, nq)."""
@@ -44,7 +44,7 @@ class StepRecord:
 
 
 class TrainingSim(VecSim):
-    """Steps N robots a policy step at a time and reads them as a policy and its critic do."""
+    """Steps N robots by policy steps and measures what a policy and its critic observe."""
 
     def __init__(
         self,
@@ -56,13 +56,13 @@ class TrainingSim(VecSim):
         threads: int = 0,
         noise: ObservationNoise | None = None,
     ) -> None:
-        """Build N robots as their description says.
+        """Build N robots with nominal parameters.
 
         Args:
             world: Made by :func:`sim2real.environment.training_world.build_training_world`.
             n: Number of robots.
             cycles: Control periods per policy step.
-            pwm_limit: Largest share of the supply that drives the motors.
+            pwm_limit: PWM limit of the motors, as a fraction of the supply.
             threads: Threads that step physics; 0 for one per processor.
             noise: Noise of the sensors.
         """
@@ -71,8 +71,8 @@ class TrainingSim(VecSim):
         self.step_time = self.robot.control_period * cycles
         """Duration of a policy step [s]."""
         substeps = count_substeps(self.model, self.step_time)
-        # Targets change once a control period, as on the robot; where a coarse physics step
-        # does not divide a control period, once a physics step.
+        # Targets change every control period, as on the robot; every physics step if a control
+        # period is not a multiple of it.
         self._changes = substeps if substeps % cycles else cycles
         self._hold = substeps // self._changes
         self._soles = [self.model.site(site).id for site in self.robot.sole_sites]
@@ -99,7 +99,7 @@ class TrainingSim(VecSim):
             )
 
     def place(self, ids: Ids, qpos: Array, qvel: Array | None = None) -> None:
-        """Place some robots whose past is their present; see :meth:`VecSim.place`."""
+        """Place some robots and fill their delay buffers; see :meth:`VecSim.place`."""
         super().place(ids, qpos, qvel)
         self._backlash[ids] = 0.0
         self._torque[ids] = self.torque[ids]
@@ -107,7 +107,7 @@ class TrainingSim(VecSim):
     def follow(
         self, target: Array, following: Array, record: tuple[str, ...] = ()
     ) -> dict[str, Array]:
-        """Let a policy step pass while targets move at constant speed.
+        """Simulate a policy step in which targets move at constant speed.
 
         Args:
             target: Targets at its start [rad], (N, n).
@@ -130,7 +130,7 @@ class TrainingSim(VecSim):
         return recorded
 
     def follow_recorded(self, target: Array, following: Array) -> StepRecord:
-        """Let a policy step pass as :meth:`follow` does; return what judges need of it."""
+        """Simulate a policy step as :meth:`follow` does; return the record for judges."""
         record = self.follow(target, following, RECORDED)
         sensors, at = record["sensordata"], self._addresses
         contact = self.world.find_non_foot_contact(sensors)
@@ -144,7 +144,7 @@ class TrainingSim(VecSim):
         )
 
     def set_assistive_force(self, ids: Ids, share: Array) -> None:
-        """Pull some robots up by a share of their weight, (len(ids),)."""
+        """Pull some robots up by a fraction of their weight, (len(ids),)."""
         mass = (self.model.body_mass * self.parameters.mass[ids]).sum(axis=1)
         weight = mass * -self.model.opt.gravity[2]
         self.read("xfrc_applied")[ids, self._layout.torso, 2] = share * weight
@@ -178,7 +178,7 @@ class TrainingSim(VecSim):
         return Sensed(gravity=gravity, gyro=gyro, joint_pos=joint_pos, joint_vel=joint_vel)
 
     def measure_privileged_state(self) -> PrivilegedState:
-        """Measure what no sensor of the robot does."""
+        """Measure the quantities that the robot's sensors cannot."""
         layout, sites, sensors = self._layout, self.read("site_xpos"), self.read("sensordata")
         qpos, qvel = self.read("qpos"), self.read("qvel")
         soles = sites[:, self._soles]  # (N, soles, 3)
@@ -198,7 +198,7 @@ class TrainingSim(VecSim):
         )
 
     def save_state(self) -> dict[str, Any]:
-        """Return everything that the next steps depend on."""
+        """Return the complete state, for :meth:`restore_state`."""
         parameters = {f.name: getattr(self.parameters, f.name) for f in fields(self.parameters)}
         return {
             "state": self.batch.state.copy(),
@@ -208,14 +208,14 @@ class TrainingSim(VecSim):
         }
 
     def restore_state(self, state: dict[str, Any]) -> None:
-        """Go on from where :meth:`save_state` was called."""
+        """Restore a state of :meth:`save_state`."""
         self.set_parameters(self.everyone, DomainParameters(**state["parameters"]))
         self.batch.state[:] = state["state"]
         self._backlash = state["backlash"].copy()
         self._torque = state["torque"].copy()
 
     def _compute_sensors(self, ids: Ids) -> None:
-        """Sense without delay, since the past is still blank, then fill it with the present."""
+        """Compute sensors without delay, then fill the delay buffers with their values."""
         if not self._delays.exist:
             super()._compute_sensors(ids)
             return

@@ -1,4 +1,4 @@
-"""The world of training: a robot in a scene with the sensors that a policy's robot has."""
+"""The world of training: a robot in a scene, with all sensors of training."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def build_training_world(
 
     Args:
         robot: Robot.
-        scene: Where it lies.
+        scene: Scene.
         timestep: Physics step [s]; a control period must be a multiple of it.
         longest_delay: Longest delay of targets and measurements that delay buffers hold [s].
         variants: Changes of the model.

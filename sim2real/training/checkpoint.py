@@ -1,4 +1,4 @@
-"""Checkpoints: written completely or not at all, and read without running code from the file."""
+"""Checkpoints: written atomically, and read without running code from the file."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ CHECKPOINT = "checkpoint.pt"
 
 
 class CheckpointError(ValueError):
-    """A file is not a checkpoint of a training; the message is one line."""
+    """A file is not a checkpoint of a training."""
 
 
 def write_checkpoint(state: dict[str, Any], file: Path) -> None:
-    """Write a checkpoint in place of the last, as tensors, numbers, texts and containers."""
+    """Replace the checkpoint; it holds tensors, numbers, texts and containers only."""
     with atomic_path(file) as partial:
         torch.save(_to_plain(state), partial)
 
@@ -55,11 +55,11 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
 
 
 def restore_like(template: Any, stored: Any) -> Any:
-    """Rebuild what :func:`write_checkpoint` made plain, with the types of a template.
+    """Restore the types of a state that :func:`write_checkpoint` wrote, by a template.
 
     Args:
         template: State of the same structure, such as that of a new environment.
-        stored: What was read in its place.
+        stored: State as read from a checkpoint.
 
     Raises:
         CheckpointError: if the structures differ.

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from humanoid_getup.policy.action import ActionSpec, choose_actions
+from humanoid_getup.policy.contract import Fact
 from robots import Robot
 from robots.files import write_atomically
 from robots.validation import shown
@@ -17,48 +20,50 @@ STEPS = 20  # policy steps of every robot between two updates
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How a policy is trained."""
+    """Hyperparameters of a training."""
 
     rewards: str
+    """Name of the rewards."""
     randomization: str
-    """By name."""
+    """Name of the domain randomization."""
     wide: bool
-    """Whether mirrored joints may also move contrary to each other, and limbs spread."""
+    """Whether mirrored joints may also move in opposite directions, and limbs spread."""
     iterations: int
     pwm_limit: float = 1.0
-    """Largest share of the supply that the motors get, in training and wherever it runs."""
+    """PWM limit of the motors as a fraction of the supply, in training and in use."""
     robots: int = 512
     hidden: tuple[int, ...] = (256, 128)
     falls: int = 1024
     """Settled falls in the pool; their mirror images double it."""
     discount: float = 0.97
-    """At 20.8 Hz a horizon of 1.6 s, most of a way up."""
+    """At 20.8 Hz a horizon of 1.6 s, most of a rise."""
     desired_kl: float = 0.015
-    """The step size shrinks above twice this divergence, and grows below half of it."""
+    """The learning rate is reduced above twice this divergence and raised below half of it."""
     entropy: float = 0.002
-    """A fifth of rsl-rl's default: the smallest deviation keeps a policy exploring."""
+    """A fifth of rsl-rl's default: the lower limit of the deviation keeps a policy exploring."""
     first_std: float = 1.0
+    """Initial standard deviation of exploration, for actions from -1 to 1."""
     most_std: float = 1.5
-    """Largest standard deviation of exploration, for actions from -1 to 1.
+    """Upper limit of the standard deviation.
 
-    Above 0.4 noise alone commands full speed back and forth; below, what is learned in an
-    update shrinks with it, since its divergence is held constant.
+    Above 0.4, noise alone commands full speed back and forth; below, updates become smaller
+    with it, since their divergence is held constant.
     """
     physics_step: float = 0.006
-    """[s]; a coarse one shortens training from nights to minutes."""
+    """[s]; a coarse step shortens training from nights to minutes."""
     lift: float = 0.8
-    """Assistive force at the beginning, as the largest share of the robot's weight.
+    """Initial upper limit of the assistive force, as a fraction of the robot's weight.
 
-    A robot of which most is carried finds standing by chance, which a training from scratch
-    needs; for one that begins with a policy that rises, 0.3 bridges the change of conditions.
+    A training from scratch needs robots that find a stand by chance, with most of their weight
+    supported; for an initial policy that rises, 0.3 bridges the change of conditions.
     """
 
     def choose_actions(self, robot: Robot) -> ActionSpec:
-        """Build the action space of the policy, and its limit on the servos."""
+        """Build the action space of the policy, PWM limit included."""
         return choose_actions(robot, self.wide, self.pwm_limit)
 
 
-# A training that continues from a policy that rises keeps its skill and explores less.
+# A training from a policy that rises keeps its skill by exploring less.
 ONWARD = Recipe(
     rewards="robust",
     randomization="all",
@@ -72,8 +77,8 @@ ONWARD = Recipe(
 RECIPES = {
     "quick": Recipe(rewards="quick", randomization="torque", wide=False, iterations=500),
     "robust": ONWARD,
-    # A servo that may use 0.55 of its supply has 2.25 N·m left of the XM430's 4.1 at
-    # standstill, and turns at 0.55 of its speed: slow motions land softly.
+    # At 0.55 of its supply, an XM430 has 2.25 N·m of its 4.1 N·m at standstill, and 0.55 of
+    # its speed: slow motions land softly.
     "gentle": replace(
         ONWARD, rewards="gentle", randomization="mild", iterations=400, pwm_limit=0.55
     ),
@@ -81,46 +86,87 @@ RECIPES = {
 
 RECIPE = "recipe.json"
 """Name of the file in a training's folder."""
-FREE = ("recipe.iterations",)  # may change: a finished training can be continued
+FREE = ("recipe.iterations",)  # may differ: a finished training can be continued
 
 
-class OtherTrainingError(ValueError):
-    """A folder holds another training than the requested one."""
+class TrainingFolderError(ValueError):
+    """A folder holds another training than the requested one, or no recipe file."""
 
 
-def settle_recipe(file: Path, asked: dict[str, Any]) -> None:
+@dataclass(frozen=True, kw_only=True)
+class TrainingRecord:
+    """Content of a training's recipe file."""
+
+    folder: Path = Path()
+    """Folder of the training."""
+    robot: str
+    """Name of the robot."""
+    recipe: Recipe
+    seed: int
+    actions: tuple[str, ...]
+    """Name of each component of an action."""
+    rewards: dict[str, float] = field(default_factory=dict)
+    """Weight of each reward term."""
+    parent: dict[str, Fact] | None = None
+    """Training of the initial policy: recipe, seed, iterations, checksum; ``None`` for none."""
+
+    @staticmethod
+    def load(folder: Path) -> TrainingRecord:
+        """Read the recipe file of a training.
+
+        Raises:
+            OSError: if the file cannot be read.
+            TrainingFolderError: if it is not a recipe file.
+        """
+        file = folder / RECIPE
+        try:
+            record = msgspec.json.decode(file.read_bytes(), type=TrainingRecord)
+        except (msgspec.MsgspecError, ValueError) as error:
+            raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
+        return replace(record, folder=folder)
+
+    @property
+    def provenance(self) -> dict[str, Fact]:
+        """Return how the policy is made, for its contract."""
+        named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
+        facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
+        about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}
+        about |= {f"parent.{key}": value for key, value in (self.parent or {}).items()}
+        return facts | {key: _as_fact(value) for key, value in about.items()}
+
+
+def _as_fact(value: object) -> Fact:
+    return value if isinstance(value, str | int | float | bool) else shown(value)
+
+
+def settle_recipe(file: Path, requested: dict[str, Any]) -> None:
     """Write the recipe file; if there is one already, check that it is the same.
 
     Raises:
-        OtherTrainingError: naming all that differs.
+        TrainingFolderError: naming all that differs.
     """
     if file.exists():
-        check_recipe(file, asked)
-    write_atomically(file, json.dumps(asked, indent=1) + "\n")
+        _check_recipe(file, requested)
+    write_atomically(file, json.dumps(requested, indent=1) + "\n")
 
 
-def check_recipe(file: Path, asked: dict[str, Any]) -> None:
-    """Check that a recipe file holds the requested training.
-
-    Raises:
-        OtherTrainingError: naming all that differs.
-    """
+def _check_recipe(file: Path, requested: dict[str, Any]) -> None:
     try:
         found = _flatten(json.loads(file.read_text("utf-8")))
     except (ValueError, AttributeError) as error:
-        raise OtherTrainingError(f"{file} is not a recipe of a training: {error}") from error
-    wanted = _flatten(json.loads(json.dumps(asked)))
+        raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
+    wanted = _flatten(json.loads(json.dumps(requested)))
     differences = [
         f"{key} is {shown(found.get(key))} there, expected {shown(wanted.get(key))}"
         for key in sorted(found.keys() | wanted.keys())
         if key not in FREE and found.get(key) != wanted.get(key)
     ]
     if differences:
-        raise OtherTrainingError(f"{file.parent} holds another training: {'; '.join(differences)}")
+        raise TrainingFolderError(f"{file.parent} holds another training: {'; '.join(differences)}")
 
 
 def _flatten(record: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Turn tables within tables into one, its keys joined by dots."""
+    """Flatten nested tables; their keys are joined by dots."""
     flat: dict[str, Any] = {}
     for key, value in record.items():
         name = f"{prefix}{key}"

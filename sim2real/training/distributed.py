@@ -1,4 +1,4 @@
-"""Ranks: which of several processes that train together this one is."""
+"""Distributed training: the place of this process among all."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class DistributedProcess:
-    """One process of a training; torchrun tells each its place by its environment."""
+    """One process of a training, numbered by torchrun's environment variables."""
 
     number: int = 0
     local: int = 0
-    """Its number on its own machine."""
+    """Number on its machine."""
     of: int = 1
-    """How many train together."""
+    """Number of processes in the training."""
 
     @staticmethod
     def from_environment(environment: Mapping[str, str]) -> DistributedProcess:
-        """Read what torchrun says; alone without it."""
+        """Read torchrun's variables; without them, there is one process."""
         return DistributedProcess(
             number=int(environment.get("RANK", "0")),
             local=int(environment.get("LOCAL_RANK", "0")),
@@ -27,13 +27,13 @@ class DistributedProcess:
 
     @property
     def leads(self) -> bool:
-        """Tell whether this process writes progress and checkpoints."""
+        """Whether this process writes progress and checkpoints."""
         return self.number == 0
 
-    def device(self, asked: str) -> str:
-        """Return the device to learn on: of several processes, each has a GPU of its own."""
-        return f"cuda:{self.local}" if self.of > 1 else asked
+    def device(self, requested: str) -> str:
+        """Return the device of the networks: each of several processes has its own GPU."""
+        return f"cuda:{self.local}" if self.of > 1 else requested
 
     def seed(self, seed: int) -> int:
-        """Return the seed of this process: each has robots of its own."""
+        """Return the seed of this process: each simulates different robots."""
         return seed + self.number

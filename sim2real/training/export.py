@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -18,21 +17,20 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
-from humanoid_getup.policy.contract import Fact, PolicyContract
+from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import list_terms
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
 from robots import Robot
 from robots.files import atomic_path
-from robots.validation import shown
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
-from sim2real.training.config import RECIPE, RECIPES, Recipe
+from sim2real.training.config import TrainingRecord
 from sim2real.training.ppo import AVERAGE
 from sim2real.training.runner import build_config
 
 OPSET = 18
 SAMPLES = 1000  # observations on which torch and onnxruntime must agree
-PARITY = 1e-5  # of an action, whose numbers are from -1 to 1
+PARITY = 1e-5  # largest difference of an action, whose components are from -1 to 1
 MOST_BYTES = 2_000_000
 
 
@@ -40,69 +38,20 @@ class ExportError(ValueError):
     """A training cannot be exported; the message is one line."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Training:
-    """What was trained, and the folder of its checkpoint."""
-
-    folder: Path
-    robot: str
-    """Name of the robot."""
-    recipe: Recipe
-    seed: int
-    actions: tuple[str, ...]
-    """What each number of an action moves."""
-    parent: Mapping[str, Fact]
-    """The training that it began with: recipe, seed, iterations, checksum; empty for none."""
-
-    @staticmethod
-    def load(folder: Path) -> Training:
-        """Read the recipe file of a training.
-
-        Raises:
-            OSError: if the recipe file cannot be read.
-            ExportError: if it is not one.
-        """
-        file = folder / RECIPE
-        try:
-            record = json.loads(file.read_text("utf-8"))
-            fields: dict[str, Any] = dict(record["recipe"])
-            fields["hidden"] = tuple(fields["hidden"])
-            return Training(
-                folder=folder,
-                robot=str(record["robot"]),
-                recipe=Recipe(**fields),
-                seed=int(record["seed"]),
-                actions=tuple(record["actions"]),
-                parent=dict(record["parent"] or {}),
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            reason = f"{type(error).__name__}: {error}"
-            raise ExportError(f"{file} is not a recipe of a training: {reason}") from error
-
-    @property
-    def provenance(self) -> dict[str, Fact]:
-        """Return how the policy is made."""
-        named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
-        facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
-        about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}
-        about |= {f"parent.{key}": value for key, value in self.parent.items()}
-        return facts | {key: _as_fact(value) for key, value in about.items()}
-
-
 @dataclass(frozen=True)
 class Exported:
     """Figures of an export."""
 
     size: int
-    """Of the file [bytes]."""
+    """Size of the file [bytes]."""
     iterations: int
-    """Of the training."""
+    """Iterations of the training."""
     difference: float
-    """Largest between the actions of torch and of onnxruntime."""
+    """Largest difference between the actions of torch and of onnxruntime."""
 
 
-def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
-    """Write the policy of a training's checkpoint after checks, or nothing at all.
+def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exported:
+    """Write the policy of a training's checkpoint to a file, if all checks pass.
 
     Raises:
         OSError: if a file cannot be read or written.
@@ -135,7 +84,7 @@ def export_policy(training: Training, robot: Robot, file: Path) -> Exported:
 
 
 def rebuild_actor(
-    training: Training, observation_size: int, action_size: int, weights: dict[str, Any]
+    training: TrainingRecord, observation_size: int, action_size: int, weights: dict[str, Any]
 ) -> MLPModel:
     """Build the trained actor without its environment.
 
@@ -164,7 +113,7 @@ def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
     with _quiet():
         torch.onnx.export(
             network,
-            (example.repeat(2, 1),),  # a batch of one would become fixed
+            (example.repeat(2, 1),),  # a batch of one would fix the batch size
             str(file),
             opset_version=OPSET,
             input_names=network.input_names,
@@ -175,13 +124,13 @@ def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
         )
     model = onnx.load(str(file))
     for node in model.graph.node:
-        node.ClearField("metadata_props")  # stack traces, with this machine's paths
+        node.ClearField("metadata_props")  # stack traces that contain local paths
     onnx.helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
     file.write_bytes(seal_model(model.SerializeToString()))
 
 
 def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:
-    """Compare the file with the actor that it was made from; return the largest difference.
+    """Compare the file with its actor; return the largest difference of actions.
 
     Raises:
         ExportError: if they differ, or the file cannot be run.
@@ -215,7 +164,3 @@ def _quiet() -> Iterator[None]:
             yield
     finally:
         logger.setLevel(level)
-
-
-def _as_fact(value: object) -> Fact:
-    return value if isinstance(value, str | int | float | bool) else shown(value)

@@ -1,4 +1,4 @@
-"""Averaging: what leaves a training is the mean of the policies that it went through lately."""
+"""PPO with symmetric mini-batches, and an average of the actor's weights for export."""
 
 from __future__ import annotations
 
@@ -9,71 +9,71 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.extensions import Symmetry
 from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
+from torch.optim.swa_utils import AveragedModel
+
+AVERAGE = "averaged_actor_state_dict"
+"""Key of the averaged weights in a checkpoint."""
+UPDATES = "averaged_updates"
+"""Key of the number of averaged updates in a checkpoint."""
+SHARE = 0.02  # weight of the newest actor in the average, whose memory is some fifty updates
 
 
 class MirroredBatches(Symmetry):
-    """Appends the mirror images of what was seen to every mini-batch."""
+    """Appends the mirror images of observations and actions to every mini-batch."""
 
     def compute_loss(
         self, actor: MLPModel, batch: RolloutStorage.Batch, original_batch_size: int
     ) -> torch.Tensor:
         """Return no loss: policies learn symmetry from the mirror images.
 
-        To tell how symmetric a policy is, rsl-rl asks it once more for every mini-batch; that
-        is a sixteenth of a training's time.
+        To measure symmetry, rsl-rl evaluates the actor once more for every mini-batch; that
+        takes a sixteenth of a training's time.
         """
         del actor, batch, original_batch_size
         return torch.zeros(())
 
 
-AVERAGE = "averaged_actor_state_dict"
-"""Where a checkpoint holds the averaged policy."""
-UPDATES = "averaged_updates"
-"""Where it holds how many updates the average has seen."""
-SHARE = 0.02  # of the newest policy in the average, which looks back on some fifty updates
-
-Weights = dict[str, torch.Tensor]
-
-
 class AveragingPPO(PPO):
-    """PPO that keeps a running mean of its actor's weights beside them.
+    """PPO with an exponential moving average of its actor's weights.
 
-    Each update learns some falls and forgets others, so that a policy taken at any moment is
-    worse than those around it. Learning itself goes on from the newest weights.
+    Each update learns some falls and forgets others, so that the actor after any one update is
+    worse than the average. Learning itself continues from the newest weights.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.symmetry = MirroredBatches(**kwargs["symmetry_cfg"])
-        self.average, self.updates = _copy(self._raw_actor), 0
+        self.average = _average(self._raw_actor)
 
     def update(self) -> dict[str, float]:
-        """Learn from what was seen, and let the average follow."""
+        """Learn from the collected steps; update the average."""
         losses = super().update()
         del losses["symmetry"]
-        newest = _copy(self._raw_actor)
-        self.updates += 1
-        # At first all count alike; what was there before the first update does not.
-        share = max(SHARE, 1.0 / self.updates)
-        self.average = {
-            name: value.lerp(newest[name], share) if value.is_floating_point() else newest[name]
-            for name, value in self.average.items()
-        }
+        self.average.update_parameters(self._raw_actor)
         return losses
 
     def save(self) -> dict[str, Any]:
         """Return all that a resumed training needs."""
-        return super().save() | {AVERAGE: self.average, UPDATES: self.updates}
+        state = {AVERAGE: self.average.module.state_dict(), UPDATES: int(self.average.n_averaged)}
+        return super().save() | state
 
     def load(self, loaded_dict: dict[str, Any], load_cfg: dict | None, strict: bool) -> bool:
-        """Go on from what was saved; where only networks are taken over, average anew."""
-        goes_on = super().load(loaded_dict, load_cfg, strict)
+        """Restore a saved state; if only networks are loaded, start a new average."""
+        is_resumed = super().load(loaded_dict, load_cfg, strict)
+        self.average = _average(self._raw_actor)
         if load_cfg is None:
-            self.average, self.updates = loaded_dict[AVERAGE], loaded_dict[UPDATES]
-        else:
-            self.average, self.updates = _copy(self._raw_actor), 0
-        return goes_on
+            self.average.module.load_state_dict(loaded_dict[AVERAGE])
+            self.average.n_averaged.fill_(loaded_dict[UPDATES])
+        return is_resumed
 
 
-def _copy(actor: torch.nn.Module) -> Weights:
-    return {name: value.detach().clone() for name, value in actor.state_dict().items()}
+def _average(actor: torch.nn.Module) -> AveragedModel:
+    """Start an average at an actor; the first update replaces it."""
+
+    def mix(average: torch.Tensor, newest: torch.Tensor, updates: torch.Tensor | int) -> Any:
+        if not average.is_floating_point():
+            return newest
+        # The first fifty updates have equal weights.
+        return average.lerp(newest, max(SHARE, 1.0 / (int(updates) + 1)))
+
+    return AveragedModel(actor, avg_fn=mix, use_buffers=True)

@@ -1,4 +1,4 @@
-"""The training environment as rsl-rl sees it: torch in, torch out, one step after the other."""
+"""Adapter of the training environment to rsl-rl."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import Floats, mirror_of_observation
+from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
 
 
 @dataclass(frozen=True)
 class StepReport:
-    """What one policy step of all robots brought."""
+    """Summary of one policy step of all robots."""
 
     falls: int
-    """Episodes from settled falls that ended in it."""
+    """Number of episodes from settled falls that ended."""
     stood: int
-    """Those of them that ended in a stand."""
+    """Number of them that ended in a stand."""
     reward: float
     """Mean over the robots."""
-    lift: float
-    """Largest share of its weight that a robot hangs by."""
+    assistive_force: float
+    """Upper limit of the assistive force, as a fraction of the weight."""
 
 
 class RslEnv(VecEnv):
-    """Hands a `GetUpEnv` to rsl-rl; the actor sees sensors, the critic everything."""
+    """A `GetUpEnv` for rsl-rl; the actor observes sensors, the critic privileged state as well."""
 
     def __init__(
         self,
@@ -43,25 +44,26 @@ class RslEnv(VecEnv):
         self.num_actions = env.action.size
         self.max_episode_length = env.longest
         self.cfg = {}
-        mirror = mirror_of_observation(env.robot, env.action)
-        self.mirror_index = torch.as_tensor(mirror.index, device=device)
-        self.mirror_sign = torch.as_tensor(mirror.sign, dtype=torch.float32, device=device)
-        action_sign = env.action.mirror_sign(env.robot)
-        self.action_sign = torch.as_tensor(action_sign, dtype=torch.float32, device=device)
-        critic = env.mirror_of_critic()
-        self.critic_index = torch.as_tensor(critic.index, device=device)
-        self.critic_sign = torch.as_tensor(critic.sign, dtype=torch.float32, device=device)
+        mirrors = {
+            "policy": mirror_of_observation(env.robot, env.action),
+            "critic": env.mirror_of_critic(),
+        }
+        self.mirrors = {
+            group: (torch.as_tensor(mirror.index, device=device), self._to_float(mirror.sign))
+            for group, mirror in mirrors.items()
+        }
+        self.action_sign = self._to_float(env.action.mirror_sign(env.robot))
         self.observations = TensorDict({}, batch_size=[self.num_envs])
 
     def begin(self, seed: int, rng: np.random.Generator) -> None:
-        """Lay all robots down, their episodes of all ages so that they do not end together."""
+        """Start all episodes at random ages, so that they do not end together."""
         observation, info = self.env.reset(seed=seed)
         self.env.ages[:] = rng.integers(0, self.env.longest, self.num_envs)
         self.observations = self._pack(observation, info["critic"])
 
     @property
     def episode_length_buf(self) -> torch.Tensor:
-        """Return how many policy steps each episode has lasted."""
+        """Return the age of each episode in policy steps."""
         return torch.as_tensor(self.env.ages)
 
     @episode_length_buf.setter
@@ -69,21 +71,25 @@ class RslEnv(VecEnv):
         self.env.ages[:] = ages.numpy()
 
     def get_observations(self) -> TensorDict:
-        """Return what actor and critic saw last."""
+        """Return the last observations of actor and critic."""
         return self.observations
 
     def step(
         self, actions: torch.Tensor
     ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, object]]:
-        """Let a policy step pass."""
+        """Step all robots by one policy step."""
         observation, reward, _, ended, info = self.env.step(actions.cpu().numpy())
         self.observations = self._pack(observation, info["critic"])
-        self._on_step(StepReport(info["falls"], info["stood"], float(reward.mean()), info["lift"]))
+        force = info["assistive_force"]
+        self._on_step(StepReport(info["falls"], info["stood"], float(reward.mean()), force))
         done = torch.as_tensor(ended, device=self.device)
         log = {f"Rewards/{name}": value for name, value in info["rewards"].items()}
-        log["Train/lift"] = info["lift"]
+        log["Train/lift"] = force
         extras = {"time_outs": done, "log": log}
         return self.observations, torch.as_tensor(reward, device=self.device), done, extras
+
+    def _to_float(self, values: Array) -> torch.Tensor:
+        return torch.as_tensor(values, dtype=torch.float32, device=self.device)
 
     def _pack(self, observation: Floats, critic: Floats) -> TensorDict:
         values = {"policy": torch.from_numpy(observation), "critic": torch.from_numpy(critic)}
@@ -93,15 +99,10 @@ class RslEnv(VecEnv):
 def mirror_batch(
     env: RslEnv, obs: TensorDict | None = None, actions: torch.Tensor | None = None
 ) -> tuple[TensorDict | None, torch.Tensor | None]:
-    """Append the mirror images of observations and of actions; rsl-rl's symmetry function."""
+    """Append the mirror images of observations and actions; rsl-rl's symmetry function."""
     if obs is not None:
-        mirrored = TensorDict(
-            {
-                "policy": obs["policy"][:, env.mirror_index] * env.mirror_sign,
-                "critic": obs["critic"][:, env.critic_index] * env.critic_sign,
-            },
-            batch_size=obs.batch_size,
-        )
+        images = {name: obs[name][:, index] * sign for name, (index, sign) in env.mirrors.items()}
+        mirrored = TensorDict(images, batch_size=obs.batch_size)
         obs = cast(TensorDict, torch.cat([obs, mirrored]))  # pyright: ignore[reportArgumentType, reportCallIssue]
     if actions is not None:
         actions = torch.cat((actions, actions * env.action_sign))

@@ -1,8 +1,7 @@
-"""The runner: rsl-rl's PPO, its configuration, and a checkpoint that nothing is missing from."""
+"""The training loop: rsl-rl's runner with complete checkpoints, and its configuration."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +9,20 @@ import torch
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
-from sim2real.training.action_widening import widen
+from sim2real.training.action_extension import extend_actions
 from sim2real.training.checkpoint import (
     CHECKPOINT,
     read_checkpoint,
     restore_like,
     write_checkpoint,
 )
-from sim2real.training.config import RECIPE, STEPS, Recipe
+from sim2real.training.config import STEPS, Recipe, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 
 
-class Runner(OnPolicyRunner):
-    """rsl-rl's runner, whose checkpoint holds all that a resumed training depends on."""
+class TrainingRunner(OnPolicyRunner):
+    """rsl-rl's runner with checkpoints that hold all that a resumed training depends on."""
 
     env: RslEnv
 
@@ -33,14 +32,14 @@ class Runner(OnPolicyRunner):
         config: dict[str, Any],
         folder: Path,
         device: str,
-        rank: DistributedProcess,
+        process: DistributedProcess,
     ) -> None:
         super().__init__(env, config, str(folder), device)
-        self._file, self._rank = folder / CHECKPOINT, rank
-        self.logger.git_status_repos = []  # the tree around a training is nobody's business
+        self._file, self._process = folder / CHECKPOINT, process
+        self.logger.git_status_repos = []  # do not record the git state of the current folder
 
     def save(self, path: str, infos: dict | None = None) -> None:
-        """Write the one checkpoint, in place of the last."""
+        """Replace the checkpoint."""
         del path, infos
         state = self.alg.save() | {
             "iter": self.current_learning_iteration,
@@ -54,14 +53,14 @@ class Runner(OnPolicyRunner):
         write_checkpoint(state, self._file)
 
     def resume(self) -> None:
-        """Go on from the checkpoint as if nothing had happened.
+        """Continue from the checkpoint as if the training had not been interrupted.
 
-        Of several processes, only the first wrote down its robots; the others begin anew.
+        Of several processes, only the first has saved its robots; the others restart theirs.
         """
         state = read_checkpoint(self._file, self.device)
         self.alg.load(state, None, True)
         self.current_learning_iteration = state["iter"] + 1
-        if not self._rank.leads:
+        if not self._process.leads:
             return
         env = self.env.env
         env.restore_state(restore_like(env.save_state(), state["env"]))
@@ -72,12 +71,11 @@ class Runner(OnPolicyRunner):
         self.logger.tot_timesteps, self.logger.tot_time = state["timesteps"], state["time"]
 
     def inherit(self, parent: Path) -> None:
-        """Begin with the networks of another training."""
+        """Start with the networks of another training, extended to this one's actions."""
         state = read_checkpoint(parent / CHECKPOINT, self.device)
-        before = tuple(json.loads((parent / RECIPE).read_text("utf-8"))["actions"])
-        env = self.env.env
-        widened = widen(state, env.terms, before, env.action)
-        self.alg.load(widened, {"actor": True, "critic": True}, True)
+        before = TrainingRecord.load(parent).actions
+        networks = extend_actions(state, self.env.env.terms, before, self.env.env.action)
+        self.alg.load(networks, {"actor": True, "critic": True}, True)
 
     @property
     def _on_gpu(self) -> bool:
@@ -85,12 +83,12 @@ class Runner(OnPolicyRunner):
 
 
 def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
-    """Build rsl-rl's configuration: its own defaults where no reason stands beside a number."""
+    """Build rsl-rl's configuration; values without a comment are its defaults."""
     gaussian = {
         "class_name": "GaussianDistribution",
         "init_std": recipe.first_std,
         "std_type": "log",
-        "std_range": (0.1, recipe.most_std),  # at least 0.1: what is sure of itself still explores
+        "std_range": (0.1, recipe.most_std),  # at least 0.1, so that exploration goes on
     }
     network = {
         "class_name": "MLPModel",
@@ -108,16 +106,16 @@ def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
         "critic": dict(network),
         "algorithm": {
             "class_name": "sim2real.training.ppo:AveragingPPO",
-            "num_learning_epochs": 4,  # of four mini-batches, as what first learned to rise
+            "num_learning_epochs": 4,  # as in the first policy that learned to rise
             "num_mini_batches": 4,
             "clip_param": 0.2,
             "gamma": recipe.discount,
             "lam": 0.95,
             "value_loss_coef": 1.0,
-            "use_clipped_value_loss": False,  # clipped, returns near 30 are learned slowly
+            "use_clipped_value_loss": False,  # clipping slows the learning of returns near 30
             "entropy_coef": recipe.entropy,
             "learning_rate": 1e-3,
-            "schedule": "adaptive",  # the step size keeps to the desired KL divergence
+            "schedule": "adaptive",  # by the desired KL divergence
             "desired_kl": recipe.desired_kl,
             "max_grad_norm": 1.0,
             "symmetry_cfg": {

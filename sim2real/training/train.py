@@ -1,9 +1,8 @@
-"""Training: PPO of rsl-rl on the get-up environment, that a kill cannot take back."""
+"""Training: PPO of rsl-rl on the get-up environment; it can be interrupted at any time."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import random
 from collections.abc import Callable
@@ -21,11 +20,17 @@ from sim2real.environment.initial_states import StartPool, make_pool, pool_rng
 from sim2real.environment.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import REWARDS
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
-from sim2real.training.config import RECIPE, OtherTrainingError, Recipe, settle_recipe
+from sim2real.training.config import (
+    RECIPE,
+    Recipe,
+    TrainingFolderError,
+    TrainingRecord,
+    settle_recipe,
+)
 from sim2real.training.distributed import DistributedProcess
-from sim2real.training.progress import Progress, TrainReport
+from sim2real.training.iteration_log import IterationLog, TrainReport
 from sim2real.training.rsl_rl_env import RslEnv
-from sim2real.training.runner import Runner, build_config
+from sim2real.training.runner import TrainingRunner, build_config
 
 POOL = "falls.npz"
 PROGRESS = "progress.csv"
@@ -38,7 +43,7 @@ def build_options(recipe: Recipe, threads: int) -> EnvOptions:
         randomization=RANDOMIZATIONS[recipe.randomization],
         rewards=REWARDS[recipe.rewards],
         physics_step=recipe.physics_step,
-        lift=recipe.lift,
+        assistive_force=recipe.lift,
         threads=threads,
     )
 
@@ -54,49 +59,49 @@ def train(
     parent: Path | None = None,
     report: Callable[[TrainReport], None] = lambda _: None,
 ) -> None:
-    """Train a policy into a folder, going on from a checkpoint that is there.
+    """Train a policy into a folder; continue from the checkpoint in it, if any.
 
-    One seed gives one policy on one machine, interrupted or not. Started by torchrun, each
-    process has robots and a GPU of its own, and the first one writes.
+    One seed gives one policy on one machine, interrupted or not. Under torchrun, each process
+    has its own robots and GPU, and the first one writes.
 
     Args:
         robot: Robot.
-        recipe: How it is trained.
-        seed: Of all that is left to chance.
-        folder: Where checkpoint, progress and TensorBoard's files go.
-        device: Device that learns.
-        threads: Threads that step physics; 0 for all.
-        parent: Folder of a training whose policy this one begins with, widened where it
-            moves more; ``None`` to begin from nothing.
-        report: Hears of every iteration.
+        recipe: Hyperparameters.
+        seed: Seed of everything random.
+        folder: Folder for checkpoint, progress and TensorBoard files.
+        device: Device of the networks.
+        threads: Threads that step physics; 0 for one per processor.
+        parent: Folder of a training whose policy is the initial one, extended to this action
+            space; ``None`` for random weights.
+        report: Called after every iteration.
 
     Raises:
         OSError: if the parent cannot be read.
-        WideningError: if it cannot become this policy.
-        OtherTrainingError: if the folder holds another training.
-        CheckpointError: if its checkpoint is spoiled.
+        ActionExtensionError: if the parent's actions are not the first of these.
+        TrainingFolderError: if the folder holds another training.
+        CheckpointError: if its checkpoint is damaged.
     """
-    rank = DistributedProcess.from_environment(os.environ)
-    seed, device, common_seed = rank.seed(seed), rank.device(device), seed
+    process = DistributedProcess.from_environment(os.environ)
+    seed, device, common_seed = process.seed(seed), process.device(device), seed
     folder.mkdir(parents=True, exist_ok=True)
-    if rank.leads:
+    if process.leads:
         write_recipe(robot, recipe, common_seed, folder / RECIPE, parent)
-    progress = Progress(folder / PROGRESS, recipe, report, rank)
+    iteration_log = IterationLog(folder / PROGRESS, recipe, report, process)
     pool = load_pool(robot, recipe, common_seed, folder / POOL)
     options = build_options(recipe, threads)
     random.seed(seed)
     torch.manual_seed(seed)
     action = recipe.choose_actions(robot)
-    env = RslEnv(GetUpEnv(robot, action, pool, options), device, progress)
-    log_file = folder / "rsl_rl.log" if rank.leads else Path(os.devnull)
+    env = RslEnv(GetUpEnv(robot, action, pool, options), device, iteration_log)
+    log_file = folder / "rsl_rl.log" if process.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log):
         env.begin(seed, np.random.default_rng(seed))
-        runner = Runner(env, build_config(recipe, seed), folder, device, rank)
+        runner = TrainingRunner(env, build_config(recipe, seed), folder, device, process)
         if (folder / CHECKPOINT).exists():
             runner.resume()
         elif parent is not None:
             runner.inherit(parent)
-        progress.resume(runner.current_learning_iteration)
+        iteration_log.resume(runner.current_learning_iteration)
         left = recipe.iterations - runner.current_learning_iteration
         if left > 0:
             runner.learn(left)
@@ -105,11 +110,11 @@ def train(
 def write_recipe(
     robot: Robot, recipe: Recipe, seed: int, file: Path, parent: Path | None = None
 ) -> None:
-    """Write down what is trained, for whoever goes on with it or exports it.
+    """Write the recipe file, or check that the one in its place is the same.
 
     Raises:
         OSError: if the parent cannot be read.
-        OtherTrainingError: if something else is written there, or the parent's robot is another.
+        TrainingFolderError: if the file is of another training, or the parent of another robot.
     """
     record: dict[str, Any] = {
         "robot": robot.name,
@@ -123,33 +128,27 @@ def write_recipe(
 
 
 def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:
-    """Tell what a training begins with, by its content."""
-    try:
-        record = json.loads((parent / RECIPE).read_text("utf-8"))
-        trained, rewards, seed = record["robot"], record["recipe"]["rewards"], record["seed"]
-    except (KeyError, TypeError, ValueError) as error:
-        raise OtherTrainingError(
-            f"{parent / RECIPE} is not a recipe of a training: {error}"
-        ) from error
-    if trained != robot.name:
-        raise OtherTrainingError(
-            f"{parent} is a training of robot '{trained}', expected '{robot.name}'"
+    """Identify the parent of a training by its content."""
+    record = TrainingRecord.load(parent)
+    if record.robot != robot.name:
+        raise TrainingFolderError(
+            f"{parent} is a training of robot '{record.robot}', expected '{robot.name}'"
         )
     file = parent / CHECKPOINT
     return {
-        "recipe": rewards,
-        "seed": seed,
+        "recipe": record.recipe.rewards,
+        "seed": record.seed,
         "iterations": int(read_checkpoint(file)["iter"]) + 1,
         "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
     }
 
 
 def load_pool(robot: Robot, recipe: Recipe, seed: int, file: Path) -> StartPool:
-    """Load the settled falls that a training starts from; make them if there are none.
+    """Load the settled falls that episodes start from; sample them if there is no file.
 
     Raises:
-        FallError: if the robot does not come to lie still.
-        ValueError: if the file holds no falls of this robot.
+        FallError: if too few falls settle.
+        ValueError: if the file does not hold falls of this robot.
     """
     world = make_world(robot, "flat", False)
     if not file.exists():

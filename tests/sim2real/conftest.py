@@ -7,7 +7,8 @@ from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from sim2real.environment.initial_states import StartPool, drop_falls, mirror_starts
+from robots.kinematics import mirror_positions
+from sim2real.environment.initial_states import StartPool, drop_falls
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
@@ -41,7 +42,7 @@ def falls(op3: Robot, world: World) -> np.ndarray:
     """Eight settled falls and their mirror images, (16, nq)."""
     sim = TrainingSim(world, 8, cycles=6, threads=1)
     fallen = drop_falls(sim, 8, np.random.default_rng(0))
-    return np.concatenate([fallen, mirror_starts(op3, world.model, fallen)])
+    return np.concatenate([fallen, mirror_positions(op3, world.model, fallen)])
 
 
 @pytest.fixture

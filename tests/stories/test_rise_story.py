@@ -9,7 +9,7 @@ import pytest
 
 from drivers import Twin
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.play import Play
+from humanoid_getup.cli.options.rise import Play
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.evaluation.standing import HOLD_TIME
 from humanoid_getup.execution.get_up import run_session

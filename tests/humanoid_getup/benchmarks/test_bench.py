@@ -1,13 +1,14 @@
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from humanoid_getup.benchmarks import motions as motions_bench
 from humanoid_getup.benchmarks.motions import bench_motions, find_lowest_limit
 from humanoid_getup.benchmarks.rise import bench_methods, bench_rise
+from humanoid_getup.cli.main import main
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
-from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion
@@ -16,7 +17,12 @@ from humanoid_getup.strategies.stored_motion import StoredMotion
 def test_the_main_benchmark_counts_what_its_rises_say(op3, world):
     seen = []
     result = bench_rise(
-        op3, world.scene, seed=4, each=1, options=RiseOptions(planning=False), report=seen.append
+        world,
+        load_database(op3),
+        seed=4,
+        each=1,
+        options=RiseOptions(planning=False),
+        report=seen.append,
     )
     assert result["n"] == 3
     assert [r["bench_class"] for r in seen] == ["supine", "prone", "lateral"]
@@ -47,15 +53,12 @@ def test_ways_of_getting_up_are_compared_from_the_same_falls(world, one_motion):
 
 
 @pytest.fixture
-def one_motion(op3, monkeypatch):
-    motion = next(m for m in load_database(op3).motions if m.name == "prone_push_up_gentle")
-    database = MotionDatabase([motion], PostureMetric.of(op3))
-    monkeypatch.setattr(motions_bench, "load_database", lambda _robot: database)
-    return motion
+def one_motion(op3):
+    return next(m for m in load_database(op3).motions if m.name == "prone_push_up_gentle")
 
 
 def test_the_motions_benchmark_plays_and_disturbs(op3, world, one_motion):
-    result = bench_motions(op3, world.scene, seed=0, plays=2)
+    result = bench_motions(world, [one_motion], seed=0, plays=2)
     case = result["cases"][one_motion.name]
     assert case["stood"]
     assert case["disturbed_n"] == 2
@@ -71,3 +74,12 @@ def test_a_motion_of_a_robot_that_stays_down_has_no_lowest_limit(world, one_moti
         one_motion, joint_target=one_motion.joint_target[:1].repeat(len(one_motion.time), axis=0)
     )
     assert find_lowest_limit(world, still, start) is None
+
+
+def test_the_command_writes_what_it_ran_with(tmp_path: Path):
+    file = tmp_path / "rise.json"
+    limit = ("--torque-limit", "3", "--pwm-limited", "--no-planning", "--no-filtering")
+    assert main(("bench", "rise", "--n", "1", "--seed", "4", *limit, "--json", str(file))) == 0
+    result = json.loads(file.read_text())
+    assert (result["name"], result["n"], result["torque_limit_nm"]) == ("rise", 3, 3.0)
+    assert (result["planning"], result["filtering"]) == (False, False)

@@ -63,7 +63,7 @@ def test_servos_stop_by_themselves_when_their_client_is_killed(world: World, mot
 
 
 def test_a_soak_accounts_for_all_its_time(op3: Robot, world: World):
-    case = bench_soak(op3, world.scene, seed=1, duration=15.0)["cases"]["soak"]
+    case = bench_soak(world, load_database(op3), seed=1, duration=15.0)["cases"]["soak"]
     assert case["stood"] == case["n"] == case["sat"] > 0
     assert abs(case["unexplained_s"]) < 1e-6
     assert (case["driver_lost"], case["driver_damaged"], case["holds"]) == (0, 0, 0)

@@ -10,8 +10,8 @@ pytest.importorskip("onnx")
 
 from tiny_policies import save_policy
 
-from humanoid_getup.cli.evaluate import EvalPolicy
 from humanoid_getup.cli.main import main
+from humanoid_getup.cli.options.policies import Evaluate
 from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
 from robots import Robot
 from sim2real.environment.model_variants import MODEL_VARIANTS
@@ -75,5 +75,5 @@ def test_a_damaged_set_of_falls_is_refused_in_one_line(
 
 
 def test_the_model_variants_are_the_choices_of_the_option():
-    literal, _ = get_args(get_type_hints(EvalPolicy)["physics"])
+    literal, _ = get_args(get_type_hints(Evaluate)["physics"])
     assert get_args(literal) == tuple(MODEL_VARIANTS)

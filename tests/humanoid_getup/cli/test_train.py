@@ -17,7 +17,8 @@ pytest.importorskip("gymnasium")
 pytest.importorskip("tensorboard")
 
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.train import Train
+from humanoid_getup.cli.options.policies import Train
+from humanoid_getup.cli.train import format_time
 from sim2real.training.config import RECIPES
 
 pytestmark = pytest.mark.train
@@ -109,8 +110,16 @@ def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeyp
 
     assert run(*TINY)[0] == 0
     before = Path("mine/checkpoint.pt").read_bytes()
-    monkeypatch.setattr("humanoid_getup.cli.train.Learned.note", interrupt)
+    monkeypatch.setattr("humanoid_getup.cli.train.TrainingProgress.note", interrupt)
     code, _, error = run(*TINY, "--iterations", "4")
     assert code == 130
     assert "the same command continues from it" in error
     assert Path("mine/checkpoint.pt").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(42.0, "42 s"), (420.0, "7 min"), (3900.0, "65 min"), (7500.0, "2 h 05 min")],
+)
+def test_a_duration_is_written_for_people(seconds: float, words: str):
+    assert format_time(seconds) == words

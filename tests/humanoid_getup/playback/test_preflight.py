@@ -11,8 +11,9 @@ import pytest
 
 from drivers import SafetyGuard, State, Twin
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
+from humanoid_getup.cli import preflight as command
 from humanoid_getup.cli.errors import BadInputError
-from humanoid_getup.cli.preflight import Preflight
+from humanoid_getup.cli.options.motions import Preflight
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.estimation import settle
@@ -231,14 +232,14 @@ def test_the_command_passes_refuses_and_writes_its_figures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], op3: Robot
 ):
     file = tmp_path / "verdict.json"
-    assert Preflight(motion=QUICK, voltage=11.1, json=str(file)).run() == 0
+    assert command.preflight(Preflight(motion=QUICK, voltage=11.1, json=str(file))) == 0
     record = json.loads(file.read_text())
     assert (record["motion"], record["passed"], record["voltage_v"]) == (QUICK, True, 11.1)
     assert list(record["joints"]) == list(op3.joint_names)
     assert record["joints"][KNEE]["end_temperature_c"] >= 25.0
     assert f"{QUICK}: passed at 11.1 V" in capsys.readouterr().out
 
-    assert Preflight(motion=QUICK, voltage=9.0, json="-").run() == 1
+    assert command.preflight(Preflight(motion=QUICK, voltage=9.0, json="-")) == 1
     out, error = capsys.readouterr()
     record = json.loads(out)  # JSON alone
     assert record["passed"] is False
@@ -256,7 +257,7 @@ def test_the_command_passes_refuses_and_writes_its_figures(
 )
 def test_the_command_names_bad_input(options: dict, told: str):
     with pytest.raises(BadInputError, match=told):
-        Preflight(**options).run()
+        command.preflight(Preflight(**options))
 
 
 @pytest.mark.slow

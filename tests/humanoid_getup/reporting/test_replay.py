@@ -183,7 +183,7 @@ def test_a_log_of_another_robot_or_without_cycles_cannot_be_replayed(swing, tiny
         replay(FlightRecord.load(tmp_path / "f"), twin_of(tiny), tiny.standing)
 
 
-def parse(*arguments: object) -> commands.Command:
+def parse(*arguments: object) -> commands.Invocation:
     return commands.parse(["replay", *map(str, arguments)])
 
 

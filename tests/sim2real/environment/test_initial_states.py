@@ -14,7 +14,7 @@ from humanoid_getup.simulation import falls as falls_module
 from humanoid_getup.simulation.falls import FallError, Settling, sample_falls
 from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
-from robots.kinematics import lowest_point, place
+from robots.kinematics import lowest_point, mirror_positions, place
 from sim2real.environment import initial_states as starts_module
 from sim2real.environment.get_up_env import make_world
 from sim2real.environment.initial_states import (
@@ -23,7 +23,6 @@ from sim2real.environment.initial_states import (
     drop_falls,
     find_arms,
     list_motion_starts,
-    mirror_starts,
     sample_stands,
 )
 from sim2real.environment.make_env import make_get_up
@@ -79,14 +78,16 @@ def test_a_file_that_tells_no_robot_holds_no_starts(tmp_path: Path, op3, falls):
 
 
 def test_mirroring_a_start_twice_changes_nothing(op3, world, falls):
-    twice = mirror_starts(op3, world.model, mirror_starts(op3, world.model, falls))
+    twice = mirror_positions(op3, world.model, mirror_positions(op3, world.model, falls))
     assert twice == pytest.approx(falls)
-    assert not np.allclose(mirror_starts(op3, world.model, falls), falls)
+    assert not np.allclose(mirror_positions(op3, world.model, falls), falls)
 
 
 def test_mirrored_starts_lie_on_the_ground_as_the_others_do(op3, world, falls):
     heights = [lowest_point(world.model, qpos) for qpos in falls]
-    mirrored = [lowest_point(world.model, qpos) for qpos in mirror_starts(op3, world.model, falls)]
+    mirrored = [
+        lowest_point(world.model, qpos) for qpos in mirror_positions(op3, world.model, falls)
+    ]
     assert mirrored == pytest.approx(heights, abs=1e-3)  # the head is not quite symmetric
     assert np.all(np.abs(heights) < 0.005)
 

@@ -71,7 +71,7 @@ def test_gymnasiums_wrappers_count_its_episodes(env):
 
 
 def test_unknown_rewards_and_robots_are_named():
-    with pytest.raises(ValueError, match="unknown rewards 'gold': allowed quick, robust, gentle"):
+    with pytest.raises(ValueError, match="unknown rewards 'gold', expected quick, robust, gentle"):
         gymnasium.make_vec(NAME, rewards="gold", **SMALL)
     with pytest.raises(ValueError, match="unknown robot 'nao'"):
         gymnasium.make_vec(NAME, robot="nao", **SMALL)

@@ -22,8 +22,8 @@ from humanoid_getup.policy.observation import list_terms
 from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy
 from robots import Robot
 from sim2real.training.checkpoint import CHECKPOINT, CheckpointError
-from sim2real.training.config import RECIPE, RECIPES, Recipe
-from sim2real.training.export import MOST_BYTES, ExportError, Training, export_policy
+from sim2real.training.config import RECIPE, RECIPES, Recipe, TrainingFolderError, TrainingRecord
+from sim2real.training.export import MOST_BYTES, ExportError, export_policy
 from sim2real.training.ppo import AVERAGE, UPDATES
 from sim2real.training.runner import build_config
 from sim2real.training.train import write_recipe
@@ -32,7 +32,7 @@ SEED = 7
 MINE = replace(RECIPES["robust"], hidden=(32, 16))
 
 
-def make_actor(training: Training, robot: Robot):
+def make_actor(training: TrainingRecord, robot: Robot):
     """An actor as it comes out of a training: weights and normalizer far from their first."""
     action = training.recipe.choose_actions(robot)
     size = sum(term.size for term in list_terms(robot, action))
@@ -48,17 +48,17 @@ def make_actor(training: Training, robot: Robot):
     return blank
 
 
-def make_blank(training: Training, size: int, actions: int):
+def make_blank(training: TrainingRecord, size: int, actions: int):
     config = build_config(training.recipe, training.seed)
     network = {key: value for key, value in config["actor"].items() if key != "class_name"}
     example = TensorDict({"policy": torch.zeros(1, size)}, batch_size=[1])
     return MLPModel(example, config["obs_groups"], "actor", actions, **network)
 
 
-def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> Training:
+def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> TrainingRecord:
     folder.mkdir(exist_ok=True)
     write_recipe(robot, recipe, SEED, folder / RECIPE)
-    training = Training.load(folder)
+    training = TrainingRecord.load(folder)
     actor = make_actor(training, robot)
     newest = {name: torch.zeros_like(value) for name, value in actor.state_dict().items()}
     state = {"actor_state_dict": newest, AVERAGE: actor.state_dict(), UPDATES: 42, "iter": 41}
@@ -68,7 +68,7 @@ def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> Training
 
 def test_a_training_is_read_as_it_was_written_down(op3: Robot, tmp_path: Path):
     write_recipe(op3, MINE, SEED, tmp_path / RECIPE)
-    training = Training.load(tmp_path)
+    training = TrainingRecord.load(tmp_path)
     assert (training.recipe, training.seed, training.robot) == (MINE, SEED, "op3")
     assert training.actions == MINE.choose_actions(op3).names
 
@@ -103,7 +103,7 @@ def test_an_exported_file_knows_nothing_of_the_machine_that_made_it(op3: Robot, 
     assert [item.version for item in onnx.load(str(file)).opset_import] == [18]
 
 
-def spoil(training: Training, change) -> None:
+def spoil(training: TrainingRecord, change) -> None:
     file = training.folder / CHECKPOINT
     state = torch.load(file, weights_only=True)
     change(state)
@@ -163,8 +163,8 @@ def test_a_training_of_another_robot_is_refused(op3: Robot, tmp_path: Path, chan
 @pytest.mark.parametrize("text", ["", "[]", '{"robot": "op3"}', '{"recipe": {"hidden": 3}}'])
 def test_a_recipe_that_is_none_is_refused(tmp_path: Path, text: str):
     (tmp_path / RECIPE).write_text(text)
-    with pytest.raises(ExportError, match="is not a recipe of a training"):
-        Training.load(tmp_path)
+    with pytest.raises(TrainingFolderError, match="is not a recipe of a training"):
+        TrainingRecord.load(tmp_path)
 
 
 def test_the_command_exports(op3: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

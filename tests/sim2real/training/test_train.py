@@ -24,11 +24,10 @@ from robots import Robot
 from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
-from sim2real.training.config import RECIPE, STEPS, OtherTrainingError, Recipe
-from sim2real.training.export import Training
+from sim2real.training.config import RECIPE, STEPS, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
-from sim2real.training.runner import Runner, build_config
+from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.train import PROGRESS, train
 
 TINY = Recipe(
@@ -124,7 +123,7 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
     record = json.loads((folder / RECIPE).read_text("utf-8"))
     record["rewards"]["stands"] = 7.0
     (folder / RECIPE).write_text(json.dumps(record), "utf-8")
-    with pytest.raises(OtherTrainingError, match=r"rewards\.stands is 7\.0 there"):
+    with pytest.raises(TrainingFolderError, match=r"rewards\.stands is 7\.0 there"):
         train(op3, TINY, 1, folder, threads=1)
 
 
@@ -191,10 +190,10 @@ def load_actor(robot: Robot, folder: Path, recipe: Recipe) -> MLPModel:
 
 
 def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkeypatch):
-    def save_and_stop(self: Runner, *_: object, **__: object) -> None:
+    def save_and_stop(self: TrainingRunner, *_: object, **__: object) -> None:
         self.save("")
 
-    monkeypatch.setattr(Runner, "learn", save_and_stop)  # before the first update
+    monkeypatch.setattr(TrainingRunner, "learn", save_and_stop)  # before the first update
     train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
     old = load_actor(op3, parent, replace(TINY, wide=False))
     new = load_actor(op3, tmp_path, TINY)
@@ -216,14 +215,14 @@ def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, t
     told = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
     digest = hashlib.sha256((parent / CHECKPOINT).read_bytes()).hexdigest()
     assert told == {"recipe": "quick", "seed": 1, "iterations": 2, "sha256": digest}
-    assert Training.load(tmp_path).provenance.items() >= {
+    assert TrainingRecord.load(tmp_path).provenance.items() >= {
         ("parent.recipe", "quick"),
         ("parent.seed", 1),
         ("parent.iterations", 2),
         ("parent.sha256", digest),
     }
     assert [row["iteration"] for row in read_rows(tmp_path)] == ["0"]
-    with pytest.raises(OtherTrainingError, match="parent"):
+    with pytest.raises(TrainingFolderError, match="parent"):
         train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
 
 
@@ -232,7 +231,7 @@ def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
     shutil.copytree(parent, other)
     record = json.loads((other / RECIPE).read_text("utf-8"))
     (other / RECIPE).write_text(json.dumps(record | {"robot": "nao"}), "utf-8")
-    with pytest.raises(OtherTrainingError, match="is a training of robot 'nao', expected 'op3'"):
+    with pytest.raises(TrainingFolderError, match="is a training of robot 'nao', expected 'op3'"):
         train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=other)
     assert list((tmp_path / "mine").iterdir()) == []
 
@@ -240,7 +239,7 @@ def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
 def test_a_parent_whose_recipe_is_none_is_refused(op3, tmp_path):
     for text in ("{}", "[]", '{"robot": "op3", "recipe": 3}', "what?"):
         (tmp_path / RECIPE).write_text(text, "utf-8")
-        with pytest.raises(OtherTrainingError, match="is not a recipe of a training"):
+        with pytest.raises(TrainingFolderError, match="is not a recipe of a training"):
             train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""Widening: a trained policy learns to move more, beginning from what it can already do."""
+"""Action-space extension: a trained policy becomes the initial policy of a larger action space."""
 
 from __future__ import annotations
 
@@ -11,51 +11,51 @@ from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import Term
 
 LAST_ACTION = "last_action"
-FIRST_STD = 0.3  # of numbers that are new in an action
+FIRST_STD = 0.3  # initial standard deviation of new action components
 
 Weights = dict[str, torch.Tensor]
 
 
-class WideningError(ValueError):
-    """A policy cannot become another one; the message tells why."""
+class ActionExtensionError(ValueError):
+    """The action space of a policy cannot be extended to the requested one."""
 
 
-def widen(
+def extend_actions(
     checkpoint: dict[str, Any],
     terms: tuple[Term, ...],
     before: tuple[str, ...],
     action: ActionSpec,
 ) -> dict[str, Any]:
-    """Let actor and critic see and give more numbers than they learned with.
+    """Add action components to the outputs of an actor and to the inputs of actor and critic.
 
-    What is new has no weight yet: the widened policy does what it did before, and tries the
-    new numbers by chance.
+    New weights are zero: the extended policy behaves as before and explores the new components
+    by noise alone.
 
     Args:
-        checkpoint: With actor_state_dict and critic_state_dict.
-        terms: Parts of the observation that the widened policy sees.
-        before: Names of the numbers of the actions that it learned with.
-        action: What the widened policy's actions mean; its first numbers are the old ones.
+        checkpoint: Checkpoint with actor_state_dict and critic_state_dict.
+        terms: Observation terms of the extended policy.
+        before: Names of the action components in the checkpoint.
+        action: Extended action space, whose first components are those of the checkpoint.
 
     Raises:
-        WideningError: if the old actions are not the first of the new ones.
+        ActionExtensionError: if the old components are not the first of the new ones.
     """
     if action.names[: len(before)] != before:
-        raise WideningError(
+        raise ActionExtensionError(
             f"actions {', '.join(action.names)} do not begin with {', '.join(before)}"
         )
     more = action.size - len(before)
     names = [term.name for term in terms]
     at = sum(term.size for term in terms[: names.index(LAST_ACTION)]) + len(before)
-    actor = _widen_input(checkpoint["actor_state_dict"], at, more)
+    actor = _extend_input(checkpoint["actor_state_dict"], at, more)
     return {
-        "actor_state_dict": _widen_output(actor, more),
-        "critic_state_dict": _widen_input(checkpoint["critic_state_dict"], at, more),
+        "actor_state_dict": _extend_output(actor, more),
+        "critic_state_dict": _extend_input(checkpoint["critic_state_dict"], at, more),
     }
 
 
-def _widen_input(state: Weights, at: int, more: int) -> Weights:
-    """Insert ``more`` inputs without weight at a place."""
+def _extend_input(state: Weights, at: int, more: int) -> Weights:
+    """Insert ``more`` inputs of zero weight before input ``at``."""
     state = dict(state)
     first = "mlp.0.weight"
     state[first] = _insert(state[first], at, torch.zeros(len(state[first]), more))
@@ -65,8 +65,8 @@ def _widen_input(state: Weights, at: int, more: int) -> Weights:
     return state
 
 
-def _widen_output(state: Weights, more: int) -> Weights:
-    """Append ``more`` outputs without weight, tried with a small deviation."""
+def _extend_output(state: Weights, more: int) -> Weights:
+    """Append ``more`` outputs of zero weight and small standard deviation."""
     state = dict(state)
     last = max(
         (key for key in state if key.startswith("mlp.") and key.endswith(".weight")),

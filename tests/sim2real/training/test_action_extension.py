@@ -1,4 +1,4 @@
-"""Widening: what is new changes nothing at first."""
+"""Action-space extension: new components change nothing at first."""
 
 import pytest
 
@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
-from sim2real.training.action_widening import FIRST_STD, WideningError, widen
+from sim2real.training.action_extension import FIRST_STD, ActionExtensionError, extend_actions
 from sim2real.training.config import RECIPES
 from sim2real.training.runner import build_config
 
@@ -29,7 +29,7 @@ def size_of(robot: Robot, action: ActionSpec) -> int:
     return sum(term.size for term in list_terms(robot, action))
 
 
-def test_a_widened_policy_does_what_it_did_before(op3: Robot, action: ActionSpec):
+def test_a_extended_policy_does_what_it_did_before(op3: Robot, action: ActionSpec):
     narrow = choose_actions(op3, wide=False)
     k, more = narrow.size, action.size - narrow.size
     few, many = size_of(op3, narrow), size_of(op3, action)
@@ -44,10 +44,10 @@ def test_a_widened_policy_does_what_it_did_before(op3: Robot, action: ActionSpec
         "actor_state_dict": actor.state_dict(),
         "critic_state_dict": critic.state_dict(),
     }
-    widened = widen(state, list_terms(op3, action), narrow.names, action)
+    extended = extend_actions(state, list_terms(op3, action), narrow.names, action)
     wide_actor, wide_critic = make(many, action.size, "actor"), make(many + 5, 1, "critic")
-    wide_actor.load_state_dict(widened["actor_state_dict"])
-    wide_critic.load_state_dict(widened["critic_state_dict"])
+    wide_actor.load_state_dict(extended["actor_state_dict"])
+    wide_critic.load_state_dict(extended["critic_state_dict"])
     wide_actor.eval()
     wide_critic.eval()
     seen = torch.randn(10, many + 5)
@@ -61,10 +61,10 @@ def test_a_widened_policy_does_what_it_did_before(op3: Robot, action: ActionSpec
     assert torch.allclose(acted[:, :k], ask(actor, old[:, :few]), atol=1e-6)
     assert torch.equal(acted[:, k:], torch.zeros(10, more))
     assert torch.allclose(ask(wide_critic, seen), ask(critic, old), atol=1e-6)
-    deviation = widened["actor_state_dict"]["distribution.log_std_param"].exp()
+    deviation = extended["actor_state_dict"]["distribution.log_std_param"].exp()
     assert deviation[k:] == pytest.approx(FIRST_STD)
 
 
 def test_actions_of_another_kind_are_refused(op3: Robot, action: ActionSpec):
-    with pytest.raises(WideningError, match="do not begin with l_knee together"):
-        widen({}, list_terms(op3, action), ("l_knee together",), action)
+    with pytest.raises(ActionExtensionError, match="do not begin with l_knee together"):
+        extend_actions({}, list_terms(op3, action), ("l_knee together",), action)

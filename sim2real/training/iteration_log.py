@@ -1,4 +1,4 @@
-"""The progress of a training: a row and a report for every iteration."""
+"""The log of a training: a CSV row and a report for every iteration."""
 
 from __future__ import annotations
 
@@ -17,51 +17,46 @@ from sim2real.training.rsl_rl_env import StepReport
 
 @dataclass(frozen=True, kw_only=True)
 class TrainReport:
-    """How far a training is."""
+    """State of a training after an iteration."""
 
     iteration: int
     iterations: int
     steps: int
     """Policy steps of all robots so far."""
     seconds: float
-    """Time spent so far, resumed parts included [s]."""
+    """Training time so far, resumed parts included [s]."""
     falls: int
     """Episodes from settled falls that ended in the last iteration."""
     stood: int
-    """Those of them that ended in a stand, exploring as they were."""
+    """Number of them that ended in a stand, under exploration noise."""
     reward: float
     lift: float
-    """Largest share of its weight that a robot hung by: what stands with it has not risen."""
-
-    @property
-    def share(self) -> float:
-        """Return the share of falls that ended standing; nan for none."""
-        return self.stood / self.falls if self.falls else float("nan")
+    """Upper limit of the assistive force, as a fraction of the weight."""
 
 
-class Progress:
-    """Adds up steps to iterations and writes a row for each."""
+class IterationLog:
+    """Sums the steps of each iteration and writes a row."""
 
     def __init__(
         self,
         file: Path,
         recipe: Recipe,
         report: Callable[[TrainReport], None],
-        rank: DistributedProcess,
+        process: DistributedProcess,
     ) -> None:
-        self._file, self._recipe, self._report, self._rank = file, recipe, report, rank
+        self._file, self._recipe, self._report, self._process = file, recipe, report, process
         self._steps: list[StepReport] = []
-        self._begun, self._before = time.monotonic(), 0.0
+        self._start, self._seconds_before = time.monotonic(), 0.0
         self._iteration = 0
 
     def resume(self, iteration: int) -> None:
-        """Keep the rows before an iteration and go on from there."""
+        """Keep the rows before an iteration and continue from there."""
         self._iteration = iteration
-        if not self._rank.leads or not self._file.exists():
+        if not self._process.leads or not self._file.exists():
             return
         with self._file.open(newline="") as stream:
             rows = [row for row in csv.DictReader(stream) if int(row["iteration"]) < iteration]
-        self._before = float(rows[-1]["seconds"]) if rows else 0.0
+        self._seconds_before = float(rows[-1]["seconds"]) if rows else 0.0
         with self._file.open("w", newline="") as stream:
             writer = csv.DictWriter(stream, list(TrainReport.__dataclass_fields__))
             writer.writeheader()
@@ -75,15 +70,15 @@ class Progress:
         report = TrainReport(
             iteration=self._iteration,
             iterations=self._recipe.iterations,
-            steps=(self._iteration + 1) * STEPS * self._recipe.robots * self._rank.of,
-            seconds=round(self._before + time.monotonic() - self._begun, 1),
+            steps=(self._iteration + 1) * STEPS * self._recipe.robots * self._process.of,
+            seconds=round(self._seconds_before + time.monotonic() - self._start, 1),
             falls=sum(s.falls for s in self._steps),
             stood=sum(s.stood for s in self._steps),
             reward=round(float(np.mean([s.reward for s in self._steps])), 4),
-            lift=round(self._steps[-1].lift, 3),
+            lift=round(self._steps[-1].assistive_force, 3),
         )
         self._steps, self._iteration = [], self._iteration + 1
-        if not self._rank.leads:
+        if not self._process.leads:
             return
         row = asdict(report)
         is_new = not self._file.exists()

@@ -1,0 +1,80 @@
+"""Loads the robot, world, start, motion and ports that options name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.options.shared import RobotOption, TorqueOptions, WorldOptions
+from humanoid_getup.cli.output import phase
+from humanoid_getup.motions import motion_database
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.estimation import check_start
+from humanoid_getup.simulation.falls import CLASSES, Fall, classify, sample_falls
+from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.simulation.world import World
+from robots import Robot, TorqueLimit, load_posture
+from robots import load_robot as load_robot_by_name
+
+UNCLASSED = "other"  # start class of a posture that lies on no side
+
+
+def load_robot(options: RobotOption) -> Robot:
+    """Load the robot of a command."""
+    with refusing():
+        return load_robot_by_name(options.robot)
+
+
+def load_world(options: WorldOptions) -> World:
+    """Load the robot of a command into its scene."""
+    with phase("loading"), refusing():
+        scene = load_scene(options.scene)
+        return World(load_robot(options), scene)
+
+
+def make_torque_limit(options: TorqueOptions) -> TorqueLimit:
+    """Make the torque limit of a command."""
+    return TorqueLimit(options.torque_limit, "pwm" if options.pwm_limited else "torque")
+
+
+def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
+    """Sample a settled fall of a class, or load a posture file."""
+    with refusing():
+        if origin in CLASSES:
+            return sample_falls(world, {origin: 1}, rng)[0]
+        path = Path(origin)
+        if not path.exists():
+            raise ValueError(
+                f"unknown start '{origin}', expected {', '.join(CLASSES)} or a posture file"
+            )
+        posture = load_posture(path, world.robot)
+        check_start(world, posture)
+    return Fall(posture=posture, start_class=classify(posture.orientation) or UNCLASSED)
+
+
+def find_motion(robot: Robot, name: str) -> Motion:
+    """Find a motion by name in the robot's database, or load an .npz file."""
+    with refusing():
+        return motion_database.find_motion(robot, name)
+
+
+def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
+    """Map the names of a robot's ports to their paths.
+
+    Raises:
+        BadInputError: naming the ports that the robot has.
+    """
+    wanted = [port.name for port in robot.bus.ports] if robot.bus else []
+    if len(wanted) == 1 and len(ports) == 1 and "=" not in ports[0]:
+        return {wanted[0]: ports[0]}
+    named = dict(port.split("=", 1) for port in ports if "=" in port)
+    if len(named) != len(ports) or sorted(named) != sorted(wanted):
+        expected = " ".join(f"--port {name}=PATH" for name in wanted)
+        expected = expected or "none, it has no servo bus"
+        raise BadInputError(
+            f"--port is {', '.join(ports)}, expected for robot '{robot.name}': {expected}"
+        )
+    return named

@@ -1,0 +1,1 @@
+"""Options of the commands, as dataclasses; nothing here imports anything heavy."""

@@ -1,0 +1,76 @@
+"""Options of `getup bench NAME`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from tyro.conf import arg
+
+from humanoid_getup.cli.checks import between, positive
+from humanoid_getup.cli.options.shared import Count, MotionName, TorqueOptions, WorldOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRise(TorqueOptions, WorldOptions):
+    """Rise from many settled falls: success rates, times and faults."""
+
+    n: Count = 20
+    """Falls of each class: supine, prone, lateral."""
+    planning: bool = True
+    """Plan a collision-free path to the rising motion; otherwise interpolate."""
+    filtering: bool = True
+    """Filter the path through physics; otherwise play it unfiltered."""
+    assistance: Annotated[float, between(0.0, 1.0)] = 1.0
+    """Factor on the virtual actuator's torques in the filter; 0 is plain tracking."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchMethods(TorqueOptions, WorldOptions):
+    """Get up from the same falls by plans and by policies: success, time, load, impact, heat."""
+
+    n: Count = 20
+    """Falls of each class: supine, prone, lateral."""
+    ways: tuple[str, ...] = ("plan", "robust")
+    """Strategies to compare: plan, and policies by name or file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchMotions(WorldOptions):
+    """Play every motion of the database: time, load, reserve and robustness."""
+
+    n: Count = 50
+    """Disturbed plays of each motion."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchFilter(WorldOptions):
+    """Compare the speed of the filter's simulation with bare physics."""
+
+    n: Count = 5
+    """Repetitions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchFaults(WorldOptions):
+    """Inject each kind of fault in the middle of a rise; exit code 1 if any was unsafe."""
+
+    n: Count = 20
+    """Rises of each case."""
+    motion: MotionName = "supine_roll_over"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchKill(BenchFaults):
+    """Kill the program (SIGKILL) in the middle of a rise, and measure when the servos stop."""
+
+    n: Count = 20
+    """Kills."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchSoak(WorldOptions):
+    """Rise, sit, tumble and rise again on the virtual bus, as long as requested."""
+
+    duration: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 1800.0
+    """Time on the bus [s]."""

@@ -1,0 +1,98 @@
+"""Options of `getup bus`, `scan`, `doctor` and `calibrate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from humanoid_getup.cli.checks import between, positive
+from humanoid_getup.cli.options.shared import (
+    JsonOption,
+    Ports,
+    RobotOption,
+    WorldOptions,
+    find_port_faults,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeBus(WorldOptions):
+    """Serve a virtual bus with a simulated robot behind it, until stopped.
+
+    Prints the path of the serial port; of a robot with several, one line each.
+    """
+
+    origin: Annotated[str, arg(name="from", metavar="supine|prone|left|right|FILE")] = "supine"
+    """Initial posture: class of a sampled fall, or a posture file."""
+    link: Annotated[Path | None, arg(metavar="PATH")] = None
+    """Path of the port; default: in a temporary folder."""
+    lock_step: bool = False
+    """Advance time with the client's sync writes of goals instead of the clock."""
+    faults: Annotated[Path | None, arg(metavar="FILE")] = None
+    """TOML file of faults to inject."""
+    powered: bool = False
+    """Start with servo power on; without it, a client must switch it on at the board."""
+    voltage: Annotated[float | None, positive("V", at_most=48.0), arg(metavar="V")] = None
+    """Supply [V]; default: the robot's nominal voltage."""
+    latency: Annotated[float, between(0.0, 0.1, "s"), arg(metavar="S")] = 0.0
+    """Latency timer of the USB adapter [s]; FTDI adapters are shipped with 0.016."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scan(JsonOption):
+    """List serial ports and the devices on them; sends pings and reads, changes nothing."""
+
+    port: Annotated[str | None, arg(metavar="PATH")] = None
+    """Serial port; default: all USB adapters."""
+    baud: Annotated[int | None, arg(metavar="BIT/S")] = None
+    """Baud rate [bit/s]; default: 57600 and 1, 2, 3 and 4 Mbit/s."""
+    all_bauds: bool = False
+    """Try every baud rate that a servo may have: ten seconds a port."""
+
+    def find_faults(self) -> list[str]:
+        """Report options that exclude each other, too."""
+        faults = super().find_faults()
+        if self.baud is not None and self.all_bauds:
+            faults.append("--baud and --all-bauds exclude each other, expected one of them")
+        return faults
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServiceOptions(JsonOption, RobotOption):
+    """Options of the commands that service a robot on its bus."""
+
+    port: Ports = ()
+    """Serial port; of a robot with several, one NAME=PATH each."""
+
+    def find_faults(self) -> list[str]:
+        """Report missing ports, too."""
+        return super().find_faults() + find_port_faults(None, self.port)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doctor(ServiceOptions):
+    """Check a robot on its bus before first torque; moves nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(ServiceOptions):
+    """Measure the servos' zeros and directions, torque off.
+
+    The result is the robot's calibration.toml, or calibration.virtual.toml beside it if a port
+    is a pseudo-terminal, as of a virtual bus: a rehearsal leaves the robot's file alone.
+    """
+
+    at: Annotated[str | None, arg(metavar="zero|standing|FILE")] = None
+    """Posture in which the robot is held while its zeros are measured: all angles 0, its stance,
+    or a posture file; default: zero, and with --signs alone no zeros are measured."""
+    joint: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
+    """Joints to calibrate; default: all."""
+    signs: bool = False
+    """Measure the servos' directions: a person turns one joint after the other."""
+    yes: bool = False
+    """Do not ask before torque goes off, before zeros are measured, or before saving."""
+    out: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Calibration file to write; default: see above."""

@@ -1,0 +1,91 @@
+"""Options of `getup robots`, `motions list`, `build` and `show`, `preflight` and `replay`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from humanoid_getup.cli.checks import between, positive
+from humanoid_getup.cli.options.shared import (
+    Count,
+    JsonOption,
+    MotionName,
+    RobotOption,
+    Seed,
+    TorqueLimitValue,
+    WorldOptions,
+)
+from humanoid_getup.cli.output import find_folder_faults
+
+REPLAY_FILES = ("replay.json", "flight.png", "replay.png")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListRobots(JsonOption):
+    """List the robots that come with the program."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListMotions(JsonOption, RobotOption):
+    """List a robot's rising motions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildMotions(RobotOption):
+    """Build rising motions from keyframes into the robot's folder."""
+
+    names: Positional[tuple[str, ...]] = ()
+    """Motions to build; default: all of the robot's keyframes."""
+    generations: Count = 20
+    """Generations of the search that optimizes the keyframes."""
+    seed: Seed = 0
+    jobs: Count = 2
+    """Motions that are built in parallel."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShowMotion(RobotOption):
+    """Draw a rising motion as a film strip."""
+
+    motion: Positional[MotionName]
+    out: Annotated[Path | None, arg(metavar="FILE")] = None
+    """PNG file to write; default: MOTION.png."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preflight(WorldOptions):
+    """Judge a motion by limits, speed, torque at a supply, heat and self-collision."""
+
+    motion: Positional[MotionName]
+    voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
+    """Supply voltage at the servos [V]; default: the robot's nominal one."""
+    torque_limit: TorqueLimitValue = None
+    temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
+    """Temperature of all servos before the rise [°C]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay(JsonOption):
+    """Replay a flight log on the twin and report the differences."""
+
+    log: Annotated[Positional[Path], arg(metavar="LOG")]
+    """A flight log (.mcap)."""
+    robot: str | None = None
+    """Name of a robot, or a folder with a robot.toml; default: the log's robot."""
+    scene: str | None = None
+    """Name of a scene; default: the log's scene, else flat."""
+    voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
+    """Supply voltage of the twin [V]; default: as measured at the start."""
+    threshold: Annotated[float | None, positive("rad"), arg(metavar="RAD")] = None
+    """Difference of a joint or of the tilt from which the replay has diverged [rad];
+    default: 0.05."""
+    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    """Folder for replay.json, flight.png and replay.png."""
+
+    def find_faults(self) -> list[str]:
+        """Report a folder that cannot be written, too."""
+        faults = super().find_faults()
+        return faults if self.out is None else faults + find_folder_faults(self.out, REPLAY_FILES)

@@ -1,0 +1,109 @@
+"""Options of `getup train`, `export` and `eval`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from humanoid_getup.cli.checks import at_least, between
+from humanoid_getup.cli.options.shared import (
+    PolicyName,
+    RobotOption,
+    Seed,
+    TorqueOptions,
+    WorldOptions,
+)
+from humanoid_getup.cli.output import find_file_faults, find_folder_faults
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train(RobotOption):
+    """Train a policy that gets the robot up; the same command again continues a training."""
+
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder for checkpoint, progress and TensorBoard files."""
+    recipe: Literal["quick", "robust", "gentle"] = "quick"
+    """Training recipe."""
+    parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
+    """Folder of a training whose policy is the initial one; default: random weights."""
+    seed: Seed = 0
+    threads: Annotated[int, at_least(0)] = 0
+    """Threads that step physics; 0: all of the machine."""
+    device: str = "cpu"
+    """Device of the networks: cpu or cuda."""
+    iterations: Annotated[int | None, at_least(1)] = None
+    """Updates of the policy; default: the recipe's."""
+    robots: Annotated[int | None, at_least(1)] = None
+    """Robots that are simulated side by side; default: the recipe's."""
+
+    def find_faults(self) -> list[str]:
+        """Report folders that cannot be used."""
+        faults = find_folder_faults(self.out, ())
+        if self.parent is not None and not self.parent.is_dir():
+            faults.append(f"--from is {self.parent}, expected the folder of a training")
+        return faults
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(RobotOption):
+    """Export the policy of a training, as far as it has come, to one ONNX file."""
+
+    folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
+    """Folder of the training."""
+    out: Annotated[Path, arg(metavar="FILE")]
+    """ONNX file to write; an existing file is replaced."""
+
+    def find_faults(self) -> list[str]:
+        """Report a file that cannot be written."""
+        return find_file_faults(self.out)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate(TorqueOptions, WorldOptions):
+    """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
+
+    policy: Positional[PolicyName]
+    n: Annotated[int, at_least(4, step=4)] = 1000
+    """Number of falls, equally many of each class."""
+    falls: Annotated[Path | None, arg(metavar="FILE")] = None
+    """File of falls: read if it exists, else written."""
+    delay: Annotated[float, between(0.0, 60.0, "ms"), arg(metavar="MS")] = 0.0
+    """Delay of targets on their way to the servos [ms]."""
+    voltage: Annotated[float | None, between(1.0, 30.0, "V"), arg(metavar="V")] = None
+    """Supply voltage [V]; default: the robot's nominal one."""
+    friction: Annotated[float | None, between(0.01, 10.0)] = None
+    """Sliding friction coefficient of every contact; default: the scene's."""
+    mass: Annotated[float, between(0.1, 10.0), arg(metavar="FACTOR")] = 1.0
+    """Factor on the mass of every link."""
+    backlash: Annotated[float, between(0.0, 10.0, "deg"), arg(metavar="DEG")] = 0.0
+    """Backlash of every gear [deg]."""
+    weak_servo: Annotated[float, between(0.0, 1.0), arg(metavar="FACTOR")] = 1.0
+    """Factor on the torque of one servo, a different one in each robot."""
+    push: Annotated[float, between(0.0, 10.0, "m/s"), arg(metavar="M/S")] = 0.0
+    """Velocity change by a push in a random direction, once a second [m/s]."""
+    imu_tilt: Annotated[float, between(0.0, 90.0, "deg"), arg(metavar="DEG")] = 0.0
+    """Mounting error of the IMU about a random axis [deg]."""
+    gyro_bias: Annotated[float, between(0.0, 360.0, "deg/s"), arg(metavar="DEG/S")] = 0.0
+    """Bias of the gyro about a random axis [deg/s]."""
+    noise: bool = False
+    """Add the sensor noise of training."""
+    physics: (
+        Literal[
+            "1 ms steps",
+            "elliptic cones",
+            "other solver",
+            "soft contacts",
+            "capsules",
+            "menagerie servos",
+        ]
+        | None
+    ) = None
+    """Model variant to evaluate in; default: the physics of training."""
+
+    def find_faults(self) -> list[str]:
+        """Report files that cannot be written."""
+        faults = super().find_faults()
+        return faults if self.falls is None else faults + find_file_faults(self.falls)

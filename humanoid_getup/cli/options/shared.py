@@ -1,0 +1,136 @@
+"""Options that commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from humanoid_getup.cli.checks import at_least, positive
+from humanoid_getup.cli.output import find_folder_faults, find_json_faults
+
+Count = Annotated[int, at_least(1)]
+JsonTarget = Annotated[
+    str | None,
+    arg(metavar="FILE|-", help="Write the results as JSON to a file; - prints JSON alone."),
+]
+MotionName = Annotated[
+    str,
+    arg(metavar="MOTION", help="Name of a motion in the robot's database, or an .npz file."),
+]
+Origin = Annotated[
+    str | None,
+    arg(
+        name="from",
+        metavar="supine|prone|left|right|FILE",
+        help="Start of a simulated robot: class of a sampled fall, or a posture file.",
+    ),
+]
+PolicyName = Annotated[
+    str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
+]
+Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")]
+Seed = Annotated[int, at_least(0), arg(help="Random seed.")]
+TorqueLimitValue = Annotated[
+    float | None,
+    positive("N·m"),
+    arg(metavar="N·m", help="Torque limit per servo [N·m]; default: stall torque."),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandOptions:
+    """Options of a command."""
+
+    def find_faults(self) -> list[str]:
+        """Report all that is wrong beyond the type and range of single values."""
+        return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotOption(CommandOptions):
+    """Which robot."""
+
+    robot: str = "op3"
+    """Name of a robot, or a folder with a robot.toml."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JsonOption(CommandOptions):
+    """Where the results go."""
+
+    json: JsonTarget = None
+
+    def find_faults(self) -> list[str]:
+        """Report a file that cannot be written."""
+        return super().find_faults() + find_json_faults(self.json)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldOptions(JsonOption, RobotOption):
+    """Robot, scene, seed, and where the results go."""
+
+    scene: str = "flat"
+    """Name of a scene."""
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueOptions(CommandOptions):
+    """A torque limit, and what it acts on."""
+
+    torque_limit: TorqueLimitValue = None
+    pwm_limited: bool = False
+    """Apply the torque limit as a PWM limit, as servos in position mode do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions(WorldOptions):
+    """Options of every command that moves a robot."""
+
+    backend: Literal["twin", "virtual", "dynamixel"] = "twin"
+    """MuJoCo twin, virtual servos on a virtual bus, or a robot with Dynamixel servos."""
+    port: Ports = ()
+    """Serial port; for a robot with several, one NAME=PATH each. Without it, --backend virtual
+    serves a virtual robot of its own."""
+    release: Literal["limp", "hold"] = "limp"
+    """State of the servos at the end: torque off, or holding the last position."""
+    torque_limit: TorqueLimitValue = None
+    realtime: bool = False
+    """Run a simulated robot in real time."""
+    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    """Folder for report.json, motion.npz, flight.mcap, strip.png and torque.png."""
+
+    def find_faults(self) -> list[str]:
+        """Report ports and folders that do not fit, too."""
+        faults = super().find_faults() + find_port_faults(self.backend, self.port)
+        return faults if self.out is None else faults + find_folder_faults(self.out)
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the robot may be a real one."""
+        return bool(self.port)
+
+
+def find_port_faults(backend: str | None, ports: Sequence[str]) -> list[str]:
+    """Report ports that a backend does not use, or lacks; ``None``: a command for hardware."""
+    example = "e.g. --port /dev/ttyUSB0"
+    if backend == "twin" and ports:
+        return [f"--port is {', '.join(ports)}, expected --backend virtual or dynamixel with it"]
+    if backend == "dynamixel" and not ports:
+        return [f"--backend dynamixel requires --port, {example}"]
+    if backend is None and not ports:
+        return [f"--port is missing, expected a serial port, {example}"]
+    return []
+
+
+def find_start_faults(origin: str | None, *, is_real: bool, needs_one: bool) -> list[str]:
+    """Report a start that is missing, or given for a robot that cannot be placed."""
+    if is_real and origin is not None:
+        return [f"--from is '{origin}', expected a simulated robot: a real one starts as it lies"]
+    if needs_one and not is_real and origin is None:
+        return ["--from is missing, expected supine, prone, left, right or a posture file"]
+    return []

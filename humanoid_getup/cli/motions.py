@@ -141,11 +141,11 @@ def _draw(robot: Robot, motion: Motion, path: Path) -> None:
 
 
 def _choose(robot: Robot, names: tuple[str, ...]) -> list[Keyframes]:
-    from humanoid_getup.motions.build import KEYFRAMES, load_authored
+    from humanoid_getup.motions.build import KEYFRAMES, load_robot_keyframes
 
     with refusing():
         try:
-            authored = {c.name: c for c in load_authored(robot)}
+            authored = {c.name: c for c in load_robot_keyframes(robot)}
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{robot.folder / KEYFRAMES}: {error!r}") from error
         unknown = [name for name in names if name not in authored]

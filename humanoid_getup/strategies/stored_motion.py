@@ -1,4 +1,4 @@
-"""A stored motion, played as it is."""
+"""A strategy that plays one stored motion."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from robots import Posture
 
 
 class StoredMotion:
-    """Chooses one motion, however the robot lies; the preflight may refuse it."""
+    """Plays one motion as it is, for every start; the preflight may refuse it."""
 
     def __init__(self, motion: Motion) -> None:
         self._motion = motion
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
-        """Choose the motion."""
+        """Plan to play the motion."""
         status = RiseStatus.STORED
         return MotionPlan(status=status, reason=status.value, motion=self._motion)

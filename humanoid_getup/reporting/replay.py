@@ -10,8 +10,7 @@ import numpy as np
 from drivers import State, Twin
 from drivers.flight_log.reader import FlightRecord
 from drivers.twin.servo_model import VOLTAGE_STEP
-from humanoid_getup.motions.posture_metric import aligned_orientation_distance
-from robots import Posture, Robot
+from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
@@ -145,9 +144,7 @@ def replay(
         joint_names=record.joint_names,
         time=record.time - record.time[0],
         difference=record.state["joint_pos"] - joint_pos,
-        # Half the angle between the verticals; the same for the IMU and the torso it is mounted on.
-        tilt_difference=2.0
-        * aligned_orientation_distance(record.state["orientation"], orientation),
+        tilt_difference=_angle_between_verticals(record.state["orientation"], orientation),
         threshold=threshold,
     )
 
@@ -177,6 +174,16 @@ def _count_periods(record: FlightRecord, period: float) -> np.ndarray:
             f"expected 0 to {LONGEST_GAP:g} s for a replay"
         )
     return np.append(np.maximum(np.rint(gap / period), 1), 1).astype(int)
+
+
+def _angle_between_verticals(p: Array, q: Array) -> Array:
+    """Compute the angle between the verticals of two orientations (T, 4) [rad], free of yaw.
+
+    It is the same for the IMU and the torso, and 0 to the last bit for equal orientations.
+    """
+    a, b = quaternion.gravity_in_body(p), quaternion.gravity_in_body(q)
+    across = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.arctan2(across, np.sum(a * b, axis=-1))
 
 
 def _rms(values: Array) -> Array:

@@ -176,7 +176,7 @@ def test_a_log_whose_clock_jumps_cannot_be_replayed(swing, tiny, change, told):
 
 
 def test_a_log_of_another_robot_or_without_cycles_cannot_be_replayed(swing, tiny, op3, tmp_path):
-    with pytest.raises(ValueError, match="it is of robot 'tiny', allowed 'op3'"):
+    with pytest.raises(ValueError, match="it is of robot 'tiny', expected 'op3'"):
         replay(FlightRecord.load(swing), twin_of(op3), op3.standing)
     with FlightLog(tmp_path / "f", tiny):
         pass
@@ -234,7 +234,7 @@ def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_told(tiny, tmp_path, 
     [
         (("gone.mcap",), "flight log gone.mcap: No such file or directory"),
         (("LOG",), "unknown robot 'tiny'"),
-        (("LOG", "--robot", "op3"), "it is of robot 'tiny', allowed 'op3'"),
+        (("LOG", "--robot", "op3"), "it is of robot 'tiny', expected 'op3'"),
         (("LOG", "--robot", TINY, "--scene", "moon"), "unknown scene 'moon'"),
         (
             ("LOG", "--threshold", "0", "--voltage", "nan"),

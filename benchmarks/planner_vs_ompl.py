@@ -27,7 +27,7 @@ from ompl import util as ou
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import PostureMetric, align, orientation_distance
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import PlanOptions, find_path
+from humanoid_getup.planning.path_planner import PathOptions, find_path
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.shortcut import length
 from humanoid_getup.simulation.falls import sample_falls
@@ -53,7 +53,7 @@ class Attempt:
 
 def search_blossom(problem: PostureProblem, seed: int) -> list[Array]:
     """Search with this package: strictly, then from loose to strict."""
-    found, _ = find_path(problem, np.random.default_rng(seed), PlanOptions())
+    found, _ = find_path(problem, np.random.default_rng(seed), PathOptions())
     return found.path
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,19 +14,19 @@ from drivers.twin.simulation import Simulation
 from humanoid_getup.evaluation.standing import StanceMeter, Stand, is_upright, judge
 from humanoid_getup.simulation.scene import GroundHeight, flat_ground
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, quaternion
-from robots.kinematics import lowest_point, place, torso_orientation
+from robots import Robot, quaternion
+from robots.kinematics import lowest_point, place_postures, torso_orientation
 from robots.quaternion import Array
 
 DEEP_SELF_CONTACT = 0.0001  # m; contacts are stiff: a touch this deep is firm, a collision
-DEEP_GROUND = 0.005  # m; deeper than soft contact of a resting robot ever is
-APART = 0.1  # s without it before a collision or violation counts again
+DEEP_GROUND = 0.005  # m; more than the soft contact of a resting robot
+APART = 0.1  # s after which a collision or violation counts again
 LIMIT_SLACK = np.radians(1.0)  # a soft joint stop yields this much
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunOutcome:
-    """What happened in a run."""
+    """Figures of a run, and whether it ended in a stand."""
 
     stand: Stand
     peak_torque: float
@@ -35,7 +36,7 @@ class RunOutcome:
     torque_use: float
     """Largest torque of any servo as a share of its limit."""
     rms_torque: float
-    """Over all joints, up to the stand [N·m]."""
+    """RMS over all joints, up to the stand [N·m]."""
     self_collisions: int | None
     """Number of collisions of the robot with itself; None if not observable."""
     ground_penetrations: int | None
@@ -53,20 +54,35 @@ class RunOutcome:
 
 
 def count_episodes(present: np.ndarray, apart: int) -> list[int]:
-    """Count how often each column of (T, k) flags rises after ``apart`` rows without it."""
-    counts = []
-    for column in present.T:
-        rows = np.flatnonzero(column)
-        counts.append(int(len(rows) > 0) + int(np.sum(np.diff(rows) > apart)))
-    return counts
+    """Count the episodes in each column of (T, k) flags, more than ``apart`` rows apart."""
+    rows = [np.flatnonzero(column) for column in present.T]
+    return [int(len(r) > 0) + int(np.sum(np.diff(r) > apart)) for r in rows]
+
+
+def limit_torque(robot: Robot, torque_limit: float | None) -> Array:
+    """Return the torque limits of the servos [N·m], (n,)."""
+    return robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
+
+
+def _make_outcome(
+    stand: Stand, torque: Array, limit: Array, period: float, **others: Any
+) -> RunOutcome:
+    """Make an outcome of torques (T, n) under their limits (n,) [N·m]."""
+    rising = torque[: round(stand.start_time / period) + 1] if stand.stood else torque
+    return RunOutcome(
+        stand=stand,
+        torque=torque,
+        peak_torque=float(np.abs(torque).max(initial=0.0)),
+        torque_use=float((np.abs(torque) / limit).max(initial=0.0)),
+        rms_torque=float(np.sqrt(np.mean(rising**2))) if len(rising) else 0.0,
+        **others,
+    )
 
 
 def find_impact(touch: np.ndarray, speed: Array) -> Array:
-    """Find the greatest speed, one sample before, at which contacts began.
+    """Find the greatest speed (..., T) [m/s], one sample before, at which contacts began.
 
-    Args:
-        touch: Whether it touches, (..., T); a contact present at the start is no impact.
-        speed: Speed [m/s], (..., T).
+    A contact at the start is not an impact.
     """
     begins = touch[..., 1:] & ~touch[..., :-1]
     return np.where(begins, speed[..., :-1], 0.0).max(axis=-1, initial=0.0)
@@ -86,8 +102,7 @@ class GroundTruthJudge:
         ground: GroundHeight = flat_ground,
     ) -> None:
         self._simulation = simulation
-        limit = simulation.robot.max_torque
-        self._limit = limit if torque_limit is None else np.minimum(limit, torque_limit)
+        self._limit = limit_torque(simulation.robot, torque_limit)
         self._meter = StanceMeter(simulation.robot, simulation.model, ground)
         self._is_foot, self._head = _find_feet_and_head(simulation.robot, simulation.model)
         self._site_pos: list[Array] = []
@@ -138,23 +153,20 @@ class GroundTruthJudge:
             np.array(self._non_foot_contact, dtype=bool),
         )
         stand = judge(is_upright(stance, robot), period)
-        torque = np.array(self._torque).reshape(-1, robot.n)
-        rising = torque[: round(stand.start_time / period) + 1] if stand.stood else torque
         faults = count_episodes(
             np.array(self._faults, dtype=bool).reshape(-1, 3), round(APART / period)
         )
         head = np.array(self._head_impact, dtype=float).reshape(-1, 2)
-        return RunOutcome(
-            stand=stand,
-            peak_torque=float(np.abs(torque).max(initial=0.0)),
+        return _make_outcome(
+            stand,
+            np.array(self._torque).reshape(-1, robot.n),
+            self._limit,
+            period,
             peak_velocity=max(self._velocity, default=0.0),
-            torque_use=float((np.abs(torque) / self._limit).max(initial=0.0)),
-            rms_torque=float(np.sqrt(np.mean(rising**2))) if len(rising) else 0.0,
             self_collisions=faults[0],
             ground_penetrations=faults[1],
             limit_violations=faults[2],
             head_impact=float(find_impact(head[:, 0].astype(bool), head[:, 1])),
-            torque=torque,
             qpos=qpos,
         )
 
@@ -188,15 +200,14 @@ def _find_feet_and_head(
 class SensorJudge:
     """Judges a run by the measurements of each cycle: for robots without ground truth.
 
-    Sensors do not feel contacts, so a robot that leans on something, upright, at full height
+    Sensors do not measure contacts, so a robot that leans on something, upright, at full height
     and still, counts as standing. Contacts and penetrations are unknown, torques are estimated
     from currents, and positions are those in which the lowest point touches flat ground.
     """
 
     def __init__(self, world: World, period: float, torque_limit: float | None) -> None:
         self._world, self._period = world, period
-        limit = world.robot.max_torque
-        self._limit = limit if torque_limit is None else np.minimum(limit, torque_limit)
+        self._limit = limit_torque(world.robot, torque_limit)
         self._states: list[State] = []
 
     def __call__(self, cycle: Cycle) -> None:
@@ -205,47 +216,37 @@ class SensorJudge:
 
     def conclude(self) -> RunOutcome:
         """Judge the run; one that ended before its second cycle did not stand."""
-        robot = self._world.robot
+        robot, model = self._world.robot, self._world.model
         states = self._states[1:]  # the first was measured before the first command
         angles = np.array([s.joint_pos for s in states]).reshape(-1, robot.n)
         velocity = np.array([s.joint_vel for s in states]).reshape(-1, robot.n)
         current = np.array([s.joint_current for s in states]).reshape(-1, robot.n)
         turn = np.linalg.norm(np.array([s.gyro for s in states]).reshape(-1, 3), axis=1)
         measured = np.array([s.orientation for s in states]).reshape(-1, 4)
-        torso = torso_orientation(self._world.robot, self._world.model, measured)
-        stance = StanceMeter(robot, self._world.model).estimate(torso, angles)
+        torso = torso_orientation(robot, model, measured)
+        stance = StanceMeter(robot, model).estimate(torso, angles)
         still = (turn <= STILL_TURN) & np.all(np.abs(velocity) <= STILL_JOINT, axis=1)
         stand = judge(is_upright(stance, robot) & still, self._period)
-        torque = estimate_torque(robot, current)
-        rising = torque[: round(stand.start_time / self._period) + 1] if stand.stood else torque
         beyond = np.maximum(robot.lower - angles, angles - robot.upper) > LIMIT_SLACK
         left = count_episodes(beyond.any(axis=1)[:, None], round(APART / self._period))
-        return RunOutcome(
-            stand=stand,
-            peak_torque=float(np.abs(torque).max(initial=0.0)),
+        return _make_outcome(
+            stand,
+            estimate_torque(robot, current),
+            self._limit,
+            self._period,
             peak_velocity=float(np.abs(velocity).max(initial=0.0)),
-            torque_use=float((np.abs(torque) / self._limit).max(initial=0.0)),
-            rms_torque=float(np.sqrt(np.mean(rising**2))) if len(rising) else 0.0,
             self_collisions=None,
             ground_penetrations=None,
             limit_violations=left[0],
             head_impact=None,
-            torque=torque,
-            qpos=self._lay_out(torso, angles),
+            qpos=_place_on_ground(robot, model, torso, angles),
             is_sensed=True,
         )
 
-    def _lay_out(self, torso: Array, angles: Array) -> Array:
-        """Lay the postures out on flat ground as MuJoCo positions, (T, nq)."""
-        world = self._world
-        root = world.robot.layout(world.model).root_qpos
-        rows = np.zeros((len(torso), world.model.nq))
-        for row, orientation, joint_pos in zip(rows, torso, angles, strict=True):
-            posture = Posture(
-                position=np.zeros(3),
-                orientation=quaternion.normalize(orientation),
-                joint_pos=joint_pos,
-            )
-            row[:] = place(world.robot, world.model, posture)
-            row[root + 2] = -lowest_point(world.model, row)
-        return rows
+
+def _place_on_ground(robot: Robot, model: mujoco.MjModel, torso: Array, joint_pos: Array) -> Array:
+    """Convert measurements (T, ...) to MuJoCo positions on flat ground, (T, nq)."""
+    orientation = quaternion.normalize(torso)
+    qpos = place_postures(robot, model, np.zeros(3), orientation, joint_pos)
+    qpos[:, robot.layout(model).root_qpos + 2] = [-lowest_point(model, row) for row in qpos]
+    return qpos

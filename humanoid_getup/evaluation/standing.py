@@ -23,7 +23,7 @@ MIN_NECK_SHARE = 0.90
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stance:
-    """What decides whether a robot stands, sample by sample."""
+    """Quantities that decide whether a robot stands, sample by sample."""
 
     neck_height: Array
     """Height of the neck over the local ground under the feet [m], (...)."""
@@ -46,34 +46,28 @@ class StanceMeter:
         self._soles = [model.site(site).id for site in robot.sole_sites]
 
     def measure(self, qpos: Array, site_pos: Array, non_foot_contact: NDArray[np.bool_]) -> Stance:
-        """Measure what a simulation knows.
+        """Measure from the ground truth of a simulation.
 
-        Args:
-            qpos: MuJoCo positions, (..., nq).
-            site_pos: Positions of all sites in the world [m], (..., nsite, 3).
-            non_foot_contact: Whether anything but the feet touches the world, (...).
+        That is MuJoCo positions (..., nq), the positions of all sites in the world [m],
+        (..., nsite, 3), and whether anything but the feet touches the world, (...).
         """
-        root = self._layout.root_qpos
         feet = site_pos[..., self._soles, :].mean(axis=-2)
         return Stance(
             neck_height=site_pos[..., self._neck, 2] - self._ground(feet[..., 0], feet[..., 1]),
-            tilt=quaternion.tilt(qpos[..., root + 3 : root + 7]),
+            tilt=quaternion.tilt(qpos[..., self._layout.root_orientation]),
             non_foot_contact=non_foot_contact,
         )
 
     def estimate(self, orientation: Array, joint_pos: Array) -> Stance:
         """Estimate from sensors, by forward kinematics with the lower sole on the ground.
 
-        Sensors do not feel contacts, so none is assumed.
-
-        Args:
-            orientation: Torso to world, (T, 4).
-            joint_pos: Joint angles [rad], (T, n).
+        Measured are the orientation of the torso, (T, 4), and the joint angles [rad], (T, n).
+        Sensors do not measure contacts, so none is assumed.
         """
         data, layout = self._data, self._layout
-        root, height = layout.root_qpos, np.zeros(len(joint_pos))
+        height = np.zeros(len(joint_pos))
         for k in range(len(joint_pos)):
-            data.qpos[root + 3 : root + 7] = orientation[k]
+            data.qpos[layout.root_orientation] = orientation[k]
             data.qpos[layout.qpos] = joint_pos[k]
             mujoco.mj_kinematics(self._model, data)
             z = data.site_xpos[:, 2]
@@ -112,9 +106,9 @@ class Stand:
 def judge(upright: NDArray[np.bool_], period: float, hold_time: float = HOLD_TIME) -> Stand:
     """Judge one record (T,) of :func:`is_upright`, sampled at the end of every ``period``.
 
-    The stand that counts is the one that lasts to the end of the record: a robot
-    that stood and fell again did not rise. Only a search whose results are checked again may
-    use a shorter ``hold_time`` [s].
+    Only a stand that lasts to the end of the record counts: a robot that stood and fell again
+    did not rise. Only a search whose results are checked again may use a shorter ``hold_time``
+    [s].
     """
     broken = np.flatnonzero(~upright)
     first = 0 if len(broken) == 0 else int(broken[-1]) + 1

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-SUMMARISED = (
+SUMMARIZED = (
     "stand_time_s",
     "plan_s",
     "filter_s",
@@ -35,10 +35,7 @@ def summarize(values: Iterable[float | None]) -> dict[str, float | None]:
     numbers = [v for v in values if v is not None and math.isfinite(v)]
     if not numbers:
         return {"median": None, "p95": None}
-    return {
-        "median": float(np.median(numbers)),
-        "p95": float(np.percentile(numbers, 95)),
-    }
+    return {"median": float(np.median(numbers)), "p95": float(np.percentile(numbers, 95))}
 
 
 def summarize_records(records: list[dict[str, Any]]) -> dict[str, Any]:
@@ -51,7 +48,7 @@ def summarize_records(records: list[dict[str, Any]]) -> dict[str, Any]:
         "stood": stood,
         "stood_interval_95": [low, high],
     }
-    for key in SUMMARISED:
+    for key in SUMMARIZED:
         summary[key] = summarize(r.get(key) for r in records)
     for key in ("self_collisions", "ground_penetrations", "limit_violations", "clips"):
         summary[key] = sum(r.get(key) or 0 for r in records)

@@ -1,4 +1,4 @@
-"""The attempt manager: tries to get up, judges, recovers, tries again, or asks for help."""
+"""The attempt manager: plays rises, judges and recovers, until the robot stands or needs help."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from humanoid_getup.simulation.falls import classify
 from humanoid_getup.strategies.plan import RisePlan
 
 UNCLASSED = "other"  # start class of a robot that lies on no side
-MOST_REMEDIES = 5  # faults of a robot that only lies there before it is left alone
+MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
 
 
 class AttemptManager:
     """Gets a robot up, on any backend.
 
     Each attempt waits, torque off, until the robot is still, classifies how it lies, plans,
-    runs the preflight, plays under supervision and judges. A failed attempt is followed by
-    rest until every servo is cool and by the next one, up to a maximum; then, or at a fault
-    that rest does not cure, it asks for help. A stop ends it at once: nothing moves until the
-    guard is cleared and a new rise is started.
+    runs the preflight, plays under supervision and judges. After a failed attempt the robot
+    rests until every servo is cool; then the next one begins, up to a maximum. After that, or at
+    a fault that rest does not clear, the robot needs help. A stop ends everything at once:
+    nothing moves until the guard is cleared and a new rise is started.
     """
 
     def __init__(self, session: RiseSession) -> None:
@@ -44,10 +44,7 @@ class AttemptManager:
         )
 
     def get_up(self, rng: np.random.Generator) -> RiseResult:
-        """Try until the robot stands, is stopped, or needs help.
-
-        Args:
-            rng: Randomness of the plans.
+        """Try until the robot stands, is stopped, or needs help; ``rng`` is for the plans.
 
         Raises:
             KeyboardInterrupt: if it was interrupted; the robot's torque is off then.
@@ -110,7 +107,7 @@ class AttemptManager:
         return self._play(attempt, controller)
 
     def _settle(self) -> State:
-        """Wait until the robot is still, and cure what keeps it from being measured."""
+        """Wait until the robot is still, and recover from faults meanwhile."""
         for _ in range(MOST_REMEDIES):
             self._report(Phase.SETTLING, Phase.SETTLING.value)
             if not self._options.settle:
@@ -149,7 +146,7 @@ class AttemptManager:
         )
 
     def _check_end(self, attempt: Attempt) -> None:
-        """Let nothing follow a stop or a robot that was lost."""
+        """Raise if the operator stopped the robot or its connection was lost."""
         if attempt.run is None or attempt.run.ending is not Ending.FAULT:
             return
         fault = self._guard.fault
@@ -159,7 +156,7 @@ class AttemptManager:
             raise StoppedError(fault.detail)
 
     def _recover(self, attempt: Attempt) -> None:
-        """Rest after a failed attempt, and cure the fault that ended its run."""
+        """Rest after a failed attempt, and clear the fault that ended its run."""
         fault = self._guard.fault
         if attempt.run is not None and attempt.run.ending is Ending.FAULT and fault is not None:
             self._recovery.remedy(fault)
@@ -170,7 +167,7 @@ class AttemptManager:
 
 
 def _ended_by_fault(attempts: list[Attempt], status: AttemptStatus) -> bool:
-    """Return whether the guard or the hardware cut the last attempt off."""
+    """Return whether a fault of the guard or the hardware ended the last attempt."""
     if status is not AttemptStatus.NEEDS_HELP or not attempts:
         return False
     last = attempts[-1].run

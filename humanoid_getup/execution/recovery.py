@@ -1,4 +1,4 @@
-"""Recovery of a robot that its guard has stopped, with torque off: cool, reboot, wait."""
+"""Recovery of a robot that its guard has stopped, with torque off: cooling, reboots, waiting."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from drivers.control_loop import Pacer
 from drivers.state import HardwareError
 
 OVERHEATING, OVERLOAD = int(HardwareError.OVERHEATING), int(HardwareError.OVERLOAD)
-MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; more often means a fault that reboots do not cure
+MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; more reboots mean a fault that they do not clear
 ALERT_TIME = 1.0  # s within which a servo in error reports its error
 REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
-PATIENCE = 4  # cycles that a wait may take per cycle of its nominal time
+PATIENCE = 4  # cycles that a wait may take for each cycle of its nominal time
 
 
 @runtime_checkable
@@ -25,7 +25,7 @@ class RebootsServos(Protocol):
     """A backend that can also restart servos."""
 
     def reboot(self, joint: str) -> None:
-        """Restart a joint's servo; its torque stays off, its goal is where it is."""
+        """Restart a joint's servo; its torque stays off, its goal is its present angle."""
         ...
 
 
@@ -34,12 +34,12 @@ class UnrecoveredError(Exception):
 
 
 class StoppedError(Exception):
-    """The operator stopped the robot; it must not move."""
+    """The operator has stopped the robot; it must not move."""
 
 
 @dataclass
 class RebootBudget:
-    """Limits how often servos are rebooted: one that keeps tripping has another fault."""
+    """Limits how often servos are rebooted: a servo that keeps tripping has another fault."""
 
     most: int = MOST_REBOOTS
     window: float = REBOOT_WINDOW
@@ -47,7 +47,7 @@ class RebootBudget:
     _times: deque[float] = field(default_factory=deque)
 
     def spend(self, time: float) -> bool:
-        """Take one reboot at a time [s]; return False where the budget is spent."""
+        """Count a reboot at a time [s]; return False if the budget is spent."""
         while self._times and self._times[0] <= time - self.window:
             self._times.popleft()
         if len(self._times) >= self.most:
@@ -69,7 +69,7 @@ class Cooling:
 
 
 class Recovery:
-    """Cools, reboots and waits, on the backend's clock, with torque off throughout."""
+    """Lets servos cool and reboots them, on the backend's clock, with torque off throughout."""
 
     def __init__(
         self,
@@ -80,13 +80,13 @@ class Recovery:
         realtime: bool = False,
         report: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Prepare.
+        """Prepare the recovery of a robot, whose guard is closed between the steps.
 
         Args:
-            guard: Robot to recover; closed between the steps.
+            guard: Robot to recover.
             cooling: How long to rest.
-            services: Reboots servos; ``None`` where the backend cannot.
-            realtime: Pace the cycles by the wall clock, for backends that do not.
+            services: Reboots servos; ``None`` if the backend cannot.
+            realtime: Whether to pace the cycles by the wall clock.
             report: Called with a short description of each action.
         """
         self._guard, self._cooling, self._services = guard, cooling, services
@@ -94,11 +94,11 @@ class Recovery:
         self._budget = RebootBudget()
 
     def remedy(self, fault: Fault) -> None:
-        """Cure a fault; the robot lies without torque and without a fault afterwards.
+        """Clear a fault, with torque off.
 
         Raises:
             StoppedError: if the fault is the operator's stop.
-            UnrecoveredError: if there is no cure, or none is permitted.
+            UnrecoveredError: if it cannot be cleared, or must not be.
         """
         match fault.kind:
             case FaultKind.STOPPED:
@@ -106,16 +106,16 @@ class Recovery:
             case FaultKind.TOO_HOT:
                 self.cool_down()
             case FaultKind.SERVO_ERROR:
-                self._mend_servos()
+                self._recover_servos()
             case _:
                 raise UnrecoveredError(str(fault))
 
     def cool_down(self) -> None:
-        """Wait with torque off for a while, and until every servo is cool.
+        """Wait with torque off for `Cooling.min_time`, and until every servo is cool.
 
         Raises:
             StoppedError: if the operator stops the robot meanwhile.
-            UnrecoveredError: if it takes too long, or the robot is lost meanwhile.
+            UnrecoveredError: if it takes too long, or another fault occurs meanwhile.
         """
         cooling = self._cooling
         self._report(f"torque off until every servo has {cooling.temperature:.0f} °C or less")
@@ -125,7 +125,7 @@ class Recovery:
             return cool and elapsed >= cooling.min_time
 
         with self._guard:
-            state, cool = self._lie(is_cool, cooling.max_time)
+            state, cool = self._wait(is_cool, cooling.max_time)
         if not cool:
             hottest = int(state.temperature.argmax())
             raise UnrecoveredError(
@@ -134,32 +134,32 @@ class Recovery:
                 f"expected at most {cooling.temperature:.0f} °C"
             )
 
-    def _mend_servos(self) -> None:
+    def _recover_servos(self) -> None:
         """Reboot servos that tripped by overload; let those that tripped by heat cool down."""
         with self._guard:
-            state, _ = self._lie(_is_named, ALERT_TIME)
-            hot = self._sort_out(state)
+            state, _ = self._wait(_is_named, ALERT_TIME)
+            hot = self._check_errors(state)
             for joint in np.flatnonzero(state.alert & ~hot):
                 self._reboot(int(joint), state)
-            mended, _ = self._lie(lambda s, _: not np.any(s.alert & ~hot), REBOOT_TIME)
-            left = np.flatnonzero(mended.alert & ~hot)
+            rebooted, _ = self._wait(lambda s, _: not np.any(s.alert & ~hot), REBOOT_TIME)
+            left = np.flatnonzero(rebooted.alert & ~hot)
         if len(left):
-            raise UnrecoveredError(f"rebooted, but {self._describe(mended, left)}")
+            raise UnrecoveredError(f"rebooted, but {self._describe(rebooted, left)}")
         if hot:
             self.cool_down()
             with self._guard:
-                cooled, _ = self._lie(lambda *_: True, ALERT_TIME)
+                cooled, _ = self._wait(lambda *_: True, ALERT_TIME)
             if cooled.alert.any():
                 raise UnrecoveredError(
                     f"{self._describe(cooled, np.flatnonzero(cooled.alert))}, and has cooled "
-                    "down: find out why it got hot, then switch its power off and on"
+                    "down: find out why it overheated, then switch its power off and on"
                 )
 
-    def _sort_out(self, state: State) -> int:
-        """Refuse errors that no reboot may cure; return the overheating bit if it is set."""
+    def _check_errors(self, state: State) -> int:
+        """Raise for errors that a reboot must not clear; return the overheating bit if set."""
         other = np.flatnonzero(state.alert & ~(OVERLOAD | OVERHEATING))
         if len(other):
-            raise UnrecoveredError(f"{self._describe(state, other)}: look at the servo")
+            raise UnrecoveredError(f"{self._describe(state, other)}: inspect the servo")
         hot = (state.alert & OVERHEATING) != 0
         both = hot & ((state.alert & OVERLOAD) != 0)
         if both.any():
@@ -182,7 +182,7 @@ class Recovery:
         self._report(f"rebooting joint '{name}', which tripped by overload")
         self._services.reboot(name)
 
-    def _lie(self, is_over: Callable[[State, float], bool], most: float) -> tuple[State, bool]:
+    def _wait(self, is_over: Callable[[State, float], bool], most: float) -> tuple[State, bool]:
         """Wait, torque off, until a condition holds, at most ``most`` seconds."""
         guard = self._guard
         pacer = Pacer(guard.period) if self._realtime else None
@@ -211,6 +211,6 @@ class Recovery:
 
 
 def _is_named(state: State, _elapsed: float) -> bool:
-    """Return whether every servo in error has reported which; some report later."""
+    """Return whether every servo in error has reported its error; some report later."""
     alert = state.alert[state.alert != 0]
     return bool(len(alert)) and bool(np.all(alert & 0b111101))

@@ -16,7 +16,7 @@ from robots import Robot
 
 
 class AttemptStatus(Enum):
-    """How getting up ended."""
+    """Final status of getting up."""
 
     STOOD = "the robot stands"
     NEEDS_HELP = "the robot needs help"
@@ -36,7 +36,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True)
 class PhaseChange:
-    """A phase that begins."""
+    """The start of a phase."""
 
     phase: Phase
     attempt: int
@@ -51,15 +51,15 @@ class Attempt:
     number: int
     """From 1."""
     start_class: str | None = None
-    """Side it lay on; None when it did not come to rest."""
+    """Class of its start; None if it did not come to rest."""
     plan: RisePlan | None = None
     verdict: Verdict | None = None
-    """Of the preflight."""
+    """Verdict of the preflight."""
     run: RunReport | None = None
-    """None when nothing was played."""
+    """None if nothing was played."""
     outcome: RunOutcome | None = None
     abort: Abort | None = None
-    """Why the supervisor gave up, if it did."""
+    """Why the supervisor aborted, if it did."""
     warnings: tuple[str, ...] = ()
     refusal: str | None = None
     """Why it was not played."""
@@ -73,16 +73,16 @@ class Attempt:
 
     @property
     def reason(self) -> str:
-        """Return in one line why it ended as it did."""
+        """Return in one line how it ended, and why."""
         if self.run is None or self.outcome is None:
             return self.refusal or (self.plan.reason if self.plan else "not started")
         if self.stood:
             return "held stand"
         if self.abort is not None:
-            return f"gave up after {self.abort.time:.1f} s: {self.abort}"
+            return f"aborted after {self.abort.time:.1f} s: {self.abort}"
         if self.run.ending is not Ending.DONE:
             return self.run.reason
-        return f"fell: held {self.outcome.stand.hold_time:.1f} s, needed {HOLD_TIME:.1f} s"
+        return f"fell: held {self.outcome.stand.hold_time:.1f} s, expected {HOLD_TIME:.1f} s"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class RiseResult:
     reason: str
     """One line; for a robot that needs help, what was observed."""
     by_fault: bool = False
-    """Whether a hardware fault ended it, rather than a rise that failed."""
+    """Whether a hardware fault ended it, not a failed rise."""
     attempts: tuple[Attempt, ...] = ()
 
     def __str__(self) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from humanoid_getup.evaluation.standing import HOLD_TIME, Stance, is_upright, judge, measure_stance
 from humanoid_getup.filtering.reference import Reference, compose
-from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_torque, compute_wish
+from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -19,7 +19,7 @@ from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
 
-FADE_CYCLES = 40  # in which the virtual actuator lets go before the targets stand still
+FADE_CYCLES = 40  # in which the virtual actuator fades out before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
 FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
@@ -30,7 +30,7 @@ CHECK_DISTURBANCE = RolloutRandomization(
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A path and a motion that the filter may try."""
+    """A path and a motion to be rolled out."""
 
     path: Trajectory
     """From the lying posture to the connecting one."""
@@ -40,23 +40,23 @@ class Candidate:
     assistance: float = 1.0
     """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
     before: Array | None = None
-    """Targets to send first [rad], (T, n): those of an earlier rollout that ended where the path
+    """Targets to send first [rad], (T, n): those of an earlier rollout, at whose end the path
     begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateRollout:
-    """How a candidate went in simulation."""
+    """Rollout of a candidate."""
 
     candidate: Candidate
     stood: bool
-    """Whether it ended upright; whether that holds is for the check to show."""
+    """Whether it ended upright for `FIRST_HOLD`; a check asks for more."""
     stand_time: float
     """Start to the first moment of the stand [s]; nan if it did not stand."""
     target: Array
     """Targets that the servos were sent [rad], (T, n)."""
     qpos: Array
-    """Where the robot went, MuJoCo positions (T, nq)."""
+    """MuJoCo positions, (T, nq)."""
     peak_neck: float
     """Greatest neck height reached [m]."""
     moving: int
@@ -92,18 +92,12 @@ class DynamicsFilter:
         moving = [len(r.target) for r in references]
         length = max(moving) + round(FIRST_HOLD / robot.control_period)
         target = np.array([_extend(r.target, length) for r in references])
-        steering = _Steering(
-            world,
-            self._limbs,
-            start,
-            references,
-            length,
-            np.array([c.assistance for c in candidates]),
-        )
+        assistance = np.array([c.assistance for c in candidates])
+        feedback = _Assistance(world, self._limbs, start, references, length, assistance)
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
         limit = self.torque_limit.value
         limits = DomainParameters.nominal(world, len(candidates), torque_limit=limit)
-        trace = self._play(starts, target, limits, steering)
+        trace = self._play(starts, target, limits, feedback)
         stance = measure_stance(world, trace)
         return [self._read(trace, stance, i, c, moving[i]) for i, c in enumerate(candidates)]
 
@@ -118,27 +112,30 @@ class DynamicsFilter:
         """
         world, robot = self.world, self.world.robot
         limit = self.torque_limit.largest(robot)
-        starts, conditions = randomize_rollouts(
+        starts, parameters = randomize_rollouts(
             world, place(robot, world.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
         )
-        longer = _extend(
-            target, len(target) + round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
-        )
-        trace = self._play(starts, np.tile(longer, (CHECKS, 1, 1)), conditions, None)
+        more = round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
+        longer = _extend(target, len(target) + more)
+        trace = self._play(starts, np.tile(longer, (CHECKS, 1, 1)), parameters, None)
         upright = is_upright(measure_stance(world, trace), robot)
         stood = [judge(u, trace.period).stood for u in upright]
         return float(np.mean(stood)) if stood[0] else 0.0
 
     def _play(
-        self, starts: Array, target: Array, conditions: DomainParameters, steering: _Steering | None
+        self,
+        starts: Array,
+        target: Array,
+        parameters: DomainParameters,
+        feedback: _Assistance | None,
     ) -> Trace:
         n = len(starts)
         pwm_limited = np.full(n, self.torque_limit.by_pwm)
-        conditions = replace(conditions, pwm_limited=pwm_limited)
+        parameters = replace(parameters, pwm_limited=pwm_limited)
         self.count += n
         if n not in self._simulations:
             self._simulations[n] = Rollout(self.world, n, threads=self._threads)
-        return self._simulations[n].play(starts, target, conditions, feedback=steering)
+        return self._simulations[n].play(starts, target, parameters, feedback=feedback)
 
     def _read(
         self, trace: Trace, stance: Stance, i: int, candidate: Candidate, moving: int
@@ -156,8 +153,8 @@ class DynamicsFilter:
         )
 
 
-class _Steering:
-    """Adds the virtual actuator to the planned targets, within the guard's rules."""
+class _Assistance:
+    """Adds the virtual actuator to the planned targets, within the limits of the guard."""
 
     def __init__(
         self,
@@ -182,30 +179,28 @@ class _Steering:
         self._last_com: Array | None = None
         self._shift = np.zeros((len(references), 3))
 
-    def __call__(self, seen: Feedback, planned: Array) -> Array:
-        com = seen.com[:, self._torso]
+    def __call__(self, state: Feedback, planned: Array) -> Array:
+        com = state.com[:, self._torso]
         velocity = np.zeros_like(com)
         if self._last_com is not None:
             velocity = (com - self._last_com) / self._period
         self._last_com = com.copy()
-        target = planned + self._assist(seen, com, velocity) / self._robot.position_gain
+        target = planned + self._assist(state, com, velocity) / self._robot.position_gain
         target = np.clip(target, self._robot.lower, self._robot.upper)
         reach = self._robot.max_velocity * self._period * 0.999
         self._last = np.clip(target, self._last - reach, self._last + reach)
         return self._last
 
-    def _assist(self, seen: Feedback, com: Array, velocity: Array) -> Array:
-        k = seen.step
-        anchored = (k == self._begins) | (
-            k == self._joined
-        )  # where the robot is becomes where it should be
+    def _assist(self, state: Feedback, com: Array, velocity: Array) -> Array:
+        k = state.step
+        # Here the reference is shifted over the ground to the robot.
+        anchored = (k == self._begins) | (k == self._joined)
         self._shift[anchored, :2] = (com - self._com[:, k])[anchored, :2]
-        wish = compute_wish(
-            com, velocity, self._com[:, k] + self._shift, self._velocity[:, k], self._limbs.mass
-        )
+        reference = self._com[:, k] + self._shift
+        force = compute_force(com, velocity, reference, self._velocity[:, k], self._limbs.mass)
         left = np.clip((self._moving - 1 - k) / FADE_CYCLES, 0.0, 1.0)
         active = ((k >= self._begins) * left)[:, None]
-        return active * self._assistance * compute_torque(seen, wish, self._limbs)
+        return active * self._assistance * compute_torque(state, force, self._limbs)
 
 
 def _extend(rows: Array, length: int) -> Array:

@@ -1,4 +1,4 @@
-"""References: what the filter makes the robot follow, from the lying posture to the stand."""
+"""References: what the dynamics filter tracks, from the lying posture to the stand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robots.quaternion import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """Targets to send and where the center of mass should be meanwhile."""
+    """Targets to send, and the desired motion of the center of mass."""
 
     target: Array
     """Joint targets [rad], one a control period, (T, n)."""
@@ -26,10 +26,10 @@ class Reference:
     joined: int
     """Cycle at which the database motion begins."""
     begins: int = 0
-    """Cycle at which the path begins; before it the targets are an earlier try's."""
+    """Cycle at which the path begins; before it the targets are those of an earlier rollout."""
 
     def after(self, target: Array) -> Reference:
-        """Put an earlier try's targets (T, n) before this reference."""
+        """Put the targets (T, n) of an earlier rollout before this reference."""
         waiting = np.repeat(self.com[:1], len(target), axis=0)
         return Reference(
             target=np.concatenate([target, self.target]),
@@ -40,7 +40,7 @@ class Reference:
 
 
 def straight_path(start: Posture, goal: Posture, speed: float, period: float) -> Trajectory:
-    """Interpolate two postures straight, at constant joint speed: a path without a plan."""
+    """Interpolate between two postures linearly, at constant joint speed, without planning."""
     travel = float(np.max(np.abs(goal.joint_pos - start.joint_pos), initial=0.0))
     steps = max(2, round(travel / speed / period))
     share = np.linspace(0.0, 1.0, steps + 1)
@@ -52,7 +52,7 @@ def straight_path(start: Posture, goal: Posture, speed: float, period: float) ->
     )
 
 
-def align(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
+def align_motion(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
     """Turn and shift a motion so that its frame has a posture's place and heading.
 
     Returns positions (T, 3) and orientations (T, 4).
@@ -69,26 +69,19 @@ def align(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
 def compose(
     world: World, path: Trajectory, motion: Motion, frame: int, tempo: float = 1.0
 ) -> Reference:
-    """Chain a path and the rest of a motion into one reference, lying to stand.
+    """Chain a path and a motion from a frame on into one reference, lying to stand.
 
-    On the path the servos are led by their back-EMF: a position servo that follows a
-    speed v stays ``(K²/R) / kp * v`` behind its target. This is velocity-driven tracking
-    for position servos: v_d = v_ref + (kp R / K²) (q_ref - q). In the motion, the lead
-    is the motion's own, blended in over the seam.
-
-    Args:
-        world: Robot and scene.
-        path: From the lying posture to the connecting one.
-        motion: Motion to join.
-        frame: Where to join it.
-        tempo: Speed of the path as a share of its own.
+    On the path the targets compensate the servos' back-EMF: a position servo that follows a
+    speed v stays ``(K²/R) / kp * v`` behind its target. This is velocity-driven tracking for
+    position servos: v_d = v_ref + (kp R / K²) (q_ref - q). In the motion, the lead is that of
+    its own targets, blended in. The path is played at ``tempo``, a share of its own speed.
     """
     robot, period = world.robot, world.robot.control_period
     path = resample(path, tempo, period)
     speed = np.gradient(path.joint_pos, period, axis=0) if len(path.time) > 1 else 0.0
     lag = robot.torque_speed_slope / robot.position_gain
     approach = path.joint_pos + lag * speed
-    position, orientation = align(motion, frame, posture_at(path, -1))
+    position, orientation = align_motion(motion, frame, path.end)
     joined = join(motion, frame, path.joint_pos[-1], period)
     rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
     model = world.model
@@ -104,7 +97,7 @@ def compose(
 
 
 def resample(path: Trajectory, tempo: float, period: float) -> Trajectory:
-    """Play a path faster or slower, sampled at the control period again."""
+    """Scale the speed of a path, and sample it at the control period again."""
     if tempo == 1.0:
         return path
     duration = path.time[-1] / tempo
@@ -119,13 +112,4 @@ def resample(path: Trajectory, tempo: float, period: float) -> Trajectory:
         position=columns[0],
         orientation=quaternion.normalize(columns[1]),
         joint_pos=columns[2],
-    )
-
-
-def posture_at(path: Trajectory, row: int) -> Posture:
-    """Return a path's posture at a row."""
-    return Posture(
-        position=path.position[row],
-        orientation=path.orientation[row],
-        joint_pos=path.joint_pos[row],
     )

@@ -1,4 +1,4 @@
-"""The virtual actuator: a force wished on the center of mass, made by the joints alone."""
+"""The virtual actuator: a desired force on the center of mass, made by the joints alone."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from humanoid_getup.simulation.rollout import Feedback
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
-SUPPORT_FORCE_SHARE = 0.5  # of the robot's weight, the most that is ever wished for
-STIFFNESS_RATE = 4.0  # rad/s, how fast the wish would bring the center of mass back
+SUPPORT_FORCE_SHARE = 0.5  # of the robot's weight, the largest desired force
+STIFFNESS_RATE = 4.0  # rad/s, natural frequency of the virtual spring and damper
 DAMPING_RATIO = 0.7
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimbMap:
-    """Which joint moves which limb, and how much mass hangs on each joint."""
+    """Limb, body and mass that each joint moves."""
 
     limb: np.ndarray
     """Limb of each joint, shape (n,)."""
@@ -47,25 +47,25 @@ def _ancestor(parent: np.ndarray, body: int, roots: list[int]) -> int:
     return body
 
 
-def compute_wish(
-    com: Array, com_velocity: Array, wanted: Array, wanted_velocity: Array, mass: float
+def compute_force(
+    com: Array, com_velocity: Array, reference: Array, reference_velocity: Array, mass: float
 ) -> Array:
-    """Compute the force wished on the center of mass [N], (..., 3).
+    """Compute the desired force on the center of mass [N], (..., 3).
 
-    A spring and damper to where the reference has it, cut to half of the weight.
+    It is a spring and damper to the reference, limited to half of the weight.
     """
-    spring = STIFFNESS_RATE**2 * (wanted - com)
-    damper = 2.0 * DAMPING_RATIO * STIFFNESS_RATE * (wanted_velocity - com_velocity)
+    spring = STIFFNESS_RATE**2 * (reference - com)
+    damper = 2.0 * DAMPING_RATIO * STIFFNESS_RATE * (reference_velocity - com_velocity)
     force = mass * (spring + damper)
     largest = SUPPORT_FORCE_SHARE * mass * 9.81
     size = np.linalg.norm(force, axis=-1, keepdims=True)
     return force * np.minimum(1.0, largest / np.maximum(size, 1e-9))
 
 
-def compute_torque(seen: Feedback, force: Array, limbs: LimbMap) -> Array:
+def compute_torque(state: Feedback, force: Array, limbs: LimbMap) -> Array:
     """Turn a force on the center of mass into joint torques [N·m], (N, n).
 
-    With its point of touch p held by the world and the torso's attitude kept, turning
+    With its contact point p fixed to the world and the torso's attitude kept, turning
     joint j (axis a, anchor o, the subtree below it of mass share m and center c) by dq moves
     the center of mass by
     ``(m a x (c - o) - a x (p - o)) dq``: that is the column of the Jacobian J, and the
@@ -73,14 +73,14 @@ def compute_torque(seen: Feedback, force: Array, limbs: LimbMap) -> Array:
     the joints of the others get none, and no external force ever acts.
 
     Args:
-        seen: N rollouts at one cycle.
-        force: Wanted force on each center of mass [N], (N, 3).
+        state: N rollouts at one cycle.
+        force: Desired force on each center of mass [N], (N, 3).
         limbs: Which joint belongs to which limb.
     """
-    point = seen.limb_point[:, limbs.limb]  # (N, n, 3)
-    below = seen.com[:, limbs.body]  # (N, n, 3)
-    shift = limbs.mass_share[:, None] * np.cross(seen.axis, below - seen.anchor)
-    jacobian = shift - np.cross(seen.axis, point - seen.anchor)
-    helpers = seen.limb_touch.sum(axis=1, keepdims=True)
-    share = seen.limb_touch[:, limbs.limb] / np.maximum(helpers, 1)  # (N, n)
+    point = state.limb_point[:, limbs.limb]  # (N, n, 3)
+    below = state.com[:, limbs.body]  # (N, n, 3)
+    shift = limbs.mass_share[:, None] * np.cross(state.axis, below - state.anchor)
+    jacobian = shift - np.cross(state.axis, point - state.anchor)
+    supports = state.limb_touch.sum(axis=1, keepdims=True)
+    share = state.limb_touch[:, limbs.limb] / np.maximum(supports, 1)  # (N, n)
     return share * np.einsum("nji,ni->nj", jacobian, force)

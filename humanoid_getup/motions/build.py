@@ -1,9 +1,10 @@
-"""Building the motion database: from authored key postures to verified motions."""
+"""Builds the motion database: from hand-written keyframes to verified motions."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,15 +43,15 @@ def build_motion(
     seed: int,
     report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> tuple[Motion, Keyframes]:
-    """Improve one set of keyframes and record it as a motion that stands.
+    """Optimize one set of keyframes and record it as a motion that stands.
 
     Raises:
-        RuntimeError: if the improved motion does not end in a held stand.
+        RuntimeError: if the optimized motion does not end in a held stand.
     """
     world = World(robot)
     start = settle(world, keyframes)
-    improver = TrajectoryOptimizer(world, start)
-    improved, robust = improver.improve(keyframes, generations, seed, report)
+    optimizer = TrajectoryOptimizer(world, start)
+    optimized, robust = optimizer.optimize(keyframes, generations, seed, report)
     provenance = {
         "program": "getup motions build",
         "seed": seed,
@@ -58,11 +59,11 @@ def build_motion(
         "disturbed_success": robust,
         "torque_limit": keyframes.torque_limit,
     }
-    return record(world, improved, start, provenance), improved
+    return record(world, optimized, start, provenance), optimized
 
 
 def settle(world: World, keyframes: Keyframes) -> Array:
-    """Lay the robot down in the first key posture and wait; return positions (nq,)."""
+    """Let the robot settle in the first key posture; return MuJoCo positions (nq,)."""
     axis, angle = ATTITUDES[keyframes.start_class]
     posture = Posture(
         position=np.array([0.0, 0.0, 1.0]),
@@ -75,7 +76,7 @@ def settle(world: World, keyframes: Keyframes) -> Array:
 def record(
     world: World, keyframes: Keyframes, start: Array, provenance: dict[str, str | float | int]
 ) -> Motion:
-    """Play keyframes once, undisturbed at full torque, and keep what happened.
+    """Roll keyframes out once, undisturbed at full torque, and record the motion.
 
     Raises:
         RuntimeError: if it does not end in a held stand.
@@ -89,15 +90,13 @@ def record(
     moving = len(targets) - round((HOLD_TIME + 0.5) / period)
     went = np.concatenate([start[None], trace.qpos[0, : moving - 1]])  # at the time of each target
     postures = [read_posture(robot, world.model, q) for q in went]
-    motion = Motion(
+    motion = Motion.through(
+        postures,
+        period,
         name=keyframes.name,
         robot=robot.name,
-        start_class=keyframes.start_class,  # type: ignore[arg-type]
+        start_class=keyframes.start_class,
         strategy=keyframes.strategy,
-        time=np.arange(moving, dtype=float) * period,
-        position=np.array([p.position for p in postures]),
-        orientation=np.array([p.orientation for p in postures]),
-        joint_pos=np.array([p.joint_pos for p in postures]),
         joint_target=targets[:moving],
         provenance={**provenance, "stand_time_s": stand.start_time},
     )
@@ -105,16 +104,15 @@ def record(
 
 
 def with_entries(world: World, motion: Motion) -> Motion:
-    """Mark the frames from which the rest of a motion, started at rest, still stands."""
+    """Mark the frames from which the rest of a motion, entered at rest, ends standing."""
     frames = np.arange(0, len(motion.time), ENTRY_STRIDE)
     entry = np.zeros(len(motion.time), dtype=bool)
     for first in range(0, len(frames), ENTRY_BATCH):
         some = frames[first : first + ENTRY_BATCH]
         entry[some] = _stands_from(world, motion, some)
     if not entry.any():
-        raise RuntimeError(f"motion '{motion.name}' cannot be joined from rest at any frame")
-    fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
-    return Motion(**{**fields, "entry": entry})
+        raise RuntimeError(f"motion '{motion.name}' does not end standing from rest at any frame")
+    return replace(motion, entry=entry)
 
 
 def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray:
@@ -129,7 +127,7 @@ def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray
     return np.array([judge(u, period).stood for u in upright])
 
 
-def load_authored(robot: Robot) -> list[Keyframes]:
+def load_robot_keyframes(robot: Robot) -> list[Keyframes]:
     """Load the keyframes of a robot's folder."""
     return load_keyframes(robot.folder / KEYFRAMES, robot)
 

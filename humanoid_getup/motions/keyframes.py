@@ -1,4 +1,4 @@
-"""Keyframes: rising motions as authored key postures, before any physics."""
+"""Keyframes: rising motions as hand-written key postures, before any physics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robots import Robot
 from robots.quaternion import Array
 from robots.validation import load_toml, name_unknown_joints, positive, read_table
 
-SPEED_SHARE = 0.9  # of the servos' no-load speed, the most a target may move
+SPEED_SHARE = 0.9  # of the servos' no-load speed, the bound of a target's speed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,15 +33,15 @@ class Keyframes:
     keys: Array
     """Joint targets [rad], shape (K, n); the last is the standing posture."""
     free: np.ndarray
-    """Joints that an improvement may change, shape (m,): left or unpaired ones."""
+    """Joints that the optimization may change, shape (m,): left or unpaired ones."""
     mirrored: np.ndarray
-    """Whether each free joint carries its right-hand partner along, shape (m,)."""
+    """Whether the right-hand partner of each free joint mirrors it, shape (m,)."""
     torque_limit: float
-    """Cap on the servos under which an improvement rehearses it [N·m]."""
+    """Torque limit of every servo in the optimization [N·m]."""
     time_cost: float
-    """What a second until the stand costs in an improvement."""
+    """Cost of a second until the stand in the optimization."""
     torque_cost: float
-    """What a newton meter of RMS torque costs there."""
+    """Cost of a newton meter of RMS torque there."""
 
     def targets(self, robot: Robot, hold: float) -> Array:
         """Sample the joint targets at the control period, then hold the last, (T, n).
@@ -56,9 +56,8 @@ class Keyframes:
             time = np.minimum(time, knots[-1])
             excess = np.max(np.abs(curve(time, 1)) / limit, axis=1)
             segment = np.minimum(np.searchsorted(knots, time, side="right") - 1, len(duration) - 1)
-            stretch = np.array(
-                [excess[segment == i].max(initial=0.0) for i in range(len(duration))]
-            )
+            stretch = np.zeros(len(duration))
+            np.maximum.at(stretch, segment, excess)
             if np.all(stretch <= 1.0):
                 break
             duration = duration * np.maximum(1.0, stretch)
@@ -68,7 +67,7 @@ class Keyframes:
 
     @property
     def genes(self) -> Array:
-        """Return what an improvement may change as one vector: log times, then angles [rad]."""
+        """Return what the optimization may change in a vector: log times, then angles [rad]."""
         return np.concatenate([np.log(self.duration), self.keys[1:-1, self.free].ravel()])
 
     def with_genes(self, genes: Array, robot: Robot) -> Keyframes:
@@ -123,7 +122,7 @@ class _File:
 
 
 def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
-    """Load authored key postures from a TOML file.
+    """Load key postures from a TOML file.
 
     Each motion has ``keys``: a list of tables with ``after`` (seconds since the key
     before) and the angles [deg] that change there, under ``both`` (left joints,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
 from robots.arrays import NUMBERS, load_arrays, save_arrays, to_text
-from robots.files import atomic_path
 from robots.posture import UNIT_TOLERANCE
 from robots.quaternion import Array
 
@@ -47,47 +47,20 @@ class Motion:
     joint_pos: Array
     """Joint angles [rad], shape (T, n), in the robot's joint order."""
     joint_target: Array
-    """Target angles of the servos [rad], shape (T, n).
-
-    They differ from ``joint_pos`` by the load on the joints: a position servo produces
-    its torque from the difference.
-    """
+    """Target angles of the servos [rad], shape (T, n). They differ from ``joint_pos`` by the
+    load on the joints: a position servo produces its torque from the difference."""
     entry: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """Frames at which the motion may be entered at rest and still ends standing, (T,).
-
-    Empty or all False means frame 0 alone.
-    """
+    """Frames at which the motion may be entered at rest and still ends standing, (T,);
+    empty or all False for frame 0 alone."""
     provenance: dict[str, str | float | int] = field(default_factory=dict)
     """How it was made: program, seed, cost..."""
 
     def __post_init__(self) -> None:
         if not np.any(self.entry):
             object.__setattr__(self, "entry", np.arange(len(self.time)) == 0)
-        faults = self._find_faults()
-        if faults:
-            raise ValueError(f"motion '{self.name}': " + "; ".join(faults))
-
-    def _find_faults(self) -> list[str]:
-        if self.start_class not in START_CLASSES:
-            return [f"start_class is '{self.start_class}', expected {', '.join(START_CLASSES)}"]
-        faults = _shape_faults(self)
-        if faults:
-            return faults
-        for key in ("time", "position", "orientation", "joint_pos", "joint_target"):
-            if not np.all(np.isfinite(getattr(self, key))):
-                faults.append(f"{key} holds {_first_odd(getattr(self, key))}, expected finite")
-        if faults:
-            return faults
-        if np.any(np.diff(self.time) <= 0.0):
-            frame = int(np.argmax(np.diff(self.time) <= 0.0))
-            faults.append(f"time must be strictly increasing, it is not after frame {frame}")
-        length = np.linalg.norm(self.orientation, axis=1)
-        worst = int(np.argmax(np.abs(length - 1.0)))
-        if abs(length[worst] - 1.0) > UNIT_TOLERANCE:
-            faults.append(
-                f"orientation of frame {worst} has length {length[worst]:.4f}, expected 1"
-            )
-        return faults
+        problems = _check_shapes(self) or _check_finite(self) or _check_values(self)
+        if problems:
+            raise ValueError(f"motion '{self.name}': " + "; ".join(problems))
 
     @property
     def duration(self) -> float:
@@ -98,6 +71,17 @@ class Motion:
     def entry_frames(self) -> NDArray[np.intp]:
         """Return the frames at which the motion may be entered."""
         return np.flatnonzero(self.entry)
+
+    @classmethod
+    def through(cls, postures: Sequence[Posture], period: float, **fields: Any) -> Motion:
+        """Make the motion through postures that are a period [s] apart."""
+        return cls(
+            time=np.arange(len(postures), dtype=float) * period,
+            position=np.array([p.position for p in postures]),
+            orientation=np.array([p.orientation for p in postures]),
+            joint_pos=np.array([p.joint_pos for p in postures]),
+            **fields,
+        )
 
     def posture(self, frame: int) -> Posture:
         """Return the posture at a frame."""
@@ -122,12 +106,10 @@ class Motion:
 
     def mirrored(self, robot: Robot) -> Motion:
         """Exchange left and right."""
-        name = self.name
+        original = self.name.removesuffix(MIRRORED_SUFFIX)
         return replace(
             self,
-            name=name.removesuffix(MIRRORED_SUFFIX)
-            if name.endswith(MIRRORED_SUFFIX)
-            else name + MIRRORED_SUFFIX,
+            name=original if original != self.name else self.name + MIRRORED_SUFFIX,
             start_class=MIRRORED_CLASS.get(self.start_class, self.start_class),
             position=self.position * np.array([1.0, -1.0, 1.0]),
             orientation=quaternion.mirror(self.orientation),
@@ -139,17 +121,6 @@ class Motion:
         """Write the motion as .npz with the keys of `KEYS`."""
         record: dict[str, Any] = {key: getattr(self, key) for key in KEYS}
         save_arrays(path, record | {"provenance": json.dumps(self.provenance, sort_keys=True)})
-
-    def save_csv(self, path: Path, robot: Robot) -> None:
-        """Write time, root, joint angles and servo targets as columns with a header."""
-        root = ["time", "x", "y", "z", "qw", "qx", "qy", "qz"]
-        names = [*root, *robot.joint_names, *(f"{name}_target" for name in robot.joint_names)]
-        columns = [self.time[:, None], self.position, self.orientation]
-        table = np.hstack([*columns, self.joint_pos, self.joint_target])
-        with atomic_path(path) as partial:
-            np.savetxt(
-                partial, table, fmt="%.6f", delimiter=",", header=",".join(names), comments=""
-            )
 
     @classmethod
     def load(cls, path: Path) -> Motion:
@@ -184,7 +155,9 @@ def _read(path: Path) -> dict[str, Any]:
     return record
 
 
-def _shape_faults(motion: Motion) -> list[str]:
+def _check_shapes(motion: Motion) -> list[str]:
+    if motion.start_class not in START_CLASSES:
+        return [f"start_class is '{motion.start_class}', expected {', '.join(START_CLASSES)}"]
     if motion.time.ndim != 1 or motion.time.size == 0:
         return [f"time has shape {motion.time.shape}, expected (T,) with T > 0"]
     frames = len(motion.time)
@@ -203,9 +176,26 @@ def _shape_faults(motion: Motion) -> list[str]:
     ]
 
 
-def _first_odd(values: Array) -> str:
-    index = np.argwhere(~np.isfinite(values))[0]
-    return f"{values[tuple(index)]} at {index.tolist()}"
+def _check_finite(motion: Motion) -> list[str]:
+    problems = []
+    for key in ("time", "position", "orientation", "joint_pos", "joint_target"):
+        values: Array = getattr(motion, key)
+        for index in np.argwhere(~np.isfinite(values))[:1]:
+            found = f"{values[tuple(index)]} at {index.tolist()}"
+            problems.append(f"{key} holds {found}, expected finite")
+    return problems
+
+
+def _check_values(motion: Motion) -> list[str]:
+    problems = []
+    if np.any(np.diff(motion.time) <= 0.0):
+        frame = int(np.argmax(np.diff(motion.time) <= 0.0))
+        problems.append(f"time must be strictly increasing, it is not after frame {frame}")
+    length = np.linalg.norm(motion.orientation, axis=1)
+    worst = int(np.argmax(np.abs(length - 1.0)))
+    if abs(length[worst] - 1.0) > UNIT_TOLERANCE:
+        problems.append(f"orientation of frame {worst} has length {length[worst]:.4f}, expected 1")
+    return problems
 
 
 BLEND = 0.32  # s over which the motion's load on the servos is blended in

@@ -1,4 +1,4 @@
-"""Improvement: CMA-ES turns an authored keyframes into one that physics likes."""
+"""Trajectory optimization: CMA-ES adapts hand-written keyframes to the physics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
 POPULATION = 14
-SCENARIOS = 4  # rehearsals of each candidate: nominal, with full torque, two disturbed
+SCENARIOS = 4  # rollouts of each candidate: nominal, with full torque, two disturbed
 FINAL_SCENARIOS = 48
 ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step size: rad, and share of a duration
 SEARCH_HOLD = 1.0  # s of stand that a candidate must show in the search; 3.0 when judged
@@ -32,7 +32,7 @@ FAILURE = 6.0  # cost that no stand can reach
 def score(
     trace: Trace, world: World, keyframes: Keyframes, hold: float
 ) -> tuple[Array, np.ndarray]:
-    """Compute the cost of each rehearsal, (N,), and whether it ended standing, (N,)."""
+    """Compute the cost of each rollout, (N,), and whether it ended standing, (N,)."""
     robot, period = world.robot, trace.period
     stance = measure_stance(world, trace)
     upright = is_upright(stance, robot)
@@ -59,7 +59,7 @@ def score(
 
 
 class TrajectoryOptimizer:
-    """Improves keyframes of one robot in one scene."""
+    """Optimizes keyframes of one robot in one scene."""
 
     def __init__(self, world: World, start: Array, *, threads: int = 1) -> None:
         self.world, self.start = world, start
@@ -68,7 +68,7 @@ class TrajectoryOptimizer:
         self._search = Rollout(coarse, POPULATION * SCENARIOS, threads=threads)
         self._final = Rollout(world, FINAL_SCENARIOS, threads=threads)
 
-    def improve(
+    def optimize(
         self,
         keyframes: Keyframes,
         generations: int,
@@ -78,9 +78,9 @@ class TrajectoryOptimizer:
         """Search key postures and times; return the best and its disturbed success share.
 
         Args:
-            keyframes: Where the search begins.
-            generations: How long it goes on.
-            seed: Of CMA-ES and of the disturbances.
+            keyframes: Initial solution.
+            generations: Number of generations.
+            seed: Seed of CMA-ES and of the disturbances.
             report: Called with generation, best cost and share that stood.
         """
         robot = self.world.robot
@@ -94,7 +94,7 @@ class TrajectoryOptimizer:
         for generation in range(generations):
             genes = search.ask()
             candidates = [keyframes.with_genes(g * scale, robot) for g in genes]
-            cost, stood = self._rehearse(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
+            cost, stood = self._roll_out(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
             search.tell(genes, list(cost))
             report(generation, float(cost.min()), float(stood.mean()))
             if generation >= generations - 8:
@@ -107,22 +107,22 @@ class TrajectoryOptimizer:
     def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, float]:
         """Compute mean cost and success share over disturbances that the search never saw.
 
-        The share is 0 if it does not stand undisturbed, capped or with full torque.
+        The share is 0 if it does not stand undisturbed, at its torque limit and at full torque.
         """
         rng = np.random.default_rng([seed, 1])
-        cost, stood = self._rehearse(self._final, [keyframes], FINAL_SCENARIOS, rng, HOLD_TIME)
+        cost, stood = self._roll_out(self._final, [keyframes], FINAL_SCENARIOS, rng, HOLD_TIME)
         share = float(stood.mean()) if stood[0, :2].all() else 0.0
         return float(cost.mean()), share
 
-    def _rehearse(
+    def _roll_out(
         self,
-        rehearsal: Rollout,
+        rollout: Rollout,
         candidates: list[Keyframes],
         each: int,
         rng: np.random.Generator,
         hold: float,
     ) -> tuple[Array, np.ndarray]:
-        """Rehearse candidates ``each`` times; return mean cost and successes, (C,), (C, each).
+        """Roll candidates out ``each`` times; return mean cost and successes, (C,), (C, each).
 
         A success is a stand that lasts the last ``hold`` seconds.
         """
@@ -138,19 +138,19 @@ class TrajectoryOptimizer:
                 for p in plays
             ]
         )
-        starts, conditions = randomize_rollouts(
+        starts, parameters = randomize_rollouts(
             world, self.start, each, RolloutRandomization(), candidates[0].torque_limit, rng
         )
         full = float(robot.max_torque.max())
-        # The second is undisturbed, too: it must also stand with all the torque there is.
-        starts[1], conditions.torque_limit[1] = starts[0], full
-        conditions.friction[1] = conditions.friction[0]
-        conditions.voltage[1] = conditions.voltage[0]
+        # The second is undisturbed, too, and at full torque.
+        starts[1], parameters.torque_limit[1] = starts[0], full
+        parameters.friction[1] = parameters.friction[0]
+        parameters.voltage[1] = parameters.voltage[0]
         n = len(candidates)
-        trace = rehearsal.play(
+        trace = rollout.play(
             np.tile(starts, (n, 1)),
             np.repeat(targets, each, axis=0),
-            conditions.tile(n),
+            parameters.tile(n),
         )
         cost, stood = score(trace, world, candidates[0], hold)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)

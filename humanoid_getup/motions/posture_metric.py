@@ -77,29 +77,15 @@ class PostureMetric:
         """Weigh the robot's joints by their segments as the paper does."""
         return cls(joint_weight=np.array([SEGMENT_WEIGHT[j.segment] for j in robot.joints]))
 
-    def joint_distance(self, v1: Array, v2: Array) -> Array:
-        """Compute dis_V (3) of joint angles (..., n)."""
-        return np.sqrt(np.sum(self.joint_weight * (v1 - v2) ** 2, axis=-1))
-
     def distance(self, q1: Array, v1: Array, q2: Array, v2: Array) -> Array:
         """Compute the distance (1) of orientations (..., 4) and joint angles (..., n).
 
-        Position and facing direction are aligned first: the place does not count and
-        the best yaw is taken out.
+        It is the sum of dis_Q and dis_V (3), free of position and heading, which are aligned
+        first.
         """
-        turned = aligned_orientation_distance(q1, q2)
-        return self.root_weight * turned + self.joint_distance(v1, v2)
+        joints = np.sqrt(np.sum(self.joint_weight * (v1 - v2) ** 2, axis=-1))
+        return self.root_weight * aligned_orientation_distance(q1, q2) + joints
 
     def between(self, a: Posture, b: Posture) -> float:
         """Compute the distance of two postures."""
         return float(self.distance(a.orientation, a.joint_pos, b.orientation, b.joint_pos))
-
-    def embed(self, q: Array, v: Array) -> Array:
-        """Place postures in a Euclidean space, (..., 3 + n), that underestimates the metric.
-
-        A posture becomes its direction of gravity, scaled by w_q / 2, and its joint angles,
-        scaled by sqrt(w_i). A chord is shorter than its arc and a hypotenuse than its two
-        sides, so the straight distance never exceeds the distance (1).
-        """
-        gravity = 0.5 * self.root_weight * quaternion.gravity_in_body(q)
-        return np.concatenate([gravity, np.sqrt(self.joint_weight) * v], axis=-1)

@@ -1,4 +1,4 @@
-"""Where a posture hits the ground, an obstacle or the robot itself."""
+"""Collisions of a posture with the ground, an obstacle or the robot itself."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from robots.quaternion import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerances:
-    """How far things may sink into each other before it counts.
+    """How deep geoms may penetrate each other before it counts as a collision.
 
-    A robot at rest sinks into what it lies on: contacts are soft. What the start and the
-    goal do themselves is allowed on top, geom pair by geom pair, up to ``resting``.
+    A robot at rest sinks into what it lies on: contacts are soft. The penetrations of the
+    start and the goal are permitted on top, geom pair by geom pair, up to ``resting``.
     """
 
     ground: float = 0.003
@@ -25,11 +25,11 @@ class Tolerances:
     body: float = 0.001
     """Of the robot into itself and into obstacles [m]."""
     resting: float = 0.006
-    """Most that a start or goal may sink in anywhere [m]."""
+    """Largest penetration of a start or goal [m]."""
     limit: float = 0.05
-    """Most that a start or goal may be beyond a joint limit [rad]."""
+    """Furthest that a start or goal may be beyond a joint limit [rad]."""
     max_lift: float = 0.10
-    """Most that a limb may push the robot up from its planned height [m]."""
+    """Furthest that a limb may push the robot up from its planned height [m]."""
 
 
 class CollisionChecker:
@@ -48,8 +48,8 @@ class CollisionChecker:
         self._model = scene.compile(robot)
         self._data = mujoco.MjData(self._model)
         layout = robot.layout(self._model)
-        root = layout.root_qpos
-        self._address = np.concatenate([np.arange(root, root + 7), layout.qpos])
+        root = layout.root_qpos + np.arange(7)
+        self._address = np.concatenate([root, layout.qpos])
         self._qpos = self._data.qpos
         self._ground = self._model.geom(GROUND).id
         obstacles = [self._model.geom(obstacle.name).id for obstacle in scene.obstacles]
@@ -58,7 +58,7 @@ class CollisionChecker:
         self.reset()
 
     def reset(self) -> None:
-        """Forget which postures were allowed, and tighten all constraints."""
+        """Forget the permitted penetrations, and tighten all constraints."""
         count = self._model.ngeom
         self._rest = np.full((count, count), self.tolerances.body)
         self._rest[self._ground, :] = self._rest[:, self._ground] = self.tolerances.ground
@@ -67,7 +67,7 @@ class CollisionChecker:
     def loosen(self, looseness: float) -> None:
         """Lower the ground, shrink the obstacles and let the robot sink into itself.
 
-        At 0 all is as it is. At 1 nothing hinders: the ground is a standing robot's
+        At 0 the constraints are strict. At 1 there are none: the ground is a standing robot's
         height lower, the obstacles have no radius, and limbs pass through each other.
         """
         self.looseness = looseness
@@ -79,30 +79,29 @@ class CollisionChecker:
         self._model.geom_size[self._obstacles, 0] = (1.0 - looseness) * self._radius
 
     def allow(self, posture: Posture) -> str:
-        """Let every posture sink in where this one, at rest, does.
+        """Permit every posture the penetrations of this one, which is at rest.
 
         Returns:
-            What forbids the posture itself, in words; empty when nothing does.
+            Why the posture itself is not valid; empty if it is.
         """
-        faults = self._limit_faults(posture)
+        problems = self._check_limits(posture)
         for (a, b), depth in self._depths(posture).items():
             if depth > self.tolerances.resting:
-                faults.append(
+                problems.append(
                     f"{self._name(a)} is {1e3 * depth:.1f} mm inside {self._name(b)}, "
-                    f"allowed {1e3 * self.tolerances.resting:.1f} mm"
+                    f"expected at most {1e3 * self.tolerances.resting:.1f} mm"
                 )
             else:
                 # A quarter of a millimeter on top: the neighbors must pass too.
                 depth = max(self._rest[a, b], depth + 0.25e-3)
                 self._rest[a, b] = self._rest[b, a] = depth
         self.loosen(self.looseness)
-        return "; ".join(faults)
+        return "; ".join(problems)
 
     def is_free(self, configuration: Array) -> bool:
         """Return whether a posture collides with nothing, raised onto the ground if need be.
 
-        Args:
-            configuration: Position, orientation and joint angles in a row, shape (7 + n,).
+        It is given as position, orientation and joint angles in a row, (7 + n,).
         """
         self._place(configuration)
         if self._data.ncon == 0:
@@ -111,7 +110,7 @@ class CollisionChecker:
         pair = contact.geom
         if (contact.dist + self._limit[pair[:, 0], pair[:, 1]]).min() < 0.0:
             return False
-        return len(self._obstacles) == 0 or self._is_free_when_raised(configuration)
+        return len(self._obstacles) == 0 or self._is_free_when_lifted(configuration)
 
     def lift(self, configuration: Array) -> float:
         """Compute how far a posture (7 + n,) must be raised to rest on the ground [m]."""
@@ -121,18 +120,18 @@ class CollisionChecker:
         grounded = np.any(contact.geom == self._ground, axis=1)
         return float(np.max(depth[grounded], initial=0.0))
 
-    def _is_free_when_raised(self, configuration: Array) -> bool:
+    def _is_free_when_lifted(self, configuration: Array) -> bool:
         raised = configuration.copy()
         raised[2] += self.lift(configuration)
         self._place(raised)
         contact = self._data.contact
-        # The lift leaves the deepest point at its allowed depth, but for rounding.
+        # The lift leaves the deepest point at its permitted depth, but for rounding.
         slack = self._allowed[contact.geom[:, 0], contact.geom[:, 1]] + 1e-9
         return bool(np.all(contact.dist + slack >= 0.0))
 
     def lowest_point(self, posture: Posture) -> float:
         """Compute the height of the robot's lowest point above the ground [m]."""
-        deep = np.concatenate([posture.position, posture.orientation, posture.joint_pos])
+        deep = _to_configuration(posture)
         drop = 2.0 * self.robot.standing_neck_height + abs(posture.position[2])
         deep[2] -= drop
         self._place(deep)
@@ -147,8 +146,8 @@ class CollisionChecker:
         self.checks += 1
 
     def _depths(self, posture: Posture) -> dict[tuple[int, int], float]:
-        """Measure how deep each pair of geoms that touch is in each other [m], world last."""
-        self._place(np.concatenate([posture.position, posture.orientation, posture.joint_pos]))
+        """Measure the penetration of each pair of geoms in contact [m], the world's geom last."""
+        self._place(_to_configuration(posture))
         depths: dict[tuple[int, int], float] = {}
         contact = self._data.contact
         for (a, b), distance in zip(contact.geom.tolist(), contact.dist, strict=True):
@@ -156,11 +155,11 @@ class CollisionChecker:
             depths[pair] = max(depths.get(pair, -np.inf), -float(distance))
         return depths
 
-    def _limit_faults(self, posture: Posture) -> list[str]:
+    def _check_limits(self, posture: Posture) -> list[str]:
         slack = self.tolerances.limit
         return [
             f"joint '{joint.name}' is {angle:+.3f} rad, "
-            f"allowed [{joint.lower:+.3f}, {joint.upper:+.3f}] rad"
+            f"expected [{joint.lower:+.3f}, {joint.upper:+.3f}] rad"
             for joint, angle in zip(self.robot.joints, posture.joint_pos, strict=True)
             if not joint.lower - slack <= angle <= joint.upper + slack
         ]
@@ -168,3 +167,7 @@ class CollisionChecker:
     def _name(self, geom: int) -> str:
         name = self._model.geom(geom).name
         return f"'{name}'" if name else f"geom {geom}"
+
+
+def _to_configuration(posture: Posture) -> Array:
+    return np.concatenate([posture.position, posture.orientation, posture.joint_pos])

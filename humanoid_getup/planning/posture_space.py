@@ -1,4 +1,4 @@
-"""The spaces in which a rise is searched: where the root goes, then how it turns and bends.
+"""The spaces in which a path is searched: the root's position, then orientation and joints.
 
 A node of the first is a position (3,); of the second, a quaternion and the joint
 angles in a row, (4 + n,).
@@ -16,21 +16,21 @@ from humanoid_getup.simulation.scene import Scene
 from robots import Posture, quaternion
 from robots.quaternion import Array
 
-SPAN = math.radians(15.0)  # of a blossom, each degree of freedom [Lin12], section 4.2.1
+SPAN = math.radians(15.0)  # of a blossom, in each degree of freedom [Lin12], section 4.2.1
 STEP_ORIENTATION = 0.4  # epsilon_q, in dis_Q
 STEP_JOINTS = 2.0  # epsilon_e, in dis_V
 STEP_POSITION = 0.05  # m
 RESOLUTION = 0.03  # rad; the checks along an edge are no further apart
-SPREAD = 0.3  # in dis_Q, of sampled orientations around the way from start to goal
-SMALL = 1e-9  # of an angle, a length or a step; less is nothing
+SPREAD = 0.3  # in dis_Q, of sampled orientations around the arc from start to goal
+SMALL = 1e-9  # of an angle, a length or a step; less counts as 0
 
 
 class PositionProblem:
-    """Where the root may go: above the ground and outside the obstacles."""
+    """Search space of the root's position: above the ground and outside the obstacles."""
 
     def __init__(self, scene: Scene, start: Array, goal: Array) -> None:
         self.scene = scene
-        margin = 1.0 * float(np.linalg.norm(goal - start)) + STEP_POSITION
+        margin = float(np.linalg.norm(goal - start)) + STEP_POSITION
         self._low, self._high = np.minimum(start, goal) - margin, np.maximum(start, goal) + margin
 
     def distance(self, nodes: Array, x: Array) -> Array:
@@ -49,7 +49,7 @@ class PositionProblem:
         count: int,
         rng: np.random.Generator,
     ) -> Array:
-        """Step straight to the target, and around it."""
+        """Step straight to the target, and around that direction."""
         return _blossom(near, target - near, STEP_POSITION, count, rng)
 
     def is_within_step(self, a: Array, b: Array) -> bool:
@@ -64,7 +64,7 @@ class PositionProblem:
 
 
 class PostureProblem:
-    """How the robot may turn and bend on its way from start to goal."""
+    """Search space of the root's orientation and the joint angles."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class PostureProblem:
     ) -> None:
         self.checker, self.resolution = checker, resolution
         self.stride = 1.0
-        """Share of the fixed steps to take."""
+        """Step size as a share of the full one."""
         self.root_weight = metric.root_weight
         self.scale = np.sqrt(metric.joint_weight)  # (n,)
         self.start, self.goal = to_node(start), to_node(goal)
@@ -94,10 +94,10 @@ class PostureProblem:
         return self.root_weight * _turn(nodes[:, :4], x[:4]) + self._bend(nodes[:, 4:], x[4:])
 
     def sample(self, rng: np.random.Generator) -> Array:
-        """Draw joint angles from anywhere in their range, and an orientation near the way.
+        """Draw joint angles anywhere in their range, and an orientation near the path.
 
-        The orientation is spread about the arc from start to goal: a robot that stands on
-        its head is no help on the way from one lying posture to another.
+        The orientation is spread about the arc from start to goal: a robot upside down is of
+        no use between one lying posture and another.
         """
         arc = quaternion.slerp(self.start[:4], self.goal[:4], rng.uniform())
         q = _left_product(arc) @ _exponential(rng.normal(scale=SPREAD, size=3))
@@ -135,8 +135,8 @@ class PostureProblem:
         return bool(max(turn, bend) <= self.stride + SMALL)
 
     def fails(self, a: Array, b: Array) -> bool:
-        """Return whether the robot collides on the way from ``a`` to ``b``, FAILURE."""
-        if not self.is_free(b):  # most ways that fail do so at their end
+        """Return whether the robot collides between ``a`` and ``b``, FAILURE."""
+        if not self.is_free(b):  # most edges that fail do so at their end
             return True
         between = self.interpolate(a, b)[:-1]
         return any(not self.checker.is_free(c) for c in self.configurations(between))
@@ -155,7 +155,7 @@ class PostureProblem:
         return nodes
 
     def blend(self, a: Array, b: Array, share: Array) -> Array:
-        """Compute the postures at shares (K,) of the way from ``a`` to ``b``, (K, 4 + n)."""
+        """Interpolate at shares (K,) of the edge from ``a`` to ``b``, (K, 4 + n)."""
         share = share[:, None]
         cosine = float(a[:4] @ b[:4])
         if cosine < 0.0:  # -q is the same orientation, on the shorter arc

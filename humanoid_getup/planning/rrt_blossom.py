@@ -1,4 +1,4 @@
-"""RRT-blossom: two trees that flood the free space until they meet."""
+"""RRT-blossom: two trees that grow through the free space until they meet."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from humanoid_getup.planning.search_tree import ROOT, Tree, Viability
 from robots.quaternion import Array
 
 
-class PlanStatus(Enum):
+class SearchStatus(Enum):
     """How a search ended."""
 
     SOLVED = "reached the goal"
@@ -23,7 +23,7 @@ class PlanStatus(Enum):
 
 
 class Problem(Protocol):
-    """A space to search: all that the algorithm must know about it."""
+    """A space to search."""
 
     def distance(self, nodes: Array, x: Array) -> Array:
         """Compute the distances of nodes (N, d) from a point (d,), shape (N,)."""
@@ -54,12 +54,12 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
-    """How long and how widely to search."""
+    """Budget and breadth of a search."""
 
     max_edges: int = 4000
     """Edges tried, in both trees together."""
     max_time: float = float("inf")
-    """[s]; leave it infinite to get the same answer on every machine."""
+    """[s]; with infinity, the result is the same on every machine."""
     controls: int = 3
     """Edges that an expansion tries: straight ahead and blossoms around it."""
     edges_per_node: int = 200
@@ -70,15 +70,15 @@ class SearchOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """How and where a search ended."""
+    """Result of a search."""
 
-    status: PlanStatus
+    status: SearchStatus
     reason: str = ""
-    """What spent the budget; empty when solved."""
+    """What ended the search; empty when solved."""
     nodes: int
-    """In both trees."""
+    """Nodes in both trees."""
     edges: int
-    """Tried."""
+    """Edges tried."""
     path: list[Array] = field(default_factory=list)
     """From start to goal, both included; empty unless solved."""
 
@@ -92,10 +92,10 @@ def search(
 ) -> SearchResult:
     """Find a path, BUILD_RRT_BLOSSOM of [Lin12], figure 2.
 
-    Three things are settled beyond the figure. The first sample is the goal, so an open
-    way is taken straight. The second tree repeats its EXTEND as long as it comes closer
-    to the first tree's new node (CONNECT, section 3.1). Every node added is tested against the
-    whole other tree: with blossoms, the one nearest to the sample need not be the one that meets.
+    Beyond the figure: the first sample is the goal, so a straight path is found at once. The
+    second tree repeats its EXTEND as long as it comes closer to the first tree's new node
+    (CONNECT, section 3.1). Every node added is tested against the whole other tree: with
+    blossoms, the one nearest to the sample need not be the one that meets.
     """
     return _Search(problem, start, goal, rng, options or SearchOptions()).run()
 
@@ -156,7 +156,7 @@ class _Search:
         Args:
             t: Which tree.
             x: The point.
-            straight: Whether to blossom only when the way straight ahead is barred.
+            straight: Whether to blossom only when the straight edge fails.
         """
         tree = self.trees[t]
         near = self._nearest(t, x)
@@ -169,9 +169,9 @@ class _Search:
         for leaf in self.problem.steer(origin, x, goal, count, self.rng):
             self.edges += 1
             if self.problem.fails(origin, leaf):
-                tree.kill(near)
+                tree.mark_dead(near)
             elif regresses(self.problem, tree, near, leaf):
-                tree.put_to_sleep(near, leaf)
+                tree.mark_dormant(near, leaf)
             else:
                 added.append(tree.grow(near, leaf))
                 self._meet(t, added[-1])
@@ -204,11 +204,11 @@ class _Search:
             self.meeting = (node, nearest) if t == 0 else (nearest, node)
 
     def _spent(self) -> str:
-        """Tell what ends the search without a path, in words; empty while it may go on."""
+        """Return why the search ends without a path; empty while it may continue."""
         if self.edges >= self.options.max_edges:
-            return f"{self.edges} edges tried, allowed {self.options.max_edges}"
+            return f"{self.edges} edges tried, the budget is {self.options.max_edges}"
         if time.perf_counter() > self.deadline:
-            return f"{self.options.max_time:.3f} s are over"
+            return f"{self.options.max_time:.3f} s have passed"
         for tree, name in zip(self.trees, ("start", "goal"), strict=True):
             if not tree.is_viable:
                 return f"every edge around the {name} is dead"
@@ -217,9 +217,9 @@ class _Search:
     def _result(self) -> SearchResult:
         nodes = sum(len(tree) for tree in self.trees)
         if self.meeting is None:
-            status, reason, path = PlanStatus.BUDGET_SPENT, self._spent(), []
+            status, reason, path = SearchStatus.BUDGET_SPENT, self._spent(), []
         else:
-            status, reason = PlanStatus.SOLVED, ""
+            status, reason = SearchStatus.SOLVED, ""
             there, back = (
                 tree.path(node) for tree, node in zip(self.trees, self.meeting, strict=True)
             )

@@ -1,4 +1,4 @@
-"""A search tree whose edges know whether anything is left to find behind them."""
+"""A search tree whose edges keep track of whether anything is left to find behind them."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Viability(IntEnum):
     LIVE = 1
     """In the tree, and something may be found behind it."""
     DORMANT = 2
-    """Not taken because it regresses, or nothing but such edges is left behind it."""
+    """Not taken because it regresses, or only such edges are left behind it."""
     DEAD = 3
-    """It collides, or nothing but such edges is behind it."""
+    """It collides, or only such edges are behind it."""
 
 
 class Tree:
     """Nodes, their parents, and the viability of their edges.
 
     A node has a fixed number of edges to try. When all are tried and none is live, the
-    node is dormant, or dead if not one of its edges is dormant, and so becomes the edge
-    that leads to it: death recedes towards the root until something live stops it.
+    node is dormant, or dead if none of its edges is dormant, and so is the edge that leads
+    to it: the state propagates towards the root up to the first live node.
     """
 
     def __init__(self, root: Array, edges_per_node: int) -> None:
@@ -41,7 +41,7 @@ class Tree:
         self._growable = np.empty(64, dtype=bool)
         self._state: list[Viability] = []
         self._edges: list[list[int]] = []
-        self._asleep: list[int] = []  # parents of the dormant leaves
+        self._dormant: list[int] = []  # parents of the dormant leaves
         self._leaves = np.empty((64, len(root)))
         self._append(root, parent=-1)
 
@@ -61,12 +61,12 @@ class Tree:
     @property
     def is_viable(self) -> bool:
         """Return whether anything is left to grow from or to revive."""
-        return bool(self._asleep) or bool(np.any(self.candidates))
+        return bool(self._dormant) or bool(np.any(self.candidates))
 
     @property
     def dormant_leaves(self) -> Array:
         """Return the far ends of the dormant edges that never entered the tree, (D, d)."""
-        return self._leaves[: len(self._asleep)]
+        return self._leaves[: len(self._dormant)]
 
     def parent(self, node: int) -> int:
         """Return the parent of a node, -1 for the root."""
@@ -85,29 +85,29 @@ class Tree:
         self._spend(node, Viability.LIVE)
         return self._append(leaf, node)
 
-    def put_to_sleep(self, node: int, leaf: Array) -> None:
-        """Note an edge that regresses; it may be revived."""
+    def mark_dormant(self, node: int, leaf: Array) -> None:
+        """Mark an edge that regresses; it may be revived."""
         self._spend(node, Viability.DORMANT)
-        if len(self._asleep) == len(self._leaves):
+        if len(self._dormant) == len(self._leaves):
             self._leaves = _doubled(self._leaves)
-        self._leaves[len(self._asleep)] = leaf
-        self._asleep.append(node)
-        self._recede(node)
+        self._leaves[len(self._dormant)] = leaf
+        self._dormant.append(node)
+        self._propagate(node)
 
-    def kill(self, node: int) -> None:
-        """Note an edge that fails."""
+    def mark_dead(self, node: int) -> None:
+        """Mark an edge that fails."""
         self._spend(node, Viability.DEAD)
-        self._recede(node)
+        self._propagate(node)
 
     def revive(self, index: int) -> int:
-        """Take a row of `dormant_leaves` into the tree after all; return the new node."""
-        node, leaf = self._asleep[index], self._leaves[index].copy()
-        self._leaves[index] = self._leaves[len(self._asleep) - 1]  # the last fills the gap
-        self._asleep[index] = self._asleep[-1]
-        self._asleep.pop()
+        """Take a row of `dormant_leaves` into the tree; return the new node."""
+        node, leaf = self._dormant[index], self._leaves[index].copy()
+        self._leaves[index] = self._leaves[len(self._dormant) - 1]  # the last fills the gap
+        self._dormant[index] = self._dormant[-1]
+        self._dormant.pop()
         self._edges[node][Viability.DORMANT] -= 1
         self._edges[node][Viability.LIVE] += 1
-        self._recede(node)
+        self._propagate(node)
         return self._append(leaf, node)
 
     def path(self, node: int) -> list[Array]:
@@ -123,8 +123,8 @@ class Tree:
         self._edges[node][state] += 1
         self._growable[node] = self._edges[node][Viability.UNTRIED] > 0
 
-    def _recede(self, node: int) -> None:
-        """Find a node's state from those of its edges, and tell its parent if it changed."""
+    def _propagate(self, node: int) -> None:
+        """Update a node's state from those of its edges, and its parents as far as it changes."""
         while node >= 0:
             edges = self._edges[node]
             if edges[Viability.UNTRIED] > 0 or edges[Viability.LIVE] > 0:

@@ -1,4 +1,4 @@
-"""Shortening a path: an addition to [Lin12], whose paths wander as the trees did."""
+"""Shortcuts: an addition to [Lin12], whose paths wander as the trees did."""
 
 from __future__ import annotations
 
@@ -9,23 +9,17 @@ import numpy as np
 from humanoid_getup.planning.posture_space import PostureProblem
 from robots.quaternion import Array
 
-GAIN = 0.01  # of the metric; a stretch that is straighter than this stays
+GAIN = 0.01  # of the metric; a segment that would be shortened by less stays
 
 
 def shorten(
     problem: PostureProblem, path: list[Array], rng: np.random.Generator, rounds: int
 ) -> list[Array]:
-    """Replace stretches of a path by straight ones where those are free.
+    """Replace segments of a path by straight ones where those are free.
 
-    First the whole path is tried, then stretches between two points drawn from anywhere
-    on it, then every node left that its neighbors can do without is dropped. A shorter
-    path is a faster rise.
-
-    Args:
-        problem: The space of the path.
-        path: Nodes (d,) from start to goal.
-        rng: Draws the points.
-        rounds: How many pairs to try.
+    First the whole path is tried, then segments between pairs of points drawn from anywhere
+    on it, one in each round; then every node is dropped whose neighbors can be joined. A
+    shorter path is a faster rise.
     """
     if not problem.fails(path[0], path[-1]):
         return [path[0], path[-1]]

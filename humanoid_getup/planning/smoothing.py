@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from robots import quaternion
+from robots import Posture, quaternion
 from robots.quaternion import Array
 
 SAMPLES = 24  # of each piece of the curve
-SHARPEST = 0.05  # below this share of its corner a curve gives way to the corner itself
+SHARPEST = 0.05  # below this roundness a corner is not rounded at all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,13 +22,13 @@ class SpeedLimits:
     """How fast a path is followed."""
 
     joint_speed: Array
-    """Most that each joint may turn [rad/s], shape (n,)."""
+    """Largest speed of each joint [rad/s], shape (n,)."""
     turn_rate: float = 4.0
-    """Most that the root may turn [rad/s]."""
+    """Largest angular speed of the root [rad/s]."""
     ease: float = 0.15
-    """Time in which speed is gathered at the start and given up at the end [s]."""
+    """Time of acceleration at the start and of deceleration at the end [s]."""
     period: float
-    """Between samples [s]."""
+    """Sample time [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +49,15 @@ class Trajectory:
         """Return the time from start to end [s]."""
         return float(self.time[-1])
 
+    @property
+    def end(self) -> Posture:
+        """Return the last posture."""
+        return Posture(
+            position=self.position[-1],
+            orientation=self.orientation[-1],
+            joint_pos=self.joint_pos[-1],
+        )
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -66,8 +75,8 @@ def smooth(path: list[Array], roundness: Array) -> Curve:
     Every inner node of the path draws one cubic piece from the edge before it to the
     edge after it, with the node as control point of both its tangents (the postures are the
     control points [Lin12], section 4.3). Pieces begin and end along the edges, so the curve
-    has no kink; it begins and ends exactly in the first and last node. Where pieces
-    do not touch, a straight one joins them.
+    has no kink; it begins and ends exactly in the first and last node. Straight pieces join
+    them.
 
     Args:
         path: Orientation and joint angles in a row, K nodes (4 + n,).
@@ -99,22 +108,22 @@ def smooth(path: list[Array], roundness: Array) -> Curve:
     return Curve(np.concatenate(samples), np.concatenate(owner))
 
 
-def retime(curve: Curve, pace: SpeedLimits) -> tuple[Array, Array, NDArray[np.intp]]:
+def retime(curve: Curve, limits: SpeedLimits) -> tuple[Array, Array, NDArray[np.intp]]:
     """Follow a curve at constant speed: at any time one joint, or the root, is at its limit.
 
-    Departure from [Lin12], section 4.3, whose speed is constant from end to end: a
-    servo cannot jump to a speed, so it is gathered and given up over ``pace.ease``.
+    Departure from [Lin12], section 4.3, whose speed is constant from end to end: a servo
+    cannot jump to a speed, so the curve begins and ends with ``limits.ease``.
 
     Returns:
         Times (T,) [s], nodes (T, 4 + n), and for each the sample of the curve it follows, (T,).
     """
     a, b = curve.nodes[:-1], curve.nodes[1:]
-    bend = np.max(np.abs(b[:, 4:] - a[:, 4:]) / pace.joint_speed, axis=1)
-    turn = quaternion.angle_between(a[:, :4], b[:, :4]) / pace.turn_rate
+    bend = np.max(np.abs(b[:, 4:] - a[:, 4:]) / limits.joint_speed, axis=1)
+    turn = quaternion.angle_between(a[:, :4], b[:, :4]) / limits.turn_rate
     clock = np.concatenate([[0.0], np.cumsum(np.maximum(bend, turn))])  # s at full speed
-    ease = min(pace.ease, clock[-1])
-    frames = math.ceil((clock[-1] + ease) / pace.period - 1e-9)
-    time = pace.period * np.arange(frames + 1)
+    ease = min(limits.ease, clock[-1])
+    frames = math.ceil((clock[-1] + ease) / limits.period - 1e-9)
+    time = limits.period * np.arange(frames + 1)
     at = _ease(time * (clock[-1] + ease) / max(time[-1], 1e-12), clock[-1], ease)
     at = np.clip(at, 0.0, clock[-1])
     after = np.clip(np.searchsorted(clock, at), 1, len(clock) - 1)
@@ -126,22 +135,22 @@ def retime(curve: Curve, pace: SpeedLimits) -> tuple[Array, Array, NDArray[np.in
 
 
 def smooth_free(
-    path: list[Array], pace: SpeedLimits, is_free: Callable[[Array], bool]
+    path: list[Array], limits: SpeedLimits, is_free: Callable[[Array], bool]
 ) -> tuple[Array, Array, int]:
     """Round and time a path; where rounding cuts a corner into a collision, round it less.
 
     Args:
         path: Nodes (4 + n,), free along straight lines between them.
-        pace: How fast to follow it.
-        is_free: Tells whether a node collides with nothing.
+        limits: Speed limits.
+        is_free: Returns whether a node collides with nothing.
 
     Returns:
-        Times (T,) [s], nodes (T, 4 + n), and how many of them collide all the same.
+        Times (T,) [s], nodes (T, 4 + n), and how many of them still collide.
     """
     roundness = np.ones(len(path))
     while True:
         curve = smooth(path, roundness)
-        time, nodes, sample = retime(curve, pace)
+        time, nodes, sample = retime(curve, limits)
         colliding = np.array([not is_free(node) for node in nodes])
         corners = np.unique(curve.corner[sample[colliding]])
         corners = corners[(corners > 0) & (roundness[corners] > 0.0)]
@@ -152,14 +161,9 @@ def smooth_free(
 
 
 def _bezier(control: list[Array], u: Array) -> Array:
-    """Evaluate cubic pieces by de Casteljau's algorithm, quaternions by slerp.
+    """Evaluate cubic pieces by de Casteljau's algorithm, quaternions by slerp, (S, pieces, d).
 
-    Args:
-        control: Four control points of each piece, (pieces, d) each.
-        u: Parameters (S, 1, 1).
-
-    Returns:
-        Points, shape (S, pieces, d).
+    Each of four ``control`` points has shape (pieces, d), the parameters ``u`` (S, 1, 1).
     """
     while len(control) > 1:
         control = [_blend(a, b, u) for a, b in pairwise(control)]
@@ -167,7 +171,7 @@ def _bezier(control: list[Array], u: Array) -> Array:
 
 
 def _blend(a: Array, b: Array, share: Array) -> Array:
-    """Go a share of the way between nodes (..., 4 + n): slerp and straight line."""
+    """Interpolate between nodes (..., 4 + n): slerp and straight line."""
     turned = quaternion.slerp(
         a[..., :4], b[..., :4], np.squeeze(share, -1) if share.ndim else share
     )
@@ -183,7 +187,7 @@ def _turn_to_one_side(nodes: Array) -> Array:
 
 
 def _ease(time: Array, distance: float, ease: float) -> Array:
-    """Compute the way after a time at unit speed that swells and fades over ``ease``.
+    """Compute the distance after a time at unit speed, eased in and out.
 
     The speed is (1 - cos(pi t / ease)) / 2 at first and the mirror image of it at last,
     so the whole takes ``distance + ease``.

@@ -1,6 +1,8 @@
-"""The start of a rise: waits until the robot lies still, and estimates its posture."""
+"""Start of a rise: wait until the robot is still, and estimate its posture."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +25,7 @@ class StartError(ValueError):
 
 
 class FaultedError(DriverError):
-    """The guard found a fault while the robot was to lie still."""
+    """The guard found a fault while the robot settled."""
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(str(fault))
@@ -31,10 +33,10 @@ class FaultedError(DriverError):
 
 
 def check_start(world: World, start: Posture) -> None:
-    """Refuse a start that reaches into the ground or is high above it.
+    """Check that a start neither reaches into the ground nor is high above it.
 
     Raises:
-        StartError: saying how far.
+        StartError: if it does; the message says how far.
     """
     lowest = lowest_point(world.model, place(world.robot, world.model, start))
     if lowest > MAX_DROP:
@@ -54,9 +56,8 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
 
     All times are the backend's own, so it works on a twin that runs faster than real time, too.
 
-    Args:
-        guard: Robot to wait for; connected here, torque off and closed afterwards.
-        pacer: Starts the cycles; ``None`` where the backend paces itself.
+    The guard is connected here, and closed afterwards. A backend that does not pace itself needs
+    a pacer.
 
     Raises:
         StartError: if it does not come to rest.
@@ -81,7 +82,7 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
 
 
 def keep_torque_off(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
-    """Keep a connected robot without torque for one cycle; return the measurement after it.
+    """Send torque off for one cycle to a connected robot; return the measurement after it.
 
     Raises:
         FaultedError: if the guard finds a fault, such as a clock that stands still.
@@ -95,19 +96,15 @@ def keep_torque_off(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
 
 
 def estimate_posture(world: World, state: State) -> Posture:
-    """Estimate where a lying robot is: it touches the ground; place and heading are free.
+    """Estimate the posture of a lying robot from its joint angles and its IMU's orientation.
 
-    Angles, IMU orientation and the way the IMU sits in the torso give the rest.
+    Its lowest point is on the ground; its place there and the zero of its heading are arbitrary.
     """
     robot = world.robot
-    joint_pos = np.clip(state.joint_pos, robot.lower, robot.upper)
-    orientation = torso_orientation(world.robot, world.model, state.orientation)
     raised = Posture(
-        position=np.array([0.0, 0.0, 1.0]), orientation=orientation, joint_pos=joint_pos
+        position=np.array([0.0, 0.0, 1.0]),
+        orientation=torso_orientation(robot, world.model, state.orientation),
+        joint_pos=np.clip(state.joint_pos, robot.lower, robot.upper),
     )
     lowest = lowest_point(world.model, place(robot, world.model, raised))
-    return Posture(
-        position=np.array([0.0, 0.0, 1.0 - lowest - SINKING]),
-        orientation=orientation,
-        joint_pos=joint_pos,
-    )
+    return replace(raised, position=np.array([0.0, 0.0, 1.0 - lowest - SINKING]))

@@ -1,4 +1,4 @@
-"""Monitors: each one watches a run for one kind of reason to give it up."""
+"""Monitors: each checks a run for one kind of reason to abort it."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from robots.quaternion import Array
 
 
 class AbortKind(Enum):
-    """Why a rise was given up."""
+    """Why a rise was aborted."""
 
-    TILT = "the torso is not turned as the motion expects"
+    TILT = "the torso is not oriented as the motion expects"
     FELL = "the robot was up and is falling"
     STUCK = "a joint does not follow"
-    LOAD = "a servo has pushed near its stall torque for too long"
+    LOAD = "a servo has been near its stall torque for too long"
     HEAT = "a servo is too hot"
-    POLICY = "the policy does not know what to do"
+    POLICY = "the policy returned no valid action"
 
 
 @dataclass(frozen=True)
 class Abort:
-    """Why and when a rise was given up."""
+    """Why and when a rise was aborted."""
 
     kind: AbortKind
     detail: str
     time: float
-    """Since the rise was begun [s]."""
+    """Since the start of the rise [s]."""
 
     def __str__(self) -> str:
         return f"{self.kind.value}: {self.detail}"
@@ -41,13 +41,13 @@ class Abort:
 
 @dataclass(frozen=True, kw_only=True)
 class MonitorLimits:
-    """How far, and for how long, a rise may differ from what its motion expects.
+    """How far, and for how long, a rise may deviate from its motion.
 
-    The limits were measured on the twin, through the sensors, on 24 planned rises (six seeds of
-    each class): undisturbed; with randomized starts, friction 0.45 to 1.1, supply 11.0 to 12.6 V
-    and sensor noise (72 rises, 71 stood); and pushed, played from another fall, with weak
-    servos, or on ice (friction 0.15). Beside each limit stands the worst value of the
-    undisturbed rises / of the disturbed ones that stood, then that of the falls.
+    The limits come from 24 planned rises on the twin, through the sensors (six seeds of each
+    class): undisturbed; with randomized starts, friction 0.45 to 1.1, supply 11.0 to 12.6 V and
+    sensor noise (72 rises, 71 stood); and pushed, played from another fall, with weak servos, or
+    on ice (friction 0.15). Each limit is followed by the worst value of the undisturbed rises /
+    of the disturbed ones that stood, then that of the falls.
     """
 
     tilt: float = np.radians(60.0)
@@ -59,11 +59,11 @@ class MonitorLimits:
     tilt_time: float = 0.5
     """[s]"""
     fallen: float = np.radians(40.0)
-    """Tilt of a robot that was up and should be [rad]. 17 deg / 18 deg; falls 80 and more."""
+    """Tilt of a robot that was upright and should be [rad]. 17 deg / 18 deg; falls 80 and more."""
     fallen_time: float = 0.02
     """[s]; a robot that tips is another 25 deg lower a tenth of a second later."""
     error: float = 0.4
-    """Distance of a slow joint both from its target and from where it should be [rad].
+    """Distance of a slow joint both from its target and from its expected angle [rad].
 
     It lasted for 0.03 s / 0.07 s; with servos too weak for the motion up to 5 s.
     """
@@ -77,48 +77,42 @@ class MonitorLimits:
     load_time: float = 4.0
     """[s]"""
     temperature: float = 72.0
-    """[°C]; 27 °C from 25 °C, so a rise that begins cool never comes near. The guard's
-    limit of 75 °C lies above it."""
+    """[°C]; 27 °C from 25 °C, far below for a rise that begins cool. The guard's limit is 75 °C."""
 
 
 Finding = tuple[AbortKind, str]
-"""A reason to give a run up, and its details."""
+"""A reason to abort a run, and its details."""
 
 
 class Monitor(Protocol):
-    """Watches a run for one kind of reason to give it up."""
+    """Checks a run for one kind of reason to abort it."""
 
     warnings: list[str]
-    """What was unusual but no reason to give up."""
+    """What was unusual but no reason to abort."""
 
     def reset(self, state: State, /) -> None:
         """Begin a run at a measurement."""
         ...
 
     def check(self, state: State, target: Array, /) -> Finding | None:
-        """Look for a reason to give up.
-
-        Args:
-            state: Measurement of this cycle.
-            target: Joint targets that the servos had until then [rad], (n,).
-        """
+        """Check the measurement of a cycle and the targets [rad] sent before it, (n,)."""
         ...
 
 
 class Persistence:
-    """Measures for how long each of some conditions has held without a break."""
+    """Measures for how long each of n conditions has held without a break."""
 
     def __init__(self, n: int, time: float) -> None:
         self._since = np.full(n, time)
 
     def update(self, holds: NDArray[np.bool_] | bool, time: float) -> Array:
-        """Return how long each has held by now [s], shape (n,)."""
+        """Return how long each has held at a time [s], (n,)."""
         self._since = np.where(holds, self._since, time)
         return time - self._since
 
 
 class ServoMonitor:
-    """Watches load and temperature of the servos; warns of a low supply."""
+    """Checks load and temperature of the servos; warns of a low supply."""
 
     def __init__(self, robot: Robot, limits: MonitorLimits) -> None:
         self._robot, self._limits = robot, limits
@@ -133,7 +127,7 @@ class ServoMonitor:
         self._loaded = Persistence(self._robot.n, state.time)
 
     def check(self, state: State, _target: Array) -> Finding | None:
-        """Look for an overloaded or hot servo."""
+        """Check for an overloaded or hot servo."""
         self._warn(state)
         return self._check_load(state) or self._check_heat(state)
 
@@ -168,16 +162,16 @@ class ServoMonitor:
 
 
 class PolicyMonitor:
-    """Watches for a policy that cannot compute its next action."""
+    """Checks whether the policy can compute its next action."""
 
     def __init__(self, policy: OnnxPolicy) -> None:
         self._policy = policy
         self.warnings: list[str] = []
 
     def reset(self, _state: State) -> None:
-        """Begin a run; the policy is reset by itself."""
+        """Begin a run; the supervisor resets the policy."""
 
     def check(self, _state: State, _target: Array) -> Finding | None:
-        """Look whether the policy gave up."""
+        """Check whether the policy has failed."""
         fault = self._policy.fault
         return None if fault is None else (AbortKind.POLICY, fault)

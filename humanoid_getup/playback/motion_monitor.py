@@ -1,4 +1,4 @@
-"""Watches whether a robot follows its motion: upright, tilt of the torso, stuck joints."""
+"""Monitors whether a robot follows its motion: falls, tilt of the torso, stuck joints."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from robots import quaternion
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
 
-UPRIGHT = np.radians(25.0)  # tilt below which a robot counts as up
-UPRIGHT_TIME = 0.3  # s of it
-SLOW = 0.2  # rad/s of a joint that is stuck
+UPRIGHT = np.radians(25.0)  # tilt below which a robot counts as upright
+UPRIGHT_TIME = 0.3  # s until it counts as having been upright
+SLOW = 0.2  # rad/s, below which a joint may be stuck
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
 class MotionMonitor:
-    """Compares each measurement with where the motion has the robot at that time."""
+    """Compares each measurement with the motion at that time."""
 
     def __init__(
         self,
@@ -33,15 +33,10 @@ class MotionMonitor:
         *,
         tracked: bool = True,
     ) -> None:
-        """Watch a player.
+        """Monitor a motion and its player.
 
-        Args:
-            world: Robot and how its IMU is mounted.
-            motion: What is played.
-            player: Plays it; knows how long the approach to its start takes.
-            limits: What is too much.
-            tracked: False for a motion whose joint angles no simulation went through: then
-                neither tilt nor stuck joints are a reason to give up.
+        Without ``tracked``, for a motion that was never rolled out, neither tilt nor stuck
+        joints are a reason to abort.
         """
         self._robot, self._motion, self._player = world.robot, motion, player
         self._limits, self._tracked = limits, tracked
@@ -59,10 +54,10 @@ class MotionMonitor:
         self._is_up = self._was_up = False
 
     def check(self, state: State, target: Array) -> Finding | None:
-        """Look for a fall, a wrong tilt or a stuck joint."""
+        """Check for a fall, a wrong tilt or a stuck joint."""
         expected, angles = self._expect(state.time - self._begin - self._player.approach_time)
         gravity_b = self._sense_gravity(state.orientation)
-        findings = (  # all are updated, the first one counts
+        findings = (  # all are updated, the first finding counts
             self._check_fall(gravity_b, expected, state.time),
             self._check_tilt(gravity_b, expected, state.time),
             self._check_progress(state, target, angles),
@@ -84,7 +79,10 @@ class MotionMonitor:
         return between(self._gravity_b), between(self._motion.joint_pos)
 
     def _check_fall(self, gravity_b: Array, expected: Array, time: float) -> Finding | None:
-        tilt, wanted = _tilt(gravity_b), _tilt(expected)
+        tilt, wanted = (
+            vector_angle(gravity_b, DOWN),
+            vector_angle(expected, DOWN),
+        )
         self._is_up = up = tilt < UPRIGHT and wanted < UPRIGHT
         self._was_up |= self._upright.update(up, time).item() > UPRIGHT_TIME
         down = self._was_up and wanted < UPRIGHT and tilt > self._limits.fallen
@@ -93,7 +91,7 @@ class MotionMonitor:
         return None
 
     def _check_tilt(self, gravity_b: Array, expected: Array, time: float) -> Finding | None:
-        limits, off = self._limits, angle(gravity_b, expected)
+        limits, off = self._limits, vector_angle(gravity_b, expected)
         wrong = self._tracked and off > limits.tilt
         if self._tilted.update(wrong, time).item() > limits.tilt_time:
             return AbortKind.TILT, (
@@ -104,11 +102,11 @@ class MotionMonitor:
 
     def _check_progress(self, state: State, target: Array, expected: Array) -> Finding | None:
         limits = self._limits
-        # A servo's target lies beyond its angle to make torque, so both must be far.
+        # A servo's target leads its angle to make torque, so both must be far.
         error = np.minimum(np.abs(target - state.joint_pos), np.abs(expected - state.joint_pos))
         stuck = self._tracked & (error > limits.error) & (np.abs(state.joint_vel) < SLOW)
-        # Upright at the end, with weak servos, the feet may stay further apart than planned:
-        # whether that is a stand is for the judge.
+        # With weak servos the feet of an upright robot may stay further apart than planned:
+        # whether that is a stand is up to the judge.
         stuck &= not self._is_up
         lasting = self._stuck.update(stuck, state.time)
         if lasting.max() > limits.error_time:
@@ -120,11 +118,7 @@ class MotionMonitor:
         return None
 
 
-def angle(a: Array, b: Array) -> float:
+def vector_angle(a: Array, b: Array) -> float:
     """Compute the angle between two directions [rad], of any length."""
     cosine = float(a @ b) / math.sqrt(float(a @ a) * float(b @ b))
     return math.acos(min(max(cosine, -1.0), 1.0))
-
-
-def _tilt(gravity_b: Array) -> float:
-    return angle(gravity_b, DOWN)

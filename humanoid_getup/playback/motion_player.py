@@ -9,7 +9,7 @@ from humanoid_getup.motions.motion import Motion
 from robots import Robot
 from robots.quaternion import Array
 
-APPROACH_SPEED = 1.5  # rad/s, towards the first target
+APPROACH_SPEED = 1.5  # rad/s, to the first target
 
 
 class MotionPlayer:
@@ -22,27 +22,18 @@ class MotionPlayer:
     def __init__(
         self, robot: Robot, motion: Motion, *, hold: float, torque_limit: float | None = None
     ) -> None:
-        self._robot, self._motion = robot, motion
-        self._hold, self._torque_limit = hold, torque_limit
+        self._robot, self._motion, self._torque_limit = robot, motion, torque_limit
+        self.longest = motion.duration + hold
+        """Time that motion and hold take [s]."""
+        self.approach_time = 0.0
+        """Time that the approach to the first targets takes [s]."""
         self._begin = self._clock = 0.0
-        self._approach = 0.0
         self._from = motion.joint_target[0]
-
-    @property
-    def approach_time(self) -> float:
-        """Return how long the approach to the first targets takes [s]."""
-        return self._approach
-
-    @property
-    def longest(self) -> float:
-        """Return the time that motion and hold take [s]."""
-        return self._motion.duration + self._hold
 
     @property
     def done(self) -> bool:
         """Return whether the motion and the hold are over."""
-        total = self._approach + self._motion.duration + self._hold
-        return self._clock - self._begin >= total - 1e-9
+        return self._clock - self._begin >= self.approach_time + self.longest - 1e-9
 
     def reset(self, state: State) -> None:
         """Begin at the measured joint angles."""
@@ -51,7 +42,7 @@ class MotionPlayer:
         distance = np.abs(self._motion.joint_target[0] - state.joint_pos)
         reach = self._robot.max_velocity * self._robot.control_period  # in one cycle
         near = np.all(distance <= reach)
-        self._approach = 0.0 if near else float(distance.max()) / APPROACH_SPEED
+        self.approach_time = 0.0 if near else float(distance.max()) / APPROACH_SPEED
 
     def step(self, state: State) -> Command:
         """Send the targets that are due at the measurement."""
@@ -59,8 +50,8 @@ class MotionPlayer:
         return Command.position(self._robot, self._target(), self._torque_limit)
 
     def _target(self) -> Array:
-        time = self._clock - self._begin - self._approach
+        time = self._clock - self._begin - self.approach_time
         first = self._motion.joint_target[0]
         if time < 0.0:
-            return first + (time / self._approach) * (first - self._from)
+            return first + (time / self.approach_time) * (first - self._from)
         return self._motion.sample(self._motion.time[0] + time)

@@ -1,4 +1,4 @@
-"""Plays a controller on a robot through the safety guard, and judges how that ends."""
+"""Plays a controller on a robot through the safety guard, and judges the run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers import Cycle, Ending, RunReport, SafetyGuard, run
 from drivers.control_loop import Controller
 from humanoid_getup.evaluation.judge import RunOutcome
 
-GRACE = 5.0  # s that a run may take beyond its controller's longest: the way to a motion's start
+GRACE = 5.0  # s beyond the controller's longest: the approach to a motion's start
 
 
 class TimedController(Controller, Protocol):
@@ -17,15 +17,15 @@ class TimedController(Controller, Protocol):
 
     @property
     def longest(self) -> float:
-        """Return the time it takes at most [s], without the approach to its start."""
+        """Return its longest duration [s], without the approach to its start."""
         ...
 
 
 class Judge(Protocol):
-    """Observes each cycle of one run and judges how it ended."""
+    """Judges one run."""
 
     def __call__(self, cycle: Cycle, /) -> None:
-        """Observe one cycle."""
+        """Observe a cycle."""
         ...
 
     def conclude(self) -> RunOutcome:
@@ -46,8 +46,8 @@ def play(
     Args:
         controller: Moves the robot.
         guard: Robot, closed before and after.
-        judge: Observes this run.
-        realtime: Pace the cycles by the wall clock, for backends that do not pace themselves.
+        judge: Judge of this run alone.
+        realtime: Whether to pace the cycles by the wall clock.
         on_cycle: Called with every cycle.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The preflight: judges a motion, from here and on this supply, before any torque is on."""
+"""The preflight: judges a motion from the present start and supply, with torque off."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.kinematics import torso_orientation
 from robots.quaternion import Array
 
-ANGLE_SLACK = np.radians(1.0)  # a joint's measured angle may lie this far over its stop
+ANGLE_SLACK = np.radians(1.0)  # by which a measured angle may exceed its joint's limit
 SPEED_SLACK = 1.001
-FAR_ANGLE = 0.1  # rad from the first frame that the player must lead the robot over
-FAR_TILT = math.radians(45.0)  # another side lies 90 deg away
-# On the twin, the 24 motions of the OP3's database and 24 planned rises run into the line
-# for 0.7 s at a stretch and 1.2 s in all, at 12.0 to 10.2 V, and most still end standing. A
-# servo trips its overload protection within a few seconds near stall.
+FAR_ANGLE = 0.1  # rad from the first frame, which the player must approach
+FAR_TILT = math.radians(45.0)  # another side is 90 deg away
+# On the twin, the 24 motions of the OP3's database and 24 planned rises are at the torque-speed
+# line for 0.7 s at a time and 1.2 s in total, at 12.0 to 10.2 V, and most still end standing. A
+# servo's overload protection trips within a few seconds near stall.
 LONG_SATURATION, ALL_SATURATION = 1.5, 1.0  # s
 DEEP_OVERLAP, TOUCHING_OVERLAP = 0.006, 0.002  # m; those motions touch by up to 1.6 mm
 
 
 class Severity(Enum):
-    """What a reason does to the verdict."""
+    """Effect of a reason on the verdict."""
 
     REFUSE = "refused"
     WARN = "warning"
@@ -43,7 +43,7 @@ class Reason:
 
     severity: Severity
     joint: str | None
-    """None where it concerns no single joint."""
+    """None if it is not about a single joint."""
     text: str
 
     def __str__(self) -> str:
@@ -52,24 +52,24 @@ class Reason:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a plan may be played, and why not."""
+    """Whether a plan may be played, and the reasons."""
 
     reasons: tuple[Reason, ...] = ()
     """Everything found, refusals first."""
 
     @property
     def passed(self) -> bool:
-        """Return whether nothing is a reason to refuse."""
+        """Return whether there is no refusal."""
         return not self.refusals
 
     @property
     def refusals(self) -> tuple[Reason, ...]:
-        """Return why the motion must not be played."""
+        """Return the reasons that it must not be played."""
         return tuple(r for r in self.reasons if r.severity is Severity.REFUSE)
 
     @property
     def warnings(self) -> tuple[Reason, ...]:
-        """Return what to know before it is played."""
+        """Return the reasons to be careful."""
         return tuple(r for r in self.reasons if r.severity is Severity.WARN)
 
     def __str__(self) -> str:
@@ -81,7 +81,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class MotionVerdict(Verdict):
-    """Whether a motion may be played, with what its rollout showed."""
+    """Whether a motion may be played, with the figures of its rollout."""
 
     figures: Figures = field(kw_only=True)
 
@@ -95,18 +95,18 @@ def preflight(
     temperature: Array | float = AMBIENT_TEMPERATURE,
     start: State | None = None,
 ) -> MotionVerdict:
-    """Judge a motion before any torque is on, and report all that is wrong at once.
+    """Judge a motion with torque off, and report all problems at once.
 
-    The motion is rolled out on a twin at this supply, from where the robot lies or else
-    from the motion's own first posture, through the guard; limits, speeds, heat and
-    collisions are taken from the motion and from the rollout.
+    The motion is rolled out on a twin at this supply, through the guard, from the measured
+    posture or else from its own first one; limits, speeds, heat and collisions are taken from
+    the motion and from the rollout.
 
     Args:
         world: Robot and scene.
-        motion: What is to be played.
+        motion: Motion to judge.
         voltage: Supply at the servos [V].
-        torque_limit: Of the servos.
-        temperature: Of the servos now [°C], shape (n,) or a number for all.
+        torque_limit: Torque limit of the servos.
+        temperature: Present temperature of the servos [°C], (n,) or a number for all.
         start: Measurement of the lying robot; ``None`` where there is none yet.
 
     Raises:
@@ -121,7 +121,7 @@ def preflight(
         *_judge_limits(robot, motion),
         *_judge_speed(robot, figures),
         *_judge_load(robot, figures, torque_limit.value),
-        *_judge_warmth(robot, heat),
+        *_judge_temperature(robot, heat),
         *_judge_heat(robot, figures, heat),
         *_judge_overlap(figures),
         *_judge_start(world, motion, figures, start),
@@ -131,24 +131,18 @@ def preflight(
 
 
 def preflight_robot(robot: Robot, voltage: float, temperature: Array) -> Verdict:
-    """Judge what can be judged where the motion is not known beforehand: supply and heat.
-
-    Args:
-        robot: Robot.
-        voltage: Supply at the servos [V].
-        temperature: Of the servos [°C], shape (n,).
-    """
-    return Verdict((*_judge_supply(robot, voltage), *_judge_warmth(robot, temperature)))
+    """Judge the supply [V] and the temperatures of the servos [°C], (n,), without a motion."""
+    return Verdict((*_judge_supply(robot, voltage), *_judge_temperature(robot, temperature)))
 
 
 def _check_input(voltage: float, temperature: Array | float) -> None:
-    faults = []
+    problems = []
     if not 0.0 < voltage < math.inf:
-        faults.append(f"voltage is {voltage:g} V, expected a finite number above 0 V")
+        problems.append(f"voltage is {voltage:g} V, expected a finite number above 0 V")
     if not np.all(np.isfinite(temperature)):
-        faults.append(f"temperature is {temperature} °C, expected finite numbers")
-    if faults:
-        raise ValueError("; ".join(faults))
+        problems.append(f"temperature is {temperature} °C, expected finite numbers")
+    if problems:
+        raise ValueError("; ".join(problems))
 
 
 def _refuse(text: str, joint: str | None = None) -> Reason:
@@ -165,12 +159,11 @@ def _judge_supply(robot: Robot, voltage: float) -> list[Reason]:
     highest = min(m.max_voltage for m in models)
     if lowest <= voltage <= highest:
         return []
-    todo = (
+    remedy = (
         "charge the battery" if voltage < lowest else "use a battery that the servos are rated for"
     )
-    return [
-        _refuse(f"the supply is {voltage:.1f} V, expected {lowest:.1f} to {highest:.1f} V: {todo}")
-    ]
+    expected = f"expected {lowest:.1f} to {highest:.1f} V"
+    return [_refuse(f"the supply is {voltage:.1f} V, {expected}: {remedy}")]
 
 
 def _judge_limits(robot: Robot, motion: Motion) -> list[Reason]:
@@ -223,18 +216,17 @@ def _judge_load(robot: Robot, figures: Figures, torque_limit: float | None) -> l
         longest, whole = figures.longest_saturation[i], figures.saturation[i]
         if longest > LONG_SATURATION:
             text = (
-                f"is at its torque limit for {longest:.1f} s at a stretch, "
+                f"is at its torque limit for {longest:.1f} s at a time, "
                 f"expected at most {LONG_SATURATION:g} s: its overload protection may trip"
             )
             reasons.append(_refuse(text, name))
         elif whole > ALL_SATURATION:
-            reasons.append(
-                _warn(f"is at its torque limit for {whole:.1f} s: no reserve is left", name)
-            )
+            text = f"is at its torque limit for {whole:.1f} s: no reserve is left"
+            reasons.append(_warn(text, name))
     return reasons
 
 
-def _judge_warmth(robot: Robot, temperature: Array) -> list[Reason]:
+def _judge_temperature(robot: Robot, temperature: Array) -> list[Reason]:
     expected = f"expected at most {MAX_TEMPERATURE:.0f} °C: let it cool down"
     return [
         _refuse(f"has {now:.0f} °C, {expected}", name)
@@ -244,17 +236,13 @@ def _judge_warmth(robot: Robot, temperature: Array) -> list[Reason]:
 
 
 def _judge_heat(robot: Robot, figures: Figures, temperature: Array) -> list[Reason]:
-    reasons = []
-    for now, then, name in zip(
-        temperature, figures.end_temperature, robot.joint_names, strict=True
-    ):
-        if now <= MAX_TEMPERATURE < then:
-            text = (
-                f"has {now:.0f} °C and would have {then:.0f} °C after the rise, expected at most "
-                f"{MAX_TEMPERATURE:.0f} °C: let it cool down"
-            )
-            reasons.append(_refuse(text, name))
-    return reasons
+    expected = f"expected at most {MAX_TEMPERATURE:.0f} °C: let it cool down"
+    columns = zip(temperature, figures.end_temperature, robot.joint_names, strict=True)
+    return [
+        _refuse(f"has {now:.0f} °C and would have {then:.0f} °C after the rise, {expected}", name)
+        for now, then, name in columns
+        if now <= MAX_TEMPERATURE < then
+    ]
 
 
 def _judge_overlap(figures: Figures) -> list[Reason]:
@@ -273,13 +261,12 @@ def _judge_start(
     if figures.start_tilt > FAR_TILT:
         torso = torso_orientation(world.robot, world.model, start.orientation)
         side = classify(torso) or "on no side"
-        reasons.append(
-            _refuse(
-                f"the robot lies {math.degrees(figures.start_tilt):.0f}° from where the motion "
-                f"begins, expected at most {math.degrees(FAR_TILT):.0f}°: it lies {side}, "
-                f"the motion begins {motion.start_class}"
-            )
+        text = (
+            f"the robot lies {math.degrees(figures.start_tilt):.0f}° from where the motion "
+            f"begins, expected at most {math.degrees(FAR_TILT):.0f}°: it lies {side}, "
+            f"the motion begins {motion.start_class}"
         )
+        reasons.append(_refuse(text))
     worst = int(np.abs(figures.start_angle).argmax())
     if abs(figures.start_angle[worst]) > FAR_ANGLE:
         text = (

@@ -1,4 +1,4 @@
-"""The figures of a preflight: a rollout at the present supply, its load, its heat."""
+"""The figures of a preflight: load and heat of a rollout at the present supply."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RE
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD, Stand
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.playback.estimation import estimate_posture
-from humanoid_getup.playback.motion_monitor import angle
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, TorqueLimit, quaternion
+from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import place, read_posture, torso_orientation
 from robots.quaternion import Array
 
-SATURATED = 0.97  # share of the torque-speed line at which nothing is left
-MOST_RISES = 100  # in a row; what lasts longer never gets too hot
+SATURATED = 0.97  # share of the torque-speed line from which no reserve is left
+MOST_RISES = 100  # in a row, after which temperatures are steady
 OVERLAP_STRIDE = 3  # frames
 
 
@@ -36,7 +36,7 @@ class Figures:
     voltage: float
     """[V]"""
     duration: float
-    """Of the motion [s]."""
+    """Duration of the motion [s]."""
     stood: bool
     """Whether the rollout at this supply ends in a held stand."""
     stand_time: float
@@ -48,17 +48,17 @@ class Figures:
     rms_torque: Array
     """[N·m]"""
     torque_use: Array
-    """Peak torque over what the servo has at standstill, supply and limit considered."""
+    """Peak torque over the torque at standstill, within supply and limit."""
     saturation: Array
     """Total time on the torque-speed line of this supply [s]; not at a torque limit below it."""
     longest_saturation: Array
-    """At a stretch [s]."""
+    """Longest time without a break on that line [s]."""
     end_temperature: Array
-    """After one rise and its held stand [°C]."""
+    """Temperature after one rise and its held stand [°C]."""
     rises_in_a_row: int | None
-    """How many, without a pause, until the first servo is too hot; None for no end."""
+    """Rises without a pause until the first servo is too hot; None if that never happens."""
     overlap: float
-    """How deep the robot is in itself, at most [m]."""
+    """Greatest depth of self-penetration [m]."""
     start_angle: Array | None
     """Measured joints minus the motion's first [rad]; None without a measurement."""
     start_tilt: float | None
@@ -73,16 +73,7 @@ def measure(
     temperature: Array,
     start: State | None,
 ) -> Figures:
-    """Roll a motion out; compute all that a verdict needs from it and from the rollout.
-
-    Args:
-        world: Robot and scene.
-        motion: What is to be played.
-        voltage: Supply at the servos [V].
-        torque_limit: Of the servos.
-        temperature: Of the servos now [°C], (n,).
-        start: Measurement of the lying robot, the start of the rollout.
-    """
+    """Roll a motion out and compute the figures of a verdict; arguments as of `preflight`."""
     robot = world.robot
     lying = _find_start(world, motion, start)
     rollout = _roll_out(world, motion, lying, voltage, torque_limit)
@@ -94,13 +85,10 @@ def measure(
     period = robot.control_period
     end, rises = predict_heat(robot, rollout.torque, temperature)
     steps = np.diff(motion.joint_target, axis=0) / np.diff(motion.time)[:, None]
-    gravity_b = quaternion.gravity_in_body(motion.orientation[0])
     tilt = None
     if start is not None:
-        measured = quaternion.gravity_in_body(
-            torso_orientation(world.robot, world.model, start.orientation)
-        )
-        tilt = angle(measured, gravity_b)
+        torso = torso_orientation(robot, world.model, start.orientation)
+        tilt = 2.0 * float(aligned_orientation_distance(torso, motion.orientation[0]))
     return Figures(
         voltage=voltage,
         duration=motion.duration,
@@ -141,7 +129,7 @@ class _Rollout:
 def _roll_out(
     world: World, motion: Motion, start: Posture, voltage: float, torque_limit: TorqueLimit
 ) -> _Rollout:
-    """Play the motion on a twin, whatever the supply."""
+    """Play the motion on a twin, without the guard's limits of supply and temperature."""
     robot = world.robot
     twin = Twin(world, voltage=voltage, pwm_limited=torque_limit.by_pwm)
     twin.place(start)
@@ -165,7 +153,7 @@ def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array
     """Predict the temperature after one rise, and after how many a servo is too hot.
 
     Heating is linear in the temperature, so one pass is enough: a rise keeps a share of the
-    servo's excess over the air's temperature and adds a fixed amount.
+    servo's excess over the ambient temperature and adds a fixed amount.
     """
     period = robot.control_period
     windings = Windings(robot)
@@ -183,7 +171,7 @@ def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array
 
 
 def _find_overlap(world: World, motion: Motion) -> float:
-    """Find how deep the motion's own postures are in themselves [m]."""
+    """Find the greatest self-penetration of the motion's own postures [m]."""
     model, robot = world.model, world.robot
     data = mujoco.MjData(model)
     deepest = 0.0

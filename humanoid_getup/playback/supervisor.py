@@ -1,4 +1,4 @@
-"""The supervisor: runs a controller under monitors and turns torque off when one objects."""
+"""The supervisor: runs a controller, and turns torque off when a monitor aborts the run."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ DEFAULT_LIMITS = MonitorLimits()
 
 
 class Supervisor:
-    """A controller that gives up, torque off, as soon as one of its monitors objects."""
+    """A controller that turns torque off as soon as one of its monitors aborts the run."""
 
     def __init__(self, controller: TimedController, monitors: Sequence[Monitor]) -> None:
         self._controller, self._monitors = controller, monitors
         self.longest = controller.longest
-        """Time that the run takes at most, without the approach to its start [s]."""
+        """Longest duration of the run, without the approach to its start [s]."""
         self.aborted: Abort | None = None
 
     @property
     def warnings(self) -> list[str]:
-        """Return what was unusual but no reason to give up."""
+        """Return what was unusual but no reason to abort."""
         return [text for monitor in self._monitors for text in monitor.warnings]
 
     @property
     def done(self) -> bool:
-        """Return whether the controller is done or was given up."""
+        """Return whether the controller is done or the run was aborted."""
         return self.aborted is not None or self._controller.done
 
     def reset(self, state: State) -> None:
@@ -51,7 +51,7 @@ class Supervisor:
             monitor.reset(state)
 
     def step(self, state: State) -> Command:
-        """Let the controller move the robot, or turn every servo's torque off."""
+        """Return the controller's command, or torque off after an abort."""
         command = self._controller.step(state)
         findings = [monitor.check(state, self._target) for monitor in self._monitors]
         self._target = command.joint_pos
@@ -68,14 +68,10 @@ def supervise_motion(
     limits: MonitorLimits = DEFAULT_LIMITS,
     tracked: bool = True,
 ) -> Supervisor:
-    """Make a supervised player of a motion, held at its end for as long as a stand takes.
+    """Make a supervised player of a motion that holds its end for as long as a stand takes.
 
-    Args:
-        world: Robot and how its IMU is mounted.
-        motion: What to play.
-        torque_limit: Of every servo [N·m].
-        limits: What is too much.
-        tracked: False for a motion whose joint angles no simulation went through.
+    The torque limit [N·m] is that of every servo; ``tracked`` is False for a motion that was
+    never rolled out.
     """
     player = MotionPlayer(world.robot, motion, hold=HOLD, torque_limit=torque_limit)
     tracking = MotionMonitor(world, motion, player, limits, tracked=tracked)
@@ -85,7 +81,7 @@ def supervise_motion(
 def supervise_policy(policy: OnnxPolicy, limits: MonitorLimits = DEFAULT_LIMITS) -> Supervisor:
     """Make a supervised policy.
 
-    How a policy will move is not known, and one that falls may get up by itself: neither tilt
-    nor progress is monitored, only the servos; the policy's own time limit ends it.
+    The motion of a policy is not known beforehand, and it may get up again after a fall: only
+    the servos are monitored, neither tilt nor progress; the policy's own time limit ends it.
     """
     return Supervisor(policy, [ServoMonitor(policy.robot, limits), PolicyMonitor(policy)])

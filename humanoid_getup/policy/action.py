@@ -21,9 +21,9 @@ CYCLES = 6  # control cycles a policy step: 48 ms, about 20 Hz, at the OP3's 8 m
 SPEED_SHARE = 0.95  # of the servo's no-load speed, so that whole ticks stay within the guard's
 LEAD = 0.6  # rad; full voltage at the servo's position gain needs 0.22
 EAGERNESS = 2.0  # half an action already commands full speed, for bold exploration
-# rad of tilt, and rad of a joint from home, at and above which rates count in full
+# rad of tilt, and rad of a joint from home, from which on rates are not scaled down
 CALM_TILT, CALM_AWAY = 0.5, 0.5
-CALMEST = 0.15  # of a rate, for a robot that stands: enough to balance, too slow to shake
+CALMEST = 0.15  # scale of a rate for a standing robot: enough to balance, too slow to shake
 HOMING_SHARE = 0.4  # of the servo's speed, for joints that return home by themselves
 
 
@@ -40,7 +40,7 @@ class ActionMode(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class StanceScaling:
-    """How rates slow down as a robot comes to stand.
+    """Scales rates down as a robot comes to stand.
 
     A policy that explores by rates must counteract its own exploration, with a gain that
     shakes a standing robot because sensors and servos are delayed. A fallen robot needs full
@@ -48,18 +48,17 @@ class StanceScaling:
     """
 
     tilt: Annotated[float, positive(10.0, "rad")]
-    """Of the torso from upright, at and above which rates count in full [rad]."""
+    """Tilt of the torso from which on rates are not scaled down [rad]."""
     away: Annotated[float, positive(10.0, "rad")]
-    """Of a joint from home, at and above which its rate counts in full [rad]."""
+    """Angle of a joint from home from which on its rate is not scaled down [rad]."""
     least: Annotated[float, positive(1.0)]
-    """Share that is always left."""
+    """Smallest scale."""
 
     def share(self, gravity: Array, offset: Array) -> Array:
-        """Compute the share of its rate that each joint moves at, (..., n).
+        """Compute the scale of each joint's rate, (..., n).
 
-        Args:
-            gravity: Direction of gravity in the torso, (..., 3).
-            offset: Measured angles from home [rad], (..., n).
+        It depends on the direction of gravity in the torso, (..., 3), and on the offsets of the
+        measured angles from home [rad], (..., n).
         """
         tilt = np.arccos(_clip(-gravity[..., 2:], -1.0, 1.0))
         far = np.maximum(tilt / self.tilt, np.abs(offset) / self.away)
@@ -72,30 +71,35 @@ Matrix = Annotated[Array, on_axes(2)]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ActionTerms:
-    """What numbers from -1 to 1 mean, once a policy step: the part that a policy's file states."""
+    """Meaning of a policy's actions, numbers from -1 to 1, as stated in its file."""
 
     mode: str
     """An `ActionMode`."""
     names: Names
-    """What each number moves."""
+    """Names of the numbers."""
     directions: Matrix
     """How each number moves the joints, as a share of ``scale``, shape (k, n)."""
     scale: Vector
     """What a share of one adds to an angle [rad], shape (n,)."""
     reach: Vector
-    """Furthest that a target moves in a policy step [rad], shape (n,)."""
+    """Largest change of a target in a policy step [rad], shape (n,)."""
     lead: Annotated[float, positive(10.0, "rad")]
-    """Furthest that a target is from the measured angle [rad]; it bounds torque and wind-up."""
+    """Largest distance of a target from the measured angle [rad]; limits torque and wind-up."""
     pwm_limit: Annotated[float, positive(1.0)]
-    """Largest share of the supply that the motors get: it bounds torque, the more the faster."""
+    """Largest share of the supply at the motors: limits torque, the more the faster they turn."""
     home: Vector
     """Standing joint angles [rad], shape (n,); observations count joint angles from here."""
     homing: Vector
-    """What a joint moves home by itself in a policy step [rad], shape (n,)."""
+    """How far a joint returns home by itself in a policy step [rad], shape (n,)."""
     calm: StanceScaling
-    """How rates slow down as the robot comes to stand; used in mode RATE only."""
+    """Scaling of rates near the stance; used in mode RATE only."""
     cycles: Annotated[int, whole(1, 1000)] = CYCLES
     """Control cycles in a policy step."""
+
+    @property
+    def size(self) -> int:
+        """Return how many numbers an action has."""
+        return len(self.names)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,11 +110,6 @@ class ActionSpec(ActionTerms):
     """Lower joint limits [rad], shape (n,)."""
     upper: Array
     """Upper joint limits [rad], shape (n,)."""
-
-    @property
-    def size(self) -> int:
-        """Return how many numbers an action has."""
-        return len(self.directions)
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
@@ -142,9 +141,9 @@ def build_action_spec(
 ) -> ActionSpec:
     """Build rate actions in which mirrored joints move together, and apart.
 
-    A 20 Hz rate is integrated into real motion, where noise on targets would be averaged
-    out by a slow servo, and moving both sides alike halves the search space. Joints that no
-    number moves return home by themselves.
+    A 20 Hz rate is integrated into real motion, whereas a slow servo would average out noise
+    on targets; moving both sides alike halves the search space. Joints that no number moves
+    return home by themselves.
 
     Args:
         robot: Robot whose joints move.
@@ -188,10 +187,7 @@ def build_action_spec(
 def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSpec:
     """Build the action space of a policy that gets this robot up.
 
-    Args:
-        robot: Robot.
-        wide: Whether mirrored joints may also move oppositely, and limbs spread.
-        pwm_limit: Largest share of the supply that the motors get.
+    With ``wide``, mirrored joints may also move oppositely, and limbs spread.
     """
     rising, spreading = robot.rising_joints, robot.spreading_joints
     if not wide:

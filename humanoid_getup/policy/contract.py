@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from humanoid_getup.policy.action import ActionMode, ActionSpec, ActionTerms, Vector
-from humanoid_getup.policy.observation import Term, list_terms_for
+from humanoid_getup.policy.observation import Term, list_terms
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import Names, positive, read_table, shown
@@ -27,16 +27,15 @@ Fact = Annotated[str | int | float | bool | None, msgspec.Meta(description="a te
 
 
 class ContractError(ValueError):
-    """A text is not a policy contract; the message names all that is wrong with it."""
+    """A text is not a policy contract; the message names every problem."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyContract:
-    """What a policy was trained with; nothing of it may differ where it runs.
+    """What a policy was trained with, and what must be the same where it runs.
 
     It is stored as JSON in the metadata of the policy's ONNX file (`onnx_file`), with these
-    fields. It may hold anything that can be read; :meth:`find_mismatches` reports what does
-    not fit.
+    fields. Their values are checked by :meth:`find_mismatches` only.
     """
 
     robot: str
@@ -50,30 +49,24 @@ class PolicyContract:
     rate_hz: Annotated[float, positive(10_000.0, "Hz")]
     """Policy steps per second."""
     position_gain: Vector
-    """Of the servos [N·m/rad], shape (n,)."""
+    """Position gains of the servos [N·m/rad], shape (n,)."""
     max_torque: Vector
-    """Of the servos [N·m], shape (n,); a torque limit is observed as a share of the largest."""
+    """Torques of the servos [N·m], shape (n,); a torque limit is observed as a share of the
+    largest."""
     imu_frame: str
     provenance: dict[str, Fact]
-    """How it was made, for people."""
+    """How it was made: command, seed, iterations..."""
 
     @staticmethod
     def of(
         robot: Robot, action: ActionSpec, period: float, provenance: Mapping[str, Fact]
     ) -> PolicyContract:
-        """Build the contract of a policy that is trained with these.
-
-        Args:
-            robot: Robot.
-            action: What its actions mean.
-            period: Control period [s].
-            provenance: How it is made: command, seed, iterations...
-        """
+        """Build the contract of a policy from its robot, actions and control period [s]."""
         terms = {field.name: getattr(action, field.name) for field in fields(ActionTerms)}
         return PolicyContract(
             robot=robot.name,
             joints=robot.joint_names,
-            observation=list_terms_for(robot, action.size),
+            observation=list_terms(robot, action),
             action=ActionTerms(**terms),
             control_period=period,
             rate_hz=1.0 / (period * action.cycles),
@@ -89,24 +82,24 @@ class PolicyContract:
         return sum(term.size for term in self.observation)
 
     def action_spec(self, robot: Robot) -> ActionSpec:
-        """Return what the actions mean, on a robot that the contract fits."""
+        """Return the action space on a robot that fits the contract."""
         return ActionSpec(**vars(self.action), lower=robot.lower, upper=robot.upper)
 
     def find_mismatches(self, robot: Robot, period: float) -> list[str]:
-        """List all that does not fit a robot and its control period [s]."""
-        faults = []
+        """List every mismatch with a robot and its control period [s]."""
+        problems = []
         if self.robot != robot.name:
-            faults.append(f"robot: made for '{self.robot}', this is '{robot.name}'")
+            problems.append(f"robot: made for '{self.robot}', this is '{robot.name}'")
         if self.action.mode not in list(ActionMode):
-            faults.append(f"action mode: '{self.action.mode}', expected {', '.join(ActionMode)}")
-        faults += self._find_rate_faults(period)
+            problems.append(f"action mode: '{self.action.mode}', expected {', '.join(ActionMode)}")
+        problems += self._find_rate_mismatches(period)
         if self.imu_frame != IMU_FRAME:
-            faults.append(f"IMU frame: '{self.imu_frame}', here '{IMU_FRAME}'")
-        faults += self._find_joint_faults(robot)
-        shape_faults = self._find_shape_faults(robot)
-        return faults + (shape_faults or self._find_value_faults(robot, period))
+            problems.append(f"IMU frame: '{self.imu_frame}', here '{IMU_FRAME}'")
+        problems += self._find_joint_mismatches(robot)
+        misshapen = self._find_shape_mismatches(robot)
+        return problems + (misshapen or self._find_value_mismatches(robot, period))
 
-    def _find_rate_faults(self, period: float) -> list[str]:
+    def _find_rate_mismatches(self, period: float) -> list[str]:
         here = 1.0 / (period * self.action.cycles)
         if np.isclose(self.rate_hz, here, rtol=TIME_SLACK, atol=0.0) and np.isclose(
             self.control_period, period, rtol=TIME_SLACK, atol=0.0
@@ -117,7 +110,7 @@ class PolicyContract:
             f"ms, here {here:.2f} Hz with {1e3 * period:g} ms"
         ]
 
-    def _find_joint_faults(self, robot: Robot) -> list[str]:
+    def _find_joint_mismatches(self, robot: Robot) -> list[str]:
         if self.joints == robot.joint_names:
             return []
         missing = [name for name in robot.joint_names if name not in self.joints]
@@ -125,53 +118,52 @@ class PolicyContract:
         if not missing and not foreign:
             pairs = zip(self.joints, robot.joint_names, strict=True)
             wrong, right = next((a, b) for a, b in pairs if a != b)
-            return [f"joint order: '{wrong}' stands where '{right}' should"]
-        told = [f"it lacks {', '.join(missing)}"] if missing else []
-        told += [f"it has {', '.join(foreign)}"] if foreign else []
-        return [f"joints: {' and '.join(told)}"]
+            return [f"joint order: '{wrong}' in place of '{right}'"]
+        parts = [f"it lacks {', '.join(missing)}"] if missing else []
+        parts += [f"it has {', '.join(foreign)}"] if foreign else []
+        return [f"joints: {' and '.join(parts)}"]
 
-    def _find_shape_faults(self, robot: Robot) -> list[str]:
+    def _find_shape_mismatches(self, robot: Robot) -> list[str]:
         n, k = robot.n, len(self.action.names)
-        faults = []
+        problems = []
         layout = tuple((term.name, term.size) for term in self.observation)
-        wanted = tuple((term.name, term.size) for term in list_terms_for(robot, k))
+        wanted = tuple((term.name, term.size) for term in list_terms(robot, self.action))
         if layout != wanted:
-            faults.append(f"observation: {_list_sizes(layout)}, here {_list_sizes(wanted)}")
-        shapes = {"directions": (k, n)}
+            problems.append(f"observation: {_list_sizes(layout)}, here {_list_sizes(wanted)}")
         vectors = ("scale", "reach", "home", "homing", "position_gain", "max_torque")
-        shapes |= dict.fromkeys(vectors, (n,))
+        shapes = {"directions": (k, n), **dict.fromkeys(vectors, (n,))}
         for name, shape in shapes.items():
             found = getattr(self if hasattr(self, name) else self.action, name).shape
             if found != shape:
-                faults.append(f"{name.replace('_', ' ')}: shape {found}, expected {shape}")
-        return faults
+                problems.append(f"{name.replace('_', ' ')}: shape {found}, expected {shape}")
+        return problems
 
-    def _find_value_faults(self, robot: Robot, period: float) -> list[str]:
+    def _find_value_mismatches(self, robot: Robot, period: float) -> list[str]:
         """Compare vectors of joints, whose shapes are right."""
         names = robot.joint_names
         gain, torque = robot.position_gain, robot.max_torque
-        faults = _find_servo_faults("gains", names, self.position_gain, gain, "N·m/rad")
-        faults += _find_servo_faults("torque", names, self.max_torque, torque, "N·m")
+        problems = _find_servo_mismatches("gains", names, self.position_gain, gain, "N·m/rad")
+        problems += _find_servo_mismatches("torque", names, self.max_torque, torque, "N·m")
         off = np.abs(self.action.home - robot.standing.joint_pos)
         if off.max() > ANGLE_SLACK:
             i = int(off.argmax())
-            faults.append(
+            problems.append(
                 f"home angles: joint '{names[i]}' {self.action.home[i]:+.3f} rad, here "
                 f"{robot.standing.joint_pos[i]:+.3f} rad"
             )
         if np.any(self.action.reach <= 0.0):
             i = int(self.action.reach.argmin())
-            faults.append(
+            problems.append(
                 f"reach: joint '{names[i]}' {self.action.reach[i]:g} rad, expected > 0 rad"
             )
         speed = self.action.reach / (self.action.cycles * period)
         if np.any(speed > robot.max_velocity * (1.0 + SPEED_SLACK)):
             i = int((speed / robot.max_velocity).argmax())
-            faults.append(
+            problems.append(
                 f"speed: targets of joint '{names[i]}' move at {speed[i]:.2f} rad/s, "
                 f"the servo at {robot.max_velocity[i]:.2f} rad/s"
             )
-        return faults
+        return problems
 
     def to_json(self) -> str:
         """Write the contract as JSON text."""
@@ -201,7 +193,7 @@ class PolicyContract:
         return contract
 
 
-def _find_servo_faults(
+def _find_servo_mismatches(
     what: str, names: tuple[str, ...], learned: Array, here: Array, unit: str
 ) -> list[str]:
     """Compare a figure of the servos, (n,), with what it is here."""

@@ -12,20 +12,20 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.policy.action import ActionSpec
+from humanoid_getup.policy.action import ActionSpec, ActionTerms
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import whole
 
 Floats = NDArray[np.float32]
-"""Input of networks."""
+"""Type of a network's input."""
 
 MirrorPart = tuple[NDArray[np.int_], Array]
-"""How left and right are exchanged in a part of a vector: index and sign, as in `Mirror`."""
+"""Exchange of left and right in a part of a vector: index and sign, as in `Mirror`."""
 VECTOR: MirrorPart = (np.arange(3), np.array([1.0, -1.0, 1.0]))
-"""Of a direction or a velocity: y changes."""
+"""Mirror of a direction or a velocity: y changes."""
 ROTATION: MirrorPart = (np.arange(3), np.array([-1.0, 1.0, -1.0]))
-"""Of a rotation or an angular velocity: all but y change."""
+"""Mirror of a rotation or an angular velocity: x and z change."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,20 +50,15 @@ class Term:
     size: Annotated[int, whole(1, 10_000)]
 
 
-def list_terms(robot: Robot, action: ActionSpec) -> tuple[Term, ...]:
+def list_terms(robot: Robot, action: ActionTerms) -> tuple[Term, ...]:
     """List the parts of the observation, in their order."""
-    return list_terms_for(robot, action.size)
-
-
-def list_terms_for(robot: Robot, action_size: int) -> tuple[Term, ...]:
-    """List the parts of the observation for actions of so many numbers."""
     return (
         Term("gravity", 3),
         Term("gyro", 3),
         Term("joint_pos", robot.n),
         Term("joint_vel", robot.n),
         Term("target_error", robot.n),
-        Term("last_action", action_size),
+        Term("last_action", action.size),
         Term("torque_share", 1),
     )
 

@@ -20,7 +20,7 @@ from robots.kinematics import GravitySense
 from robots.quaternion import Array
 
 SUFFIX = ".onnx"
-QUIET = 4  # onnxruntime's log level: only what ends it
+QUIET = 4  # onnxruntime's log level: fatal errors only
 
 
 class OnnxNetwork:
@@ -58,7 +58,7 @@ class OnnxNetwork:
         self._input, self._output = self._session.get_inputs()[0], self._session.get_outputs()[0]
 
     def find_faults(self, observation_size: int, action_size: int) -> list[str]:
-        """List what keeps the network from mapping (N, observation) to (N, action)."""
+        """List deviations from a network that maps (N, observation) to (N, action)."""
         faults = []
         for name, value, size in (
             ("input", self._input, observation_size),
@@ -77,12 +77,12 @@ class OnnxNetwork:
         return np.asarray(actions, dtype=float)
 
 
-LONGEST = 12.0  # s; a policy needs time to try again by itself
+LONGEST = 12.0  # s; includes further tries of the policy itself
 STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
 
 
 class PolicyError(ValueError):
-    """A file is not a policy for this robot; the message names all that is wrong at once."""
+    """A file is not a policy for this robot; the message names every problem."""
 
     def __init__(self, file: Path, faults: list[str]) -> None:
         super().__init__(f"policy file {file}: {'; '.join(faults)}")
@@ -111,7 +111,7 @@ class OnnxPolicy:
         self.robot, self.contract, self.longest = robot, contract, longest
         self.action = contract.action_spec(robot)
         self.fault: str | None = None
-        """Why it gave up, if it did."""
+        """Why it failed, if it did."""
         self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
         self._torque_share = compute_torque_share(robot, self.action, limit)
@@ -142,7 +142,7 @@ class OnnxPolicy:
 
         Raises:
             OSError: if the file cannot be read.
-            PolicyError: naming all that does not fit.
+            PolicyError: naming every mismatch.
         """
         try:
             network = OnnxNetwork(file)
@@ -161,7 +161,7 @@ class OnnxPolicy:
 
     @property
     def done(self) -> bool:
-        """Return whether the robot has stood long enough, the time is up, or it gave up."""
+        """Return whether the robot has stood long enough, the time is up, or it failed."""
         stood = self._steady * self._step_time >= HOLD
         timed_out = self._clock - self._begin >= self.longest - 1e-9
         return self.fault is not None or stood or timed_out

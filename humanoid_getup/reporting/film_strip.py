@@ -21,7 +21,7 @@ INCH, GAP = 1.5, 0.02  # width of one picture in the strip, and of the line betw
 FIELD_OF_VIEW = 26.0  # deg, vertical; a narrow one keeps the proportions
 VIEW_HEIGHT = 1.75  # height of the picture over the robot's standing neck height
 VIEW_FROM = 125.0  # deg to the left of the final heading, where the camera looks to
-AFTERMATH = 0.3  # s after the stand begins that are shown
+AFTERMATH = 0.3  # s of the stand that are shown
 
 TRUNK, LEFT, RIGHT = (0.93, 0.92, 0.90), (0.95, 0.61, 0.25), (0.25, 0.48, 0.70)
 SHADOW_REACH = 5.0  # m; where the shadow map ends, the ground is speckled
@@ -42,12 +42,7 @@ def render_frames(
 ) -> np.ndarray:
     """Render states (K, nq) with a camera that follows the robot, (K, height, width, 3).
 
-    Args:
-        robot: Robot to look at.
-        model: Scene with the robot.
-        qpos: MuJoCo positions, (K, nq).
-        azimuth: Azimuth of the camera's view [deg]; ``None`` for a view obliquely from the
-            front of the robot's final heading.
+    Without an azimuth [deg], the view is obliquely from the front of the robot's final heading.
 
     Raises:
         NoRendererError: if OpenGL cannot be opened.
@@ -56,8 +51,10 @@ def render_frames(
     model = _paint(robot, model)
     data, layout = mujoco.MjData(model), robot.layout(model)
     seen = np.flatnonzero(_is_robots(robot, model))
-    camera = _Camera(robot, azimuth)
-    camera.face(qpos[-1, layout.root_orientation])
+    if azimuth is None:
+        ahead = quaternion.rotate(qpos[-1, layout.root_orientation], np.array([1.0, 0.0, 0.0]))
+        azimuth = float(np.degrees(np.arctan2(ahead[1], ahead[0]))) - VIEW_FROM
+    camera = _make_camera(robot, azimuth)
     with _open(model, height, width) as renderer:
         pictures = []
         for state in qpos:
@@ -65,7 +62,9 @@ def render_frames(
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_camlight(model, data)
-            renderer.update_scene(data, camera.at(data.geom_xpos[seen]))
+            points = data.geom_xpos[seen]
+            camera.lookat[:] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+            renderer.update_scene(data, camera)
             pictures.append(renderer.render().copy())
     return np.array(pictures)
 
@@ -93,26 +92,13 @@ def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str
         figure.savefig(partial, dpi=200, format="png")
 
 
-class _Camera:
-    """Frames a robot so that it fills the picture, lying or standing."""
-
-    def __init__(self, robot: Robot, azimuth: float | None) -> None:
-        self._camera = mujoco.MjvCamera()
-        self._azimuth = azimuth
-        seen = VIEW_HEIGHT * robot.standing_neck_height
-        self._camera.distance = 0.5 * seen / np.tan(np.radians(0.5 * FIELD_OF_VIEW))
-        self._camera.elevation = -24.0
-
-    def face(self, orientation: Array) -> None:
-        """View a robot from its front left, unless an azimuth is given."""
-        ahead = quaternion.rotate(orientation, np.array([1.0, 0.0, 0.0]))
-        heading = float(np.degrees(np.arctan2(ahead[1], ahead[0])))
-        self._camera.azimuth = heading - VIEW_FROM if self._azimuth is None else self._azimuth
-
-    def at(self, points: Array) -> mujoco.MjvCamera:
-        """View the middle of the box around points (N, 3)."""
-        self._camera.lookat[:] = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        return self._camera
+def _make_camera(robot: Robot, azimuth: float) -> mujoco.MjvCamera:
+    """Make a camera whose picture the robot fills, lying or standing."""
+    camera = mujoco.MjvCamera()
+    seen = VIEW_HEIGHT * robot.standing_neck_height
+    camera.distance = 0.5 * seen / np.tan(np.radians(0.5 * FIELD_OF_VIEW))
+    camera.azimuth, camera.elevation = azimuth, -24.0
+    return camera
 
 
 def _open(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
-from humanoid_getup.evaluation.judge import RunOutcome
+from humanoid_getup.evaluation.judge import RunOutcome, limit_torque
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot
 from robots.files import atomic_path
@@ -26,21 +26,15 @@ STANDING_SHOWN = 1.5  # s of the stand that are drawn
 def save_torque(
     robot: Robot, outcome: RunOutcome, torque_limit: float | None, path: Path, *, title: str = ""
 ) -> None:
-    """Plot the magnitude of every servo's torque against its limit over time, as PNG.
+    """Plot the magnitude of every servo's torque and its limit over time, as PNG.
 
-    The joints that came nearest to their limits are named, the others gray.
-
-    Args:
-        robot: Robot that moved.
-        outcome: What happened.
-        torque_limit: Torque limit of every servo [N·m]; None for their own.
-        path: File to write.
-        title: Of the plot.
+    The joints that came nearest to their limits are named, the others gray. The torque limit
+    [N·m] is that of every servo, None for their own.
     """
     from matplotlib.figure import Figure
 
     torque = np.abs(outcome.torque)  # (T, n)
-    limit = robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
+    limit = limit_torque(robot, torque_limit)
     time = np.arange(1, len(torque) + 1) * robot.control_period
     loaded = np.argsort((torque / limit).max(axis=0))[::-1]
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
@@ -49,17 +43,14 @@ def save_torque(
         axis.plot(time, torque[:, joint], color="0.85", linewidth=0.7)
     for joint in loaded[:NAMED][::-1]:
         axis.plot(time, torque[:, joint], linewidth=1.1, label=robot.joint_names[joint])
-    end = (
-        min(time[-1], outcome.stand.start_time + STANDING_SHOWN)
-        if outcome.stand.stood
-        else time[-1]
-    )
+    end = time[-1]
     for value in np.unique(limit):
         axis.axhline(value, color="black", linestyle="--", linewidth=0.9)
         label = f"limit {value:.1f} N·m"
         axis.annotate(label, (0.0, value), (4, 3), textcoords="offset points", fontsize=8)
     if outcome.stand.stood:
         begin = outcome.stand.start_time
+        end = min(end, begin + STANDING_SHOWN)
         axis.axvspan(begin, time[-1], color="tab:green", alpha=0.08)
         axis.text(
             begin, 0.98, " stands", transform=axis.get_xaxis_transform(), va="top", fontsize=8
@@ -87,12 +78,7 @@ MILLISECONDS = 1e3
 def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:
     """Plot a flight log over time, as PNG: targets, angles, load, heat, ages and timing.
 
-    The joints with the largest tracking errors are named.
-
-    Args:
-        record: Flight with at least one cycle.
-        path: File to write.
-        title: Of the plot.
+    The joints with the largest tracking errors are named. The log has at least one cycle.
     """
     time = record.time - record.time[0]
     limp = record.sent["torque_limit"] == 0.0
@@ -113,13 +99,7 @@ def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:
 
 
 def save_difference(report: ReplayReport, path: Path, *, title: str = "") -> None:
-    """Plot how far a replay differs from its log, as PNG.
-
-    Args:
-        report: Replay with at least one cycle.
-        path: File to write.
-        title: Of the plot.
-    """
+    """Plot how far a replay differs from its log of at least one cycle, as PNG."""
     figure, axes = _stack_panels(2, title)
     named = _find_largest(report.difference)
     _plot_joints(axes[0], report.time, np.degrees(report.difference), named, report.joint_names)

@@ -14,7 +14,7 @@ from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
-LONGEST_GAP = 5.0  # s without a cycle that the twin bridges by holding the last command
+LONGEST_GAP = 5.0  # s without a cycle, for which the twin holds the last command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class Divergence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReplayReport:
-    """Differences of a flight log and its replay; what was not measured does not count."""
+    """Differences between a flight log and its replay; what was not measured does not count."""
 
     robot: str
     joint_names: tuple[str, ...]
@@ -119,13 +119,13 @@ def replay(
     continues with the last command.
 
     Args:
-        record: What was measured and sent.
+        record: Flight log.
         twin: A fresh twin of the robot, in its scene, with its supply.
         start: Posture of the robot at the first cycle, at rest.
         threshold: Difference of a joint or of the tilt that counts as divergence [rad].
 
     Raises:
-        ValueError: if the log is of another robot, or holds nothing that can be replayed.
+        ValueError: if the log is of another robot, or cannot be replayed.
     """
     record.check_robot(twin.robot)
     periods = _count_periods(record, twin.period)
@@ -165,7 +165,7 @@ def _count_periods(record: FlightRecord, period: float) -> np.ndarray:
     """Count for how many control periods each command was held."""
     owner = f"flight log {record.path}"
     if not record.cycles:
-        raise ValueError(f"{owner}: it holds no cycle, so there is nothing to replay")
+        raise ValueError(f"{owner}: it has no cycles to replay")
     gap = np.diff(record.time)
     if not np.isfinite(gap).all() or np.any(gap < 0.0) or np.any(gap > LONGEST_GAP):
         cycle = int(np.argmax(~(np.isfinite(gap) & (gap >= 0.0) & (gap <= LONGEST_GAP))))
@@ -179,7 +179,7 @@ def _count_periods(record: FlightRecord, period: float) -> np.ndarray:
 def _angle_between_verticals(p: Array, q: Array) -> Array:
     """Compute the angle between the verticals of two orientations (T, 4) [rad], free of yaw.
 
-    It is the same in the frame of the IMU and of the torso on which it is mounted.
+    It is the same for the IMU and the torso, and 0 to the last bit for equal orientations.
     """
     a, b = quaternion.gravity_in_body(p), quaternion.gravity_in_body(q)
     across = np.linalg.norm(np.cross(a, b), axis=-1)

@@ -1,4 +1,4 @@
-"""The report of a rise: report.json, and a summary for people."""
+"""The report of a rise: report.json, and a printed summary."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ KEYS = (
     "period_s",
     "overruns",
 )
-"""Keys of every report, None where the run did not reach them."""
+"""Keys of every report; None if the run did not get that far."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunContext:
-    """What a rise was run with."""
+    """Settings of a rise."""
 
     robot: str
     period: float
     """Control period [s]."""
     seed: int
     start: str
-    """A posture class, a posture file, or the motion's own start."""
+    """Posture class, posture file, or the motion's own start."""
     scene: str
     backend: str
     torque_limit: float | None
@@ -53,19 +53,12 @@ class RunContext:
     """Further keys of the report."""
 
 
-def make_report(rise: RiseResult, asked: RunContext) -> dict[str, Any]:
-    """Gather the figures of a rise under the keys of report.json."""
+def make_report(rise: RiseResult, context: RunContext) -> dict[str, Any]:
+    """Collect the figures of a rise under the keys of report.json."""
     report: dict[str, Any] = dict.fromkeys(KEYS)
-    report |= {
-        "robot": asked.robot,
-        "seed": asked.seed,
-        "start": asked.start,
-        "scene": asked.scene,
-        "backend": asked.backend,
-        "torque_limit_nm": asked.torque_limit,
-    }
-    report |= rise.record() | asked.extra
-    report["period_s"] = report["period_s"] or asked.period
+    report |= {key: getattr(context, key) for key in ("robot", "seed", "start", "scene", "backend")}
+    report |= {"torque_limit_nm": context.torque_limit} | rise.record() | context.extra
+    report["period_s"] = report["period_s"] or context.period
     return report
 
 
@@ -75,7 +68,7 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
     table = Table.grid(padding=(0, 2))
     for label, text in (
         ("start", f"{report['start_class']}, seed {report['seed']}"),
-        ("way", _describe_way(report)),
+        ("motion", _describe_motion(report)),
         ("load", _describe_load(report)),
         ("faults", _describe_faults(report)),
         ("files", ", ".join(files)),
@@ -92,18 +85,18 @@ def _headline(report: dict[str, Any]) -> str:
     return f"did not stand: {report['reason']}"
 
 
-def _describe_way(report: dict[str, Any]) -> str:
+def _describe_motion(report: dict[str, Any]) -> str:
     if report.get("motion"):
-        return f"motion {report['motion']} ({report['strategy']})"
+        return f"{report['motion']} ({report['strategy']})"
     if report.get("policy"):
         return f"policy {report['policy']}"
     if not report["connection"]:
         return ""
-    way = f"{report['connection']} ({report['strategy']})"
-    way += f", planned in {report['plan_s']:.2f} s" if report.get("planning") else ", not planned"
+    text = f"{report['connection']} ({report['strategy']})"
+    text += f", planned in {report['plan_s']:.2f} s" if report.get("planning") else ", not planned"
     if not report.get("filtering"):
-        return f"{way}, not filtered"
-    return f"{way}, filtered in {report['filter_s']:.2f} s over {report['rehearsals']} rehearsals"
+        return f"{text}, not filtered"
+    return f"{text}, filtered in {report['filter_s']:.2f} s over {report['rehearsals']} rollouts"
 
 
 def _describe_load(report: dict[str, Any]) -> str:

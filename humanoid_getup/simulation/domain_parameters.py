@@ -65,16 +65,10 @@ class DomainParameters:
         torque_limit: Array | float | None = None,
         pwm_limited: bool = False,
     ) -> DomainParameters:
-        """Make the parameters of ``n`` robots as their description says.
+        """Make the nominal parameters of ``n`` robots.
 
-        Args:
-            world: Robot and scene.
-            n: Number of robots.
-            friction: Sliding friction, (N,) or a number; ``None`` for the scene's.
-            voltage: Supply [V], (N,) or a number; ``None`` for the robot's nominal one.
-            torque_limit: Torque limit of every servo [N·m], (N,) or a number; ``None`` for
-                the servos' own.
-            pwm_limited: Whether it is a PWM limit.
+        Friction, voltage [V] and torque limit [N·m], each (N,) or a number, override those of
+        the scene, of the robot and of its servos.
         """
         robot = world.robot
         friction = world.scene.friction if friction is None else friction

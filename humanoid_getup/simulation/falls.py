@@ -31,7 +31,7 @@ MOST_SAMPLES = 10_000
 
 
 class FallError(ValueError):
-    """Falls do not make the postures that were asked for."""
+    """Falls do not lead to the wanted postures."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,19 +39,19 @@ class Settling:
     """When a dropped robot counts as settled."""
 
     speed: float
-    """Bound of every coordinate's speed [rad/s, m/s]..."""
+    """Bound of every coordinate's speed [rad/s, m/s]."""
     window: float = 0.25
-    """... over this time [s]."""
+    """Time for which the speed is within its bound [s]."""
     first_check: float = 3.0
-    """Time after the drop [s]."""
+    """Time from the drop to the first check [s]."""
     next_check: float = 1.0
-    """Time between checks of those that still move [s]."""
+    """Time between checks of the robots that still move [s]."""
     longest: float = 10.0
     """Time after which a robot that still moves is left out [s]."""
 
 
-# Limp joints creep at 0.025 rad/s (median) under the weight they carry, and go on for minutes;
-# of 96 OP3 91 are slower than 0.05 after 3 s, 94 after 6 s.
+# Joints without torque creep at 0.025 rad/s (median) under the weight they carry, for minutes;
+# of 96 OP3s, 91 are slower than 0.05 after 3 s, 94 after 6 s.
 SETTLING = Settling(speed=0.05)
 
 
@@ -64,7 +64,7 @@ class Fall:
 
 
 def classify(orientation: Array) -> str | None:
-    """Class a torso orientation by gravity: supine, prone, left or right side down.
+    """Classify a torso orientation by gravity: supine, prone, left or right side down.
 
     Returns None where gravity points mostly along the torso: upright or head down.
     """
@@ -94,7 +94,7 @@ def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fal
 
 
 def sample_fall_set(world: World, counts: dict[str, int], seed: int) -> FallSet:
-    """Drop limp robots as :func:`sample_falls` does, and count those that did not settle."""
+    """Sample falls as :func:`sample_falls` does, and count the robots that did not settle."""
     falls, dropped, left_out = _sample(world, counts, np.random.default_rng(seed))
     return FallSet(
         robot=world.robot.name,
@@ -107,16 +107,16 @@ def sample_fall_set(world: World, counts: dict[str, int], seed: int) -> FallSet:
 
 
 def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator) -> list[Fall]:
-    """Drop limp robots until every class has its count.
+    """Drop robots without torque until every class has its count.
 
-    Random joints inside the limits, in any orientation, dropped limp and settled for up to
-    10 s; the few that still move are left out. Then they are classed, and rejected where the
-    class is full or the robot does not lie.
+    They start with random joint angles within the limits, in any orientation, and settle for up
+    to 10 s; the few that still move are left out. Then they are classified, and rejected where
+    the class is full or the robot does not lie.
 
     Args:
         world: Robot and scene.
-        counts: How many of each class; "lateral" stands for left or right.
-        rng: Random source of the falls; the same one gives the same falls.
+        counts: How many of each class; "lateral" is left or right.
+        rng: The same state of it gives the same falls.
 
     Raises:
         FallError: if a class does not come up.
@@ -138,7 +138,7 @@ def _sample(
         if batch == MOST_BATCHES:
             missing = ", ".join(f"{count} {name}" for name, count in wanted.items() if count)
             raise FallError(
-                f"robot '{world.robot.name}' does not come to lie in every class: "
+                f"robot '{world.robot.name}' does not fall into every class: "
                 f"{missing} missing after {batch * BATCH} falls"
             )
         qpos, settled = drop(sim, SETTLING, rng)
@@ -147,31 +147,27 @@ def _sample(
             found = classify(posture.orientation)
             if found is None:
                 continue
-            key = "lateral" if found in ("left", "right") and "lateral" in wanted else found
+            key = _count_as(found, counts)
             if wanted.get(key, 0) > 0:
                 wanted[key] -= 1
                 falls.append(Fall(posture=posture, start_class=found))
     order = list(counts)
-    falls.sort(key=lambda fall: order.index(_counted_as(fall.start_class, counts)))
+    falls.sort(key=lambda fall: order.index(_count_as(fall.start_class, counts)))
     return falls, batch * BATCH, left_out
 
 
-def _counted_as(start_class: str, counts: dict[str, int]) -> str:
-    return start_class if start_class in counts else "lateral"
+def _count_as(start_class: str, counts: dict[str, int]) -> str:
+    is_lateral = start_class in ("left", "right")
+    return "lateral" if is_lateral and "lateral" in counts else start_class
 
 
 def drop(
     sim: VecSim, settling: Settling, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Drop limp robots in random postures and let them settle.
-
-    Args:
-        sim: Simulation; its robots stay limp.
-        settling: What counts as settled.
-        rng: Random source of the postures.
+    """Drop the robots of a simulation in random postures, torque off, and let them settle.
 
     Returns:
-        Where each robot came to rest, MuJoCo positions (N, nq), and which did, (N,).
+        Final MuJoCo positions (N, nq), and which robots settled, (N,).
     """
     robot, model = sim.robot, sim.model
     data = mujoco.MjData(model)
@@ -194,7 +190,7 @@ def drop(
 
 
 def _count_sample_steps(sim: VecSim) -> int:
-    """Count the physics steps of the fewest control periods that are a whole number of them."""
+    """Count the physics steps of the fewest control periods that make a whole number of them."""
     steps = Fraction(sim.robot.control_period / sim.model.opt.timestep).limit_denominator(1000)
     return steps.numerator
 
@@ -204,17 +200,10 @@ def sample_drop(
 ) -> Array:
     """Sample joints anywhere in their range and any orientation, free of self-collision.
 
-    Args:
-        robot: Robot.
-        model: Its compiled world.
-        data: Scratch space of that world.
-        rng: Source of the sample.
-
-    Returns:
-        MuJoCo positions just above the ground, (nq,).
+    Returns MuJoCo positions just above the ground, (nq,); ``data`` is scratch space.
 
     Raises:
-        FallError: if the robot presses into itself wherever its joints are.
+        FallError: if every sample is in self-collision.
     """
     for _ in range(MOST_SAMPLES):
         posture = Posture(
@@ -230,7 +219,7 @@ def sample_drop(
             qpos = data.qpos.copy()
             qpos[robot.layout(model).root_qpos + 2] += DROP_HEIGHT - lowest_point(model, qpos)
             return qpos
-    raise FallError(f"robot '{robot.name}' presses into itself in {MOST_SAMPLES} random postures")
+    raise FallError(f"robot '{robot.name}' collides with itself in {MOST_SAMPLES} random postures")
 
 
 FALL_KEYS = ("robot", "scene", "seed", "position", "orientation", "joint_pos", "start_class")
@@ -251,14 +240,14 @@ class FallSetError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class FallSet:
-    """Falls of one robot, and where they come from."""
+    """Falls of one robot, and how they were sampled."""
 
     robot: str
     """Name of the robot."""
     scene: str
     """Name of the scene in which it fell."""
     seed: int
-    """From which they were drawn."""
+    """Seed of the samples."""
     falls: tuple[Fall, ...]
     dropped: int | None = None
     """Number of robots that were dropped for it; ``None`` if not counted."""
@@ -266,10 +255,7 @@ class FallSet:
     """Number of those that still moved after 10 s and were left out; ``None`` as above."""
 
     def choose(self, each: int) -> FallSet:
-        """Choose the first falls of every class.
-
-        Args:
-            each: How many of each.
+        """Choose the first ``each`` falls of every class.
 
         Raises:
             ValueError: naming the classes that have fewer.
@@ -277,7 +263,7 @@ class FallSet:
         kinds = {kind: [f for f in self.falls if f.start_class == kind] for kind in CLASSES}
         few = [f"{len(falls)} {kind}" for kind, falls in kinds.items() if len(falls) < each]
         if few:
-            raise ValueError(f"the set of falls has {', '.join(few)}, needed are {each} of each")
+            raise ValueError(f"the set of falls has {', '.join(few)}, expected {each} of each")
         return replace(self, falls=tuple(fall for falls in kinds.values() for fall in falls[:each]))
 
     def save(self, file: Path) -> None:
@@ -337,7 +323,7 @@ HELD_TIME = 1.5  # s in which a held posture comes to rest
 
 
 def settle_posture(world: World, posture: Posture) -> Array:
-    """Put a posture on the ground, its joints held, and wait; return positions (nq,)."""
+    """Let a posture with held joints settle on the ground; return MuJoCo positions (nq,)."""
     robot, model = world.robot, world.model
     raised = replace(posture, position=np.array([*posture.position[:2], 1.0]))
     qpos = place(robot, model, raised)

@@ -15,15 +15,16 @@ from robots.quaternion import Array
 
 @dataclass(frozen=True, kw_only=True)
 class RolloutRandomization:
-    """How far rollouts differ from the nominal one."""
+    """Spread of the randomized rollouts about the nominal one."""
 
     joints: float = np.radians(3.0)
     """Standard deviation of the start angles [rad]."""
     root: float = np.radians(5.0)
     """Standard deviation of the root's rotation about a random axis [rad]."""
     friction: tuple[float, float] = (0.4, 1.2)
+    """Range of the sliding friction."""
     supply: tuple[float, float] = (11.0 / 12.0, 12.6 / 12.0)
-    """Shares of the robot's nominal supply."""
+    """Range, as a share of the robot's nominal supply."""
 
 
 def randomize_rollouts(
@@ -34,15 +35,9 @@ def randomize_rollouts(
     torque_limit: float,
     rng: np.random.Generator,
 ) -> tuple[Array, DomainParameters]:
-    """Make the nominal start and parameters and ``n - 1`` randomized ones.
+    """Make starts, MuJoCo positions (n, nq), and parameters, of which the first are nominal.
 
-    Args:
-        world: Robot and scene.
-        start: Nominal MuJoCo positions, (nq,).
-        n: Number of rollouts, the nominal one included.
-        randomization: How far they differ.
-        torque_limit: Torque limit of every servo [N·m].
-        rng: Random source.
+    The nominal ``start`` has shape (nq,); the torque limit [N·m] is that of every servo.
     """
     robot = world.robot
     layout = robot.layout(world.model)
@@ -55,8 +50,8 @@ def randomize_rollouts(
     supply = rng.uniform(*randomization.supply, size=n)
     noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, world.scene.friction, 1.0
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
-    turned = slice(layout.root_qpos + 3, layout.root_qpos + 7)
-    starts[:, turned] = quaternion.multiply(turn, starts[:, turned])
+    root = starts[:, layout.root_orientation]  # a view
+    root[:] = quaternion.multiply(turn, root)
     rest = lowest_point(world.model, start)
     for row in starts[1:]:  # the rotation must neither lift it off the ground nor press it in
         row[layout.root_qpos + 2] += rest - lowest_point(world.model, row)

@@ -41,7 +41,7 @@ class Trace:
 
 @dataclass(frozen=True, kw_only=True)
 class Feedback:
-    """What a feedback law sees of N rollouts at the start of a control period."""
+    """Input of a feedback law: N rollouts at the start of a control period."""
 
     step: int
     com: Array
@@ -84,7 +84,7 @@ class Rollout:
         Args:
             starts: MuJoCo positions, shape (N, nq).
             targets: Joint targets [rad], shape (N, T, n), one per control period.
-            parameters: Domain parameters of each.
+            parameters: Domain parameters of the N robots.
             feedback: Corrects the targets; the corrected ones are recorded.
         """
         sim, length, sent = self.sim, targets.shape[1], targets.copy()

@@ -1,4 +1,4 @@
-"""Where the robot lies: the ground and the obstacles around it."""
+"""Scenes: the ground and the obstacles around the robot."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Obstacle:
 
     def __post_init__(self) -> None:
         if not self.radius > 0.0:
-            raise ValueError(f"obstacle '{self.name}': radius is {self.radius} m, allowed > 0")
+            raise ValueError(f"obstacle '{self.name}': radius is {self.radius} m, expected > 0")
 
     def distance(self, point: Array) -> float:
         """Compute the distance of a point (3,) from the segment [m]."""
@@ -48,21 +48,21 @@ class Obstacle:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A place to get up in."""
+    """Ground and obstacles, and how slippery they are."""
 
     name: str
     friction: float = GROUND_FRICTION
-    """Sliding friction of the ground and the obstacles, whatever touches them."""
+    """Sliding friction of the ground and the obstacles against any other geom."""
     obstacles: tuple[Obstacle, ...] = ()
     ground: GroundHeight = flat_ground
     """Height of the ground, over which standing is measured."""
 
     def __post_init__(self) -> None:
         if not self.friction > 0.0:
-            raise ValueError(f"scene '{self.name}': friction is {self.friction}, allowed > 0")
+            raise ValueError(f"scene '{self.name}': friction is {self.friction}, expected > 0")
 
     def build(self, robot: Robot) -> mujoco.MjSpec:
-        """Put the robot's model into this place."""
+        """Add this scene to the robot's model."""
         spec = robot.spec()
         _light(spec)
         _pave(spec, self.friction)
@@ -71,7 +71,7 @@ class Scene:
         return spec
 
     def compile(self, robot: Robot) -> mujoco.MjModel:
-        """Compile the robot in this place."""
+        """Compile the robot in this scene."""
         return self.build(robot).compile()
 
 
@@ -85,7 +85,7 @@ def load_scene(name: str) -> Scene:
         ValueError: if there is no such scene.
     """
     if name not in SCENES:
-        raise ValueError(f"unknown scene '{name}': allowed {', '.join(sorted(SCENES))}")
+        raise ValueError(f"unknown scene '{name}': expected {', '.join(sorted(SCENES))}")
     return SCENES[name]
 
 

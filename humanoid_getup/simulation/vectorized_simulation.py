@@ -29,17 +29,17 @@ class VecSim:
         """Build N copies under nominal domain parameters.
 
         Args:
-            world: Robot in its scene.
+            world: Robot and scene.
             n: Number of copies.
-            pwm_limit: Largest share of the supply that drives the motors.
-            threads: Threads that step physics; 0 for one per processor.
+            pwm_limit: Largest share of the supply at the motors.
+            threads: Number of threads; 0 for one per processor.
         """
         self.world, self.n = world, n
         self.robot, self.model = world.robot, world.model
         self.batch = Batch(world.model, n, threads)
         self.parameters = DomainParameters.nominal(world, n)
         self.diverged = np.zeros(n, dtype=bool)
-        """Worlds whose physics diverged in the last advance; their state is invalid, (N,)."""
+        """Whether a world's physics diverged in the last advance: its state is invalid, (N,)."""
         self.everyone = np.arange(n)
         self._layout = world.robot.layout(world.model)
         self._pwm_limit = round_pwm(pwm_limit)
@@ -89,12 +89,9 @@ class VecSim:
             self._set_bodies(ids, parameters)
 
     def place(self, ids: Ids, qpos: Array, qvel: Array | None = None) -> None:
-        """Place some robots, with targets equal to their joint angles.
+        """Place the robots ``ids``, in rising order, with targets equal to their joint angles.
 
-        Args:
-            ids: Which, in rising order.
-            qpos: MuJoCo positions, (len(ids), nq).
-            qvel: MuJoCo velocities, (len(ids), nv); ``None`` for rest.
+        MuJoCo positions are (len(ids), nq), velocities (len(ids), nv), at rest without them.
         """
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.read("qpos")[ids] = qpos

@@ -1,4 +1,4 @@
-"""A learned policy in place of a planned motion."""
+"""A strategy that runs a learned policy instead of a planned motion."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from robots import FULL_TORQUE, Posture, TorqueLimit
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyPlan(RisePlan):
-    """A policy that decides on the way; it has its torque limit from when it was loaded."""
+    """A policy to be run; its torque limit was set when it was loaded."""
 
     policy: OnnxPolicy
     name: str
-    """Of the policy."""
+    """Name of the policy."""
 
     @property
     def title(self) -> str:
@@ -45,7 +45,7 @@ class PolicyPlan(RisePlan):
         settled: State,
         _measure: Callable[[], State],
     ) -> Verdict:
-        """Judge supply and temperatures: how a policy will move is not known beforehand."""
+        """Judge supply and temperatures: the motion of a policy is not known beforehand."""
         return preflight_robot(world.robot, settled.voltage, settled.temperature)
 
     def record(self) -> dict[str, Any]:
@@ -54,7 +54,7 @@ class PolicyPlan(RisePlan):
 
 
 class LearnedRise:
-    """Chooses one policy, however the robot lies."""
+    """Runs one policy, for every start."""
 
     def __init__(
         self,
@@ -89,6 +89,6 @@ class LearnedRise:
         self._policy, self._name = policy, name or "policy"
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
-        """Choose the policy."""
+        """Plan to run the policy."""
         status = RiseStatus.LEARNED
         return PolicyPlan(status=status, reason=status.value, policy=self._policy, name=self._name)

@@ -1,4 +1,4 @@
-"""Plans: how a robot gets up from where it lies. A strategy makes a plan, a plan a controller."""
+"""Plans: a strategy makes a plan for a start, and the plan makes a controller."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ MOTION = "motion.npz"
 
 
 class RiseStatus(Enum):
-    """How planning a rise ended."""
+    """Result of planning a rise."""
 
     STOOD = "a rollout ends in a held stand"
     NOT_PLANNED = "no path to any connecting posture"
     FELL = "no rollout ends in a held stand"
     UNFILTERED = "planned, but not filtered"
     STORED = "a stored motion, played as it is"
-    LEARNED = "a policy decides on the way"
+    LEARNED = "a learned policy"
 
 
 @dataclass(frozen=True, kw_only=True)
 class RiseOptions:
-    """Which parts of the method to use, and within what torque."""
+    """Stages of planned rises that are used, and the torque limit."""
 
     planning: bool = True
     """False: straight interpolation to the connecting posture."""
@@ -49,7 +49,7 @@ class RiseOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class RisePlan:
-    """The result of planning a rise; this one found nothing to play."""
+    """The result of planning a rise; an instance of this base class has nothing to play."""
 
     status: RiseStatus
     reason: str
@@ -63,18 +63,18 @@ class RisePlan:
     rollouts: int = 0
     rounds: int = 0
     plan_s: float = 0.0
-    """Wall time of selecting, planning and smoothing the first round's paths [s]."""
+    """Wall time of the first round's selection, planning and smoothing [s]."""
     filter_s: float = 0.0
-    """Wall time of everything after it [s]."""
+    """Wall time of everything after that [s]."""
 
     @property
     def title(self) -> str:
-        """Name what is played; empty where there is nothing."""
+        """Return the name of what is played; empty if nothing is."""
         return ""
 
     @property
     def label(self) -> str:
-        """Name the kind of rise, for pictures."""
+        """Return the kind of rise, for pictures."""
         return self.title
 
     def controller(
@@ -83,13 +83,7 @@ class RisePlan:
         _torque_limit: TorqueLimit,
         _limits: MonitorLimits,
     ) -> Supervisor | None:
-        """Make the supervised controller of this plan; ``None`` where there is nothing to play.
-
-        Args:
-            world: Robot and how its IMU is mounted.
-            torque_limit: Of the servos.
-            limits: What the monitors let pass.
-        """
+        """Make the supervised controller of this plan; ``None`` if there is nothing to play."""
         return None
 
     def preflight(
@@ -99,19 +93,16 @@ class RisePlan:
         _settled: State,
         _measure: Callable[[], State],
     ) -> Verdict:
-        """Judge the plan before any torque is on.
+        """Judge the plan with torque off.
 
-        Args:
-            world: Robot and scene.
-            torque_limit: Of the servos.
-            settled: Last measurement of the robot that lay still; supply and temperatures are
-                taken from it, as a bus polls them in turns and a first measurement may lack some.
-            measure: Measures where the robot lies now: planning has taken its time.
+        Supply and temperatures are those of the last measurement of the settled robot, as a bus
+        polls them in turns and a first measurement may lack some. The posture is measured again,
+        because planning takes time.
         """
         return Verdict()
 
     def save(self, _folder: Path) -> None:
-        """Write what can be played again, if anything, into a folder."""
+        """Save the plan's motion, if it has one, in a folder."""
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""
@@ -131,21 +122,21 @@ class RisePlan:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionPlan(RisePlan):
-    """A motion from the lying posture to the stand, ready to be played."""
+    """A motion from the lying posture to the stand."""
 
     motion: Motion
     simulated: bool = True
-    """Whether a simulation went through the motion's joint angles; if not, they are only
-    targets, and no monitor expects the robot to reach them."""
+    """Whether the joint angles come from a rollout; if not, they are only targets, and no
+    monitor expects the robot to reach them."""
 
     @property
     def title(self) -> str:
-        """Name the motion."""
+        """Return the name of the motion."""
         return self.motion.name
 
     @property
     def label(self) -> str:
-        """Name the motion's kind of rise."""
+        """Return the motion's kind of rise."""
         return self.motion.strategy
 
     def controller(
@@ -167,7 +158,7 @@ class MotionPlan(RisePlan):
         settled: State,
         measure: Callable[[], State],
     ) -> Verdict:
-        """Roll the motion out from where the robot lies now, and judge it."""
+        """Roll the motion out from the present posture, and judge it."""
         return preflight(
             world,
             self.motion,
@@ -178,12 +169,12 @@ class MotionPlan(RisePlan):
         )
 
     def save(self, folder: Path) -> None:
-        """Write the motion."""
+        """Save the motion."""
         self.motion.save(folder / MOTION)
 
 
 class Strategy(Protocol):
-    """Finds a way to get up from where the robot lies."""
+    """Plans how to get up from a start."""
 
     def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
         """Plan a rise from a posture at rest."""

@@ -11,10 +11,10 @@ from robots import Posture, TorqueLimit
 
 
 class StrategySelector:
-    """Selects, for each rise, the strategy with the best record for how the robot lies.
+    """Selects, for each rise, the strategy with the best record for the class of its start.
 
-    Among equals the first is selected: a strategy without a record goes there. There is no
-    record for a robot that lies on no side.
+    Among equals the first is selected, so a default without a record comes first. Starts on no
+    side have no record.
     """
 
     def __init__(
@@ -27,7 +27,7 @@ class StrategySelector:
         self._torque_limit = torque_limit
 
     def select(self, start_class: str | None) -> StrategyId:
-        """Select the strategy for a class of starts; ``None`` for no side."""
+        """Select the strategy for a class of starts, ``None`` for no side."""
 
         def success(strategy: StrategyId) -> float:
             if start_class is None:

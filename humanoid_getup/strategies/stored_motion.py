@@ -1,4 +1,4 @@
-"""A stored motion, played as it is."""
+"""A strategy that plays one stored motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robots import FULL_TORQUE, Posture, TorqueLimit
 
 
 class StoredMotion:
-    """Chooses one motion, however the robot lies; the preflight may refuse it."""
+    """Plays one motion as it is, for every start; the preflight may refuse it."""
 
     def __init__(
         self,
@@ -38,6 +38,6 @@ class StoredMotion:
         self.motion = motion if is_loaded else find_motion(world.robot, str(motion))
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
-        """Choose the motion."""
+        """Plan to play the motion."""
         status = RiseStatus.STORED
         return MotionPlan(status=status, reason=status.value, motion=self.motion)

@@ -1,8 +1,8 @@
 """Track record: how often each strategy of a robot has ended in a held stand.
 
 The file is ``policies/records.toml`` in the robot's folder, one table per strategy and torque
-limit. A class may be left out where nothing was measured, and ``cap`` where both kinds of
-limits are alike, at the servos' full torque::
+limit. A class that was not measured is left out, and so is ``cap`` at the servos' full torque,
+where both kinds of limits are the same::
 
     [[record]]
     method = "plan"        # or "policy"
@@ -12,7 +12,7 @@ limits are alike, at the servos' full torque::
 
     [[record]]
     method = "policy"
-    policy = "robust"      # which; with method "policy" only
+    policy = "robust"      # name; with method "policy" only
     torque_limit = 2.5
     cap = "pwm"            # how the limit acts: "pwm" or "torque"
     supine = { stood = 240, n = 250 }
@@ -40,18 +40,18 @@ LIMIT_SLACK = 1e-9  # N·m
 MOST_TORQUE, MOST_RISES = 1000.0, 10**9
 
 
-class RecordsError(ValueError):
+class TrackRecordError(ValueError):
     """A file is not a valid track record; the message names every problem."""
 
 
 @dataclass(frozen=True)
 class StrategyId:
-    """Which strategy: plans, or one policy."""
+    """Identifies a strategy: planning, or one policy."""
 
     method: str
     """`PLAN` or `POLICY`."""
     policy: str = ""
-    """Name of the policy; empty for plans."""
+    """Name of the policy; empty for `PLAN`."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class StrategyRecord:
 
     strategy: StrategyId
     torque_limit: float
-    """Of every servo [N·m]."""
+    """Torque limit of every servo [N·m]."""
     counts: Mapping[str, StandCount]
-    """By start class."""
+    """Counts by start class."""
     limited_by: LimitedBy | None = None
-    """How the limit acted; None where both ways are alike."""
+    """Kind of the limit; None if both kinds are the same."""
 
 
 @dataclass(frozen=True)
@@ -82,15 +82,15 @@ class TrackRecord:
     records: tuple[StrategyRecord, ...] = ()
 
     def knows(self, strategy: StrategyId) -> bool:
-        """Return whether a strategy was measured at all."""
+        """Return whether a strategy has been measured."""
         return any(record.strategy == strategy for record in self.records)
 
     def success(self, strategy: StrategyId, start_class: str, torque_limit: TorqueLimit) -> float:
         """Return the share of held stands to expect of a strategy, from 0 to 1.
 
-        It is the lower end of the 95 % interval, so that few rises count for little. A robot
-        with stronger servos gets up no worse: what counts is the record with the highest
-        torque limit that is not above the given one. Without such a record the share is 0.
+        It is the lower end of the 95 % interval, so that few rises count for little. Stronger
+        servos do no harm: the record with the highest torque limit up to the given one counts.
+        Without such a record the share is 0.
         """
         limit = math.inf if torque_limit.value is None else torque_limit.value
         fitting = [
@@ -133,7 +133,7 @@ def load_track_record(robot: Robot) -> TrackRecord:
     """Load a robot's track record; without a file it is empty.
 
     Raises:
-        RecordsError: naming every problem of the file.
+        TrackRecordError: naming every problem of the file.
     """
     file = robot.folder / RECORDS
     if not file.exists():
@@ -142,10 +142,10 @@ def load_track_record(robot: Robot) -> TrackRecord:
     try:
         table = read_table(_File, load_toml(file), "", problems)
     except ValueError as error:
-        raise RecordsError(f"{file}: {error}") from error
+        raise TrackRecordError(f"{file}: {error}") from error
     records = [_build_record(row, i, problems) for i, row in enumerate(table.record, start=1)]
     if problems:
-        raise RecordsError(f"{file}: {'; '.join(problems)}")
+        raise TrackRecordError(f"{file}: {'; '.join(problems)}")
     return TrackRecord(tuple(records))
 
 

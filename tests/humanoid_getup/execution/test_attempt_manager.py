@@ -174,7 +174,7 @@ def test_a_failed_attempt_is_given_up_limp_and_followed_by_rest_and_another(
     result = get_up_with(manage(Scripted(motions[WRONG], motions[RIGHT])))
     first, second = result.attempts
     assert first.abort is not None and first.outcome is not None and not first.stood
-    assert first.reason.startswith("gave up after 0.5 s: the torso is not turned")
+    assert first.reason.startswith("aborted after 0.5 s: the torso is not oriented")
     assert (second.number, second.stood, result.status) == (2, True, AttemptStatus.STOOD)
     assert Phase.RECOVERING in [change.phase for change in phases]
     assert [change.attempt for change in phases if change.phase is Phase.PLAYING] == [1, 2]
@@ -183,8 +183,8 @@ def test_a_failed_attempt_is_given_up_limp_and_followed_by_rest_and_another(
 def test_after_its_last_attempt_it_asks_for_help_and_tells_what_it_saw(manage, motions):
     result = get_up_with(manage(Scripted(motions[WRONG]), max_attempts=2))
     assert result.status is AttemptStatus.NEEDS_HELP
-    assert result.reason.startswith("2 attempts failed: 1. gave up after")
-    assert "; 2. gave up after" in result.reason
+    assert result.reason.startswith("2 attempts failed: 1. aborted after")
+    assert "; 2. aborted after" in result.reason
     assert not result.by_fault
     assert len(result.attempts) == 2
 
@@ -354,7 +354,7 @@ def test_a_broken_servo_needs_a_person(manage, motions, twin, op3, bit, told):
     alerts.trip(KNEE, bit)
     twin.spoil = alerts.spoil
     result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
-    assert result.reason == f"joint '{KNEE}' reports {told}: look at the servo"
+    assert result.reason == f"joint '{KNEE}' reports {told}: inspect the servo"
     assert alerts.rebooted == []
 
 
@@ -464,7 +464,7 @@ def test_a_rise_reports_every_attempt(manage, motions):
     plans = Scripted(motions[WRONG], motions[RIGHT])
     record = get_up_with(manage(plans, sensed=True, max_attempts=2)).record()
     assert (record["stood"], record["attempts"], record["reason"]) == (True, 2, "held stand")
-    assert record["attempt_reasons"][0].startswith("gave up after 0.5 s")
+    assert record["attempt_reasons"][0].startswith("aborted after 0.5 s")
     assert record["attempt_reasons"][1] == "held stand"
     assert (record["judged_by"], record["self_collisions"]) == ("sensors", None)
     assert record["peak_torque_nm"] > 0.5

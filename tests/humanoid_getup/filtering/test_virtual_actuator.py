@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_torque, compute_wish
+from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.simulation.rollout import Feedback
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place
@@ -88,9 +88,9 @@ def test_two_legs_share_a_force_evenly(world):
 
 def test_the_wish_pulls_home_and_is_bounded():
     zero = np.zeros((1, 3))
-    far = compute_wish(zero, zero, np.array([[10.0, 0.0, 0.0]]), zero, mass=3.0)
+    far = compute_force(zero, zero, np.array([[10.0, 0.0, 0.0]]), zero, mass=3.0)
     assert far[0, 0] == pytest.approx(0.5 * 3.0 * 9.81)
-    near = compute_wish(zero, zero, np.array([[0.0, 0.01, 0.0]]), zero, mass=3.0)
+    near = compute_force(zero, zero, np.array([[0.0, 0.01, 0.0]]), zero, mass=3.0)
     assert near[0, 1] == pytest.approx(3.0 * 16.0 * 0.01)
-    falling = compute_wish(zero, np.array([[0.0, 0.0, -0.5]]), zero, zero, mass=3.0)
+    falling = compute_force(zero, np.array([[0.0, 0.0, -0.5]]), zero, zero, mass=3.0)
     assert falling[0, 2] > 0.0

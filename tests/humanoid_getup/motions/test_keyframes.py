@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.motions.build import load_authored
+from humanoid_getup.motions.build import load_robot_keyframes
 from humanoid_getup.motions.keyframes import SPEED_SHARE, KeyframesError, load_keyframes
 
 TEXT = """
@@ -63,7 +63,7 @@ def test_targets_run_from_first_to_last_key_and_never_too_fast(tmp_path, op3):
 
 
 def test_genes_go_there_and_back(op3):
-    for keyframes in load_authored(op3):
+    for keyframes in load_robot_keyframes(op3):
         again = keyframes.with_genes(keyframes.genes, op3)
         np.testing.assert_allclose(again.keys, keyframes.keys, atol=1e-9)
         np.testing.assert_allclose(again.duration, keyframes.duration)
@@ -71,7 +71,7 @@ def test_genes_go_there_and_back(op3):
 
 def test_an_improvement_keeps_first_and_last_key_and_symmetry(op3):
     rng = np.random.default_rng(0)
-    symmetric = next(c for c in load_authored(op3) if c.name == "prone_push_up_fast")
+    symmetric = next(c for c in load_robot_keyframes(op3) if c.name == "prone_push_up_fast")
     noise = rng.normal(scale=0.2, size=len(symmetric.genes))
     changed = symmetric.with_genes(symmetric.genes + noise, op3)
     np.testing.assert_array_equal(changed.keys[0], symmetric.keys[0])
@@ -81,7 +81,7 @@ def test_an_improvement_keeps_first_and_last_key_and_symmetry(op3):
 
 
 def test_op3_has_the_repertoire_it_claims(op3):
-    authored = load_authored(op3)
+    authored = load_robot_keyframes(op3)
     classes = [c.start_class for c in authored]
     assert classes.count("supine") >= 6
     assert classes.count("prone") >= 4

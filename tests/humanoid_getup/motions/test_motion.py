@@ -66,13 +66,6 @@ def test_targets_are_interpolated_and_held_at_the_ends():
     np.testing.assert_allclose(sampled, expected, atol=1e-12)
 
 
-def test_the_table_has_a_column_for_every_angle(tmp_path: Path):
-    make().save_csv(tmp_path / "m.csv", ROBOT)
-    lines = (tmp_path / "m.csv").read_text().splitlines()
-    assert len(lines) == FRAMES + 1
-    assert len(lines[0].split(",")) == len(lines[1].split(",")) == 8 + 2 * ROBOT.n
-
-
 @pytest.mark.parametrize(
     ("changes", "culprit"),
     [

@@ -75,12 +75,12 @@ def test_what_a_resting_robot_does_itself_is_allowed_from_then_on(checker: Colli
 
 def test_a_start_inside_the_ground_or_beyond_a_limit_is_named(checker: CollisionChecker):
     fault = checker.allow(lying(checker, depth=0.02))
-    assert "'body_1' is 20.0 mm inside 'ground', allowed 6.0 mm" in fault
+    assert "'body_1' is 20.0 mm inside 'ground', expected at most 6.0 mm" in fault
     posture = lying(checker)
     joint_pos = posture.joint_pos.copy()
     joint_pos[ROBOT.joint_names.index("l_knee")] = 9.0
     fault = checker.allow(replace(posture, joint_pos=joint_pos))
-    assert "joint 'l_knee' is +9.000 rad, allowed [-1.798, +2.478] rad" in fault
+    assert "joint 'l_knee' is +9.000 rad, expected [-1.798, +2.478] rad" in fault
 
 
 def test_loosening_gives_way_step_by_step_until_nothing_hinders(checker: CollisionChecker):

@@ -9,10 +9,10 @@ import pytest
 
 from humanoid_getup.motions.posture_metric import PostureMetric, align, orientation_distance
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import PlanOptions, PlanResult, plan_path
+from humanoid_getup.planning.path_planner import PathOptions, PathResult, plan_path
 from humanoid_getup.planning.posture_space import PostureProblem, to_node
-from humanoid_getup.planning.refinement import MARGIN, SPACING, mend, merge, refine
-from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions, search
+from humanoid_getup.planning.refinement import MARGIN, SPACING, merge, refine, repair
+from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
 from humanoid_getup.planning.shortcut import length, shorten
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.scene import Obstacle, Scene, load_scene
@@ -59,7 +59,7 @@ def starts() -> list[Posture]:
 @pytest.fixture(scope="module")
 def plans(
     checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-) -> list[PlanResult]:
+) -> list[PathResult]:
     return [
         plan_path(start, _nearest(start, goals), checker, np.random.default_rng(seed))
         for seed, start in enumerate(starts)
@@ -86,11 +86,11 @@ def depths(model: mujoco.MjModel, data: mujoco.MjData, posture: Posture) -> dict
 
 
 def test_every_fall_is_planned_from_start_to_goal(
-    plans: list[PlanResult], starts: list[Posture], goals: list[Posture]
+    plans: list[PathResult], starts: list[Posture], goals: list[Posture]
 ):
     assert len(plans) == 12
     for plan, start in zip(plans, starts, strict=True):
-        assert plan.status is PlanStatus.SOLVED
+        assert plan.status is SearchStatus.SOLVED
         assert plan.colliding == 0
         assert plan.trajectory is not None
         np.testing.assert_allclose(plan.trajectory.joint_pos[0], start.joint_pos, atol=1e-9)
@@ -102,7 +102,7 @@ def test_every_fall_is_planned_from_start_to_goal(
 
 
 def test_nothing_on_the_way_is_deeper_than_allowed_or_beyond_a_limit(
-    plans: list[PlanResult], starts: list[Posture]
+    plans: list[PathResult], starts: list[Posture]
 ):
     model = FLAT.compile(ROBOT)
     data = mujoco.MjData(model)
@@ -129,15 +129,15 @@ def test_nothing_on_the_way_is_deeper_than_allowed_or_beyond_a_limit(
     assert checked > 1000
 
 
-def test_no_joint_is_faster_than_its_share_of_the_no_load_speed(plans: list[PlanResult]):
+def test_no_joint_is_faster_than_its_share_of_the_no_load_speed(plans: list[PathResult]):
     for plan in plans:
         assert plan.trajectory is not None
         speed = np.abs(np.diff(plan.trajectory.joint_pos, axis=0)) / ROBOT.control_period
-        assert np.all(speed <= PlanOptions().speed * ROBOT.max_velocity * (1.0 + 1e-6))
+        assert np.all(speed <= PathOptions().speed * ROBOT.max_velocity * (1.0 + 1e-6))
 
 
 def test_the_same_seed_gives_the_same_trajectory(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture], plans: list[PlanResult]
+    checker: CollisionChecker, starts: list[Posture], goals: list[Posture], plans: list[PathResult]
 ):
     hardest = int(np.argmax([plan.nodes for plan in plans]))
     start = starts[hardest]
@@ -156,7 +156,7 @@ def test_every_edge_of_a_path_is_short_and_free(
     for seed, start in enumerate(starts):
         problem = pose(checker, start, _nearest(start, goals))
         found = search(problem, problem.start, problem.goal, np.random.default_rng(seed))
-        assert found.status is PlanStatus.SOLVED
+        assert found.status is SearchStatus.SOLVED
         for a, b in pairwise(found.path):
             assert problem.is_within_step(a, b)
             for node in problem.interpolate(a, b):
@@ -213,7 +213,7 @@ def test_loose_to_strict_finds_strict_paths(
     for seed, start in enumerate(starts[:6]):
         problem = pose(checker, start, _nearest(start, goals))
         found = refine(problem, np.random.default_rng(seed), SearchOptions(max_edges=8000))
-        assert found.status is PlanStatus.SOLVED
+        assert found.status is SearchStatus.SOLVED
         assert checker.looseness == 0.0
         np.testing.assert_array_equal(found.path[0], problem.start)
         np.testing.assert_array_equal(found.path[-1], problem.goal)
@@ -226,7 +226,7 @@ def test_only_what_is_illegal_is_replanned(
     checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
 ):
     """One colliding posture in the middle of a legal path: the rest stays, node for node."""
-    mended = 0
+    repaired = 0
     for seed, start in enumerate(starts):
         problem, rng = pose(checker, start, _nearest(start, goals)), np.random.default_rng(seed)
         found = search(problem, problem.start, problem.goal, rng).path
@@ -240,15 +240,15 @@ def test_only_what_is_illegal_is_replanned(
         while not problem.fails(legal[middle], bad):
             bad[4:] = rng.uniform(ROBOT.lower, ROBOT.upper)
         broken = [*legal[: middle + 1], bad, *legal[middle + 1 :]]
-        result = mend(problem, broken, rng, SearchOptions())
-        assert result.status is PlanStatus.SOLVED
+        result = repair(problem, broken, rng, SearchOptions())
+        assert result.status is SearchStatus.SOLVED
         assert not any(problem.fails(a, b) for a, b in pairwise(result.path))
         before, after = middle + 1 - MARGIN, len(legal) - middle - 1 - MARGIN
         np.testing.assert_array_equal(result.path[:before], legal[:before])
         if after > 0:
             np.testing.assert_array_equal(result.path[-after:], legal[-after:])
-        mended += 1
-    assert mended > 2
+        repaired += 1
+    assert repaired > 2
 
 
 def test_segments_close_in_time_are_merged():
@@ -280,19 +280,19 @@ def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_told_apart(
     sunk = replace(goals[0], position=goals[0].position - np.array([0.0, 0.0, 0.03]))
     rng = np.random.default_rng(0)
     start = plan_path(sunk, goals[0], checker, rng)
-    assert (start.status, start.planned) == (PlanStatus.START_INVALID, False)
+    assert (start.status, start.path) == (SearchStatus.START_INVALID, [])
     assert "inside 'ground'" in start.reason
     goal = plan_path(goals[0], sunk, checker, rng)
-    assert goal.status is PlanStatus.GOAL_INVALID
+    assert goal.status is SearchStatus.GOAL_INVALID
     assert goal.trajectory is None
 
 
 def test_a_spent_budget_is_an_answer_with_a_reason(
     checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
 ):
-    stingy = PlanOptions(search=SearchOptions(max_edges=1), refine_edges=1)
+    stingy = PathOptions(search=SearchOptions(max_edges=1), refine_edges=1)
     answer = plan_path(starts[0], goals[1], checker, np.random.default_rng(0), stingy)
-    assert answer.status is PlanStatus.BUDGET_SPENT
+    assert answer.status is SearchStatus.BUDGET_SPENT
     assert answer.reason != ""
 
 
@@ -311,7 +311,7 @@ def test_arms_swing_around_a_beam_that_bars_their_way(goals: list[Posture]):
     problem = pose(checker, start, goal)
     assert problem.fails(problem.start, problem.goal)
     plan = plan_path(start, goal, checker, np.random.default_rng(0))
-    assert plan.status is PlanStatus.SOLVED
+    assert plan.status is SearchStatus.SOLVED
     assert plan.colliding == 0
     assert len(plan.path) > 2
 

@@ -11,15 +11,15 @@ def branch() -> tuple[Tree, list[int]]:
     nodes = [ROOT]
     for k in range(1, 4):
         nodes.append(tree.grow(nodes[-1], np.array([float(k), 0.0])))
-        tree.kill(nodes[-2])
+        tree.mark_dead(nodes[-2])
     return tree, nodes
 
 
 def test_death_recedes_to_the_root():
     tree, nodes = branch()
-    tree.kill(nodes[3])
+    tree.mark_dead(nodes[3])
     assert tree.state(nodes[3]) is Viability.LIVE  # one edge is untried
-    tree.kill(nodes[3])
+    tree.mark_dead(nodes[3])
     assert [tree.state(node) for node in nodes] == [Viability.DEAD] * 4
     assert not tree.is_viable
 
@@ -27,8 +27,8 @@ def test_death_recedes_to_the_root():
 def test_death_stops_at_a_node_with_another_live_edge():
     tree = Tree(np.zeros(2), edges_per_node=2)
     left, right = tree.grow(ROOT, np.array([-1.0, 0.0])), tree.grow(ROOT, np.array([1.0, 0.0]))
-    tree.kill(left)
-    tree.kill(left)
+    tree.mark_dead(left)
+    tree.mark_dead(left)
     assert tree.state(left) is Viability.DEAD
     assert tree.state(ROOT) is Viability.LIVE
     assert tree.candidates.tolist() == [False, False, True]
@@ -38,9 +38,9 @@ def test_death_stops_at_a_node_with_another_live_edge():
 
 def test_one_dormant_edge_makes_a_branch_sleep_and_wakes_it_when_revived():
     tree, nodes = branch()
-    tree.kill(nodes[3])
+    tree.mark_dead(nodes[3])
     leaf = np.array([4.0, 0.0])
-    tree.put_to_sleep(nodes[3], leaf)
+    tree.mark_dormant(nodes[3], leaf)
     assert [tree.state(node) for node in nodes] == [Viability.DORMANT] * 4
     assert not tree.candidates.any()
     assert tree.is_viable
@@ -48,8 +48,8 @@ def test_one_dormant_edge_makes_a_branch_sleep_and_wakes_it_when_revived():
     assert [tree.state(node) for node in [*nodes, woken]] == [Viability.LIVE] * 5
     assert tree.candidates.tolist() == [False] * 4 + [True]
     assert len(tree.dormant_leaves) == 0
-    tree.kill(woken)
-    tree.kill(woken)
+    tree.mark_dead(woken)
+    tree.mark_dead(woken)
     assert [tree.state(node) for node in nodes] == [Viability.DEAD] * 4
 
 

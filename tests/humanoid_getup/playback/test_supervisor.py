@@ -13,7 +13,7 @@ from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.monitors import AbortKind
-from humanoid_getup.playback.motion_monitor import angle
+from humanoid_getup.playback.motion_monitor import vector_angle
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.falls import sample_falls, settle_posture
@@ -212,10 +212,12 @@ def test_it_can_begin_anew_after_giving_up(world, standing, still):
     assert watch(supervisor, still, 5.0) == 5.0
 
 
-def test_the_angle_between_directions_needs_no_unit_vectors():
-    assert angle(np.array([2.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])) == pytest.approx(np.pi / 2)
-    assert angle(np.ones(3), 3.0 * np.ones(3)) == pytest.approx(0.0, abs=1e-7)
-    assert angle(np.ones(3), -np.ones(3)) == pytest.approx(np.pi)
+def test_the_vector_angle_needs_no_unit_vectors():
+    assert vector_angle(np.array([2.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])) == pytest.approx(
+        np.pi / 2
+    )
+    assert vector_angle(np.ones(3), 3.0 * np.ones(3)) == pytest.approx(0.0, abs=1e-7)
+    assert vector_angle(np.ones(3), -np.ones(3)) == pytest.approx(np.pi)
 
 
 def play_supervised(twin: Twin, world: World, motion: Motion, push=None) -> tuple[Supervisor, bool]:

@@ -53,7 +53,7 @@ WRONG = [
     ({"imu_frame": "z down"}, "IMU frame: 'z down', here 'gravity and gyro in the torso's"),
     (
         {"joints": swapped(OP3.joint_names)},
-        f"joint order: '{OP3.joint_names[1]}' stands where '{OP3.joint_names[0]}' should",
+        f"joint order: '{OP3.joint_names[1]}' in place of '{OP3.joint_names[0]}'",
     ),
     ({"joints": (*OP3.joint_names[1:], "tail")}, "joints: it lacks r_sho_pitch and it has tail"),
     ({"observation": swapped(CONTRACT.observation)}, "observation: gyro[3] gravity[3]"),

@@ -179,7 +179,7 @@ def test_a_log_of_another_robot_or_without_cycles_cannot_be_replayed(swing, tiny
         replay(FlightRecord.load(swing), twin_of(op3), op3.standing)
     with FlightLog(tmp_path / "f", tiny):
         pass
-    with pytest.raises(ValueError, match="it holds no cycle"):
+    with pytest.raises(ValueError, match="it has no cycles"):
         replay(FlightRecord.load(tmp_path / "f"), twin_of(tiny), tiny.standing)
 
 

@@ -39,7 +39,7 @@ def test_as_many_of_every_class_are_chosen_or_none(op3: Robot):
     falls = make_falls(op3, (*CLASSES, *CLASSES, "prone"))
     chosen = falls.choose(2)
     assert [fall.start_class for fall in chosen.falls] == [k for k in CLASSES for _ in range(2)]
-    with pytest.raises(ValueError, match="has 2 supine, 2 left, 2 right, needed are 3 of each"):
+    with pytest.raises(ValueError, match="has 2 supine, 2 left, 2 right, expected 3 of each"):
         falls.choose(3)
 
 

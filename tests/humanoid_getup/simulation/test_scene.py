@@ -11,7 +11,7 @@ ROBOT = load_robot("op3")
 
 
 def test_an_unknown_scene_is_refused_with_what_is_allowed():
-    with pytest.raises(ValueError, match=r"unknown scene 'moon': allowed flat"):
+    with pytest.raises(ValueError, match=r"unknown scene 'moon': expected flat"):
         load_scene("moon")
 
 
@@ -42,5 +42,5 @@ def test_an_obstacle_is_where_it_was_put():
 
 
 def test_an_obstacle_without_size_is_refused():
-    with pytest.raises(ValueError, match=r"radius is 0\.0 m, allowed > 0"):
+    with pytest.raises(ValueError, match=r"radius is 0\.0 m, expected > 0"):
         Obstacle(name="dot", start=np.zeros(3), end=np.zeros(3), radius=0.0)

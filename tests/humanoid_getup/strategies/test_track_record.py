@@ -9,9 +9,9 @@ from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.strategies.track_record import (
     PLAN,
     POLICY,
-    RecordsError,
     StandCount,
     StrategyId,
+    TrackRecordError,
     load_track_record,
 )
 from robots import Robot, TorqueLimit, load_robot
@@ -120,7 +120,7 @@ cap = "hat"
 supine = { stood = 9, n = 8 }
 prone = 3
 """
-    with pytest.raises(RecordsError) as refusal:
+    with pytest.raises(TrackRecordError) as refusal:
         load_track_record(robot_with(text, tmp_path))
     for told in (
         "records.toml: record number 1: method is 'luck', expected plan, policy",
@@ -135,5 +135,5 @@ prone = 3
 
 @pytest.mark.parametrize("text", ["record = 3", "[[record]", "record = [1]"])
 def test_a_file_that_holds_no_tables_is_refused(tmp_path: Path, text: str):
-    with pytest.raises(RecordsError, match=r"records\.toml"):
+    with pytest.raises(TrackRecordError, match=r"records\.toml"):
         load_track_record(robot_with(text, tmp_path))

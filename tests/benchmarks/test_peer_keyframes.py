@@ -90,23 +90,18 @@ def lie(op3, world, joint_pos, *, time, chest):
 
 def test_all_get_up_from_the_same_falls_under_the_same_limit(peer, world):
     records = []
-    limits = {"none": TorqueLimit(), "3 N·m by PWM": TorqueLimit(3.0, "pwm")}
+    limits = {"3 N·m by PWM": TorqueLimit(3.0, "pwm")}
     result = peer.compare(world, PEERS, seed=4, each=1, limits=limits, report=records.append)
     assert list(result["limits"]) == list(limits)
     starts = [record["start_class"] for record in records]
-    assert len(starts) == 18
-    assert starts[:3] * 6 == starts
-    for ways in result["limits"].values():
-        assert list(ways) == [peer.PLANNED, peer.ROBUST, peer.PEER]
-        for way, case in ways.items():
-            assert case["n"] == 3
-            assert case["stood"] == sum(case["stood_by_class"].values())
-            assert case["stood"] + len(case["failures"]) == 3
-            assert case["stand_time_s"]["median"] is None or case["stand_time_s"]["median"] > 0.5
-            if way == peer.PEER:
-                assert case["not_played"] == 0
-    peaks = {
-        name: ways[peer.PEER]["peak_torque_nm"]["median"] for name, ways in result["limits"].items()
-    }
-    assert all(peak is not None and peak > 0.0 for peak in peaks.values())
+    assert len(starts) == 9
+    assert starts[:3] * 3 == starts
+    ways = result["limits"]["3 N·m by PWM"]
+    assert list(ways) == [peer.PLANNED, peer.ROBUST, peer.PEER]
+    for case in ways.values():
+        assert case["n"] == 3
+        assert case["stood"] == sum(case["stood_by_class"].values())
+        assert case["stood"] + len(case["failures"]) == 3
+    assert ways[peer.PEER]["not_played"] == 0
+    assert ways[peer.PEER]["stood"] >= 2  # of three falls that all stood when this was written
     peer.print_table(result)

@@ -110,6 +110,7 @@ class BenchRise(BenchOptions):
         world = self.load_stage()
         from humanoid_getup.benchmarks.rise import CLASSES, bench_rise
         from humanoid_getup.strategies.plan import RiseOptions
+        from robots import TorqueLimit
 
         options = RiseOptions(
             planning=self.planning,

@@ -4,18 +4,19 @@ The peer is pages 122 (from prone) and 123 (from supine) of the OP3's action fil
 maker's soccer demo plays. They are not part of this package: `--peers` names a folder with
 `op3-getup-pages.json`, the decoded pages.
 
-How a page is played. The direction of gravity in the torso selects it: prone where the chest
-faces down, supine where it faces up, however far the robot lies on its side. The joints go
-straight from where they are to the page's first posture at 1.5 rad/s, as `MotionPlayer` does
-with every motion; this replaces the first step's own time. The other steps take their `move_s` and
-are held for their `pause_s`. In between, a monotone cubic (PCHIP) stands for the maker's
-velocity ramps: it starts, ends and pauses at rest, reverses without overshoot, and does not slow
-down at a step where a joint keeps moving in the same direction without a pause. The last posture
-is held until the stand is judged.
+How they are played. As in the soccer demo, a page begins in the maker's walking stance: the
+joints go there straight from where they are, all together, the farthest at 1.5 rad/s (the
+approach of `MotionPlayer`). Then the direction of gravity in the torso, as the IMU measures it,
+selects the page: prone where the chest faces down, supine where it faces up, however far the robot
+lies on its side. (A page chosen before the approach fails whenever the approach rolls the robot
+over.) Every step takes its `move_s` and is held for its `pause_s`. In between, a monotone cubic
+(PCHIP) stands for the maker's velocity ramps: it starts, ends and pauses at rest, reverses without
+overshoot, and does not slow down at a step where a joint keeps moving in the same direction
+without a pause. The last posture is held until the stand is judged.
 
-Every strategy gets one attempt through the same guard, supervision of the servos and judge. The
-peer is played open loop: no preflight refuses it and no monitor expects a tilt of it. Plans and
-policies run as users get them, so a rise that their preflight refuses counts as not stood.
+Every strategy gets one attempt through the same guard and judge. The peer is played open loop: no
+preflight refuses it and no monitor gives it up. Plans and policies run as users get them, so a
+plan that finds no rise, or that its preflight refuses, counts as not stood.
 
     python benchmarks/peer_keyframes.py --peers FOLDER --n 20 --seed 11 --json peer.json
 """
@@ -34,19 +35,23 @@ from rich.console import Console
 from rich.table import Table
 from scipy.interpolate import PchipInterpolator
 
-from drivers import State
+from drivers import Command, State
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, bench_methods
 from humanoid_getup.cli.output import counting, to_json
-from humanoid_getup.motions.motion import Motion, StartClass
+from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.preflight import Verdict
+from humanoid_getup.playback.monitors import MonitorLimits
+from humanoid_getup.playback.motion_player import APPROACH_SPEED
+from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import MotionPlan, RiseOptions, RiseStatus, Strategy
+from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import FULL_TORQUE, Posture, Robot, TorqueLimit, load_robot, quaternion
+from robots import FULL_TORQUE, Posture, Robot, TorqueLimit, load_robot
 from robots.files import write_atomically
+from robots.kinematics import GravitySense
 from robots.quaternion import Array
 
 PAGES_FILE = "op3-getup-pages.json"
@@ -67,85 +72,123 @@ PLANNED, ROBUST, PEER = "planned", "robust", "maker's keyframes"
 class Page:
     """A page of the maker's action file: key postures and their times."""
 
-    name: str
     time: Array
-    """Times at which a posture is reached, or left after a pause [s], (K,)."""
+    """Times at which a posture is reached, or left after a pause, from the start [s], (K,)."""
     joint_pos: Array
     """Joint angles at these times [rad], (K, n)."""
 
     @classmethod
     def load(cls, folder: Path, number: int, robot: Robot) -> Page:
-        """Read a page of the decoded action file, from its first posture on."""
-        decoded = json.loads((folder / PAGES_FILE).read_text("utf-8"))
-        page = next(page for page in decoded["pages"] if page["page"] == number)
+        """Read a page of the decoded action file."""
+        pages = json.loads((folder / PAGES_FILE).read_text("utf-8"))["pages"]
+        page = next(page for page in pages if page["page"] == number)
         time, postures, now = [], [], 0.0
-        for index, step in enumerate(page["steps"]):
-            now += step["move_s"] if index else 0.0
+        for step in page["steps"]:
+            now += step["move_s"]
             posture = [step["pos_rad"][name] for name in robot.joint_names]
             leave = now + step["pause_s"]
             for key in (now, leave) if leave > now else (now,):
                 time.append(key)
                 postures.append(posture)
             now = leave
-        return cls(name=f"page {number}", time=np.array(time), joint_pos=np.array(postures))
+        return cls(time=np.array(time), joint_pos=np.array(postures))
 
-    def sample(self, time: Array) -> Array:
-        """Interpolate the joint targets [rad] at times within the page [s], (T, n)."""
-        resting = np.concatenate([[self.time[0] - 1.0], self.time, [self.time[-1] + 1.0]])
-        keys = np.concatenate([self.joint_pos[:1], self.joint_pos, self.joint_pos[-1:]])
-        return PchipInterpolator(resting, keys)(time)
+    def begin_at(self, joint_pos: Array) -> PchipInterpolator:
+        """Interpolate joint targets [rad] over time [s], from rest to rest.
+
+        Args:
+            joint_pos: Joint angles from which the page is begun [rad], (n,).
+        """
+        time = np.concatenate([[-1.0, 0.0], self.time, [self.time[-1] + 1.0]])
+        keys = np.vstack([joint_pos, joint_pos, self.joint_pos, self.joint_pos[-1]])
+        return PchipInterpolator(time, keys)
+
+
+class KeyframePlayer:
+    """Goes to the maker's walking stance, then plays the page for how the robot lies by then."""
+
+    def __init__(
+        self,
+        world: World,
+        stance: Array,
+        pages: dict[StartClass, Page],
+        torque_limit: float | None,
+    ) -> None:
+        self._robot, self._stance, self._pages = world.robot, stance, pages
+        self._torque_limit = torque_limit
+        self._sense_gravity = GravitySense(world.model.site(world.robot.imu_site).quat)
+        self.longest = max(page.time[-1] for page in pages.values()) + HOLD
+        """Time that the longest page and the hold take [s]."""
+
+    @property
+    def done(self) -> bool:
+        """Return whether the page and the hold are over."""
+        return self._clock - self._begin >= self._end - 1e-9
+
+    def reset(self, state: State) -> None:
+        """Begin at the measured joint angles."""
+        self._begin = self._clock = state.time
+        self._from, self._page = state.joint_pos, None
+        self._approach = float(np.abs(self._stance - state.joint_pos).max()) / APPROACH_SPEED
+        self._end = self._approach + self.longest
+
+    def step(self, state: State) -> Command:
+        """Send the targets that are due at the measurement."""
+        self._clock = state.time
+        time = state.time - self._begin - self._approach
+        return Command.position(self._robot, self._target(time, state), self._torque_limit)
+
+    def _target(self, time: float, state: State) -> Array:
+        if time < 0.0:
+            return self._stance + (time / self._approach) * (self._stance - self._from)
+        if self._page is None:
+            page = self._pages[select_page(self._sense_gravity(state.orientation))]
+            self._page, self._last = page.begin_at(self._stance), float(page.time[-1])
+            self._end = self._approach + self._last + HOLD
+        return self._page(min(time, self._last))
+
+
+def select_page(gravity_b: Array) -> StartClass:
+    """Tell from gravity in the torso which page is played."""
+    return "prone" if gravity_b[0] > 0.0 else "supine"
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeyframePlan(MotionPlan):
-    """A page to be played open loop, whatever a preflight would say."""
+class KeyframePlan(RisePlan):
+    """Keyframes to be played open loop, whatever a preflight or a monitor would say."""
 
-    def preflight(
-        self,
-        _world: World,
-        _torque_limit: TorqueLimit,
-        _settled: State,
-        _measure: Callable[[], State],
-    ) -> Verdict:
-        """Refuse nothing."""
-        return Verdict()
+    stance: Array
+    """Joint angles in which the maker's robot begins a page [rad], (n,)."""
+    pages: dict[StartClass, Page]
+
+    @property
+    def title(self) -> str:
+        """Name what is played."""
+        return PEER
+
+    def controller(
+        self, world: World, torque_limit: TorqueLimit, _limits: MonitorLimits
+    ) -> Supervisor:
+        """Make the player, without monitors."""
+        return Supervisor(KeyframePlayer(world, self.stance, self.pages, torque_limit.value), [])
 
 
 class KeyframeRise:
-    """Plays the page for the side on which the chest lies."""
+    """Plays the maker's keyframes."""
 
     def __init__(self, folder: Path, robot: Robot) -> None:
-        self._robot = robot
-        self._pages = {side: Page.load(folder, page, robot) for side, page in PAGES.items()}
-
-    def select(self, start: Posture) -> StartClass:
-        """Tell from gravity in the torso which page is played."""
-        forward = quaternion.gravity_in_body(start.orientation)[0]
-        return "prone" if forward > 0.0 else "supine"
-
-    def plan(self, start: Posture, _rng: np.random.Generator) -> KeyframePlan:
-        """Choose the page."""
-        side = self.select(start)
-        motion = self._make_motion(self._pages[side], side, start)
+        stance = json.loads((folder / PAGES_FILE).read_text("utf-8"))["walk_ready_rad"]
         status = RiseStatus.STORED
-        return KeyframePlan(status=status, reason=status.value, motion=motion, simulated=False)
-
-    def _make_motion(self, page: Page, side: StartClass, start: Posture) -> Motion:
-        """Sample a page; nothing is known of the root, so it stays where the robot lies."""
-        period = self._robot.control_period
-        time = np.append(np.arange(0.0, page.time[-1], period), page.time[-1])
-        targets = page.sample(time)
-        return Motion(
-            name=page.name,
-            robot=self._robot.name,
-            start_class=side,
-            strategy="keyframes",
-            time=time,
-            position=np.tile(start.position, (len(time), 1)),
-            orientation=np.tile(start.orientation, (len(time), 1)),
-            joint_pos=targets,
-            joint_target=targets,
+        self._plan = KeyframePlan(
+            status=status,
+            reason=status.value,
+            stance=np.array([stance[name] for name in robot.joint_names]),
+            pages={side: Page.load(folder, page, robot) for side, page in PAGES.items()},
         )
+
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> KeyframePlan:
+        """Choose the keyframes; the page is chosen on the way."""
+        return self._plan
 
 
 def compare(

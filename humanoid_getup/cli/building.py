@@ -24,7 +24,7 @@ from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.inputs import load_robot
 from humanoid_getup.cli.options.motions import BuildMotions
 from humanoid_getup.cli.output import console_for, find_folder_faults
-from humanoid_getup.motions.build import KEYFRAMES, build_motion, load_authored, motion_file
+from humanoid_getup.motions.build import KEYFRAMES, build_motion, load_robot_keyframes, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
@@ -59,7 +59,7 @@ def build(command: BuildMotions) -> int:
 def _choose_keyframes(robot: Robot, names: tuple[str, ...]) -> list[Keyframes]:
     with refusing():
         try:
-            stored = {c.name: c for c in load_authored(robot)}
+            stored = {c.name: c for c in load_robot_keyframes(robot)}
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{robot.folder / KEYFRAMES}: {error!r}") from error
         unknown = [name for name in names if name not in stored]

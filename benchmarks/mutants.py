@@ -63,7 +63,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "drivers/safety_limits.py": _GUARD,
     "drivers/control_loop.py": ("tests/drivers/test_control_loop.py",),
     "drivers/dynamixel/servo_states.py": ("tests/drivers/dynamixel/test_servo_states.py",),
-    "drivers/dynamixel/command_writer.py": _BACKEND,
+    "drivers/dynamixel/command_writer.py": ("tests/drivers/dynamixel/test_command_writer.py",),
     "drivers/dynamixel/cyclic_read.py": _BACKEND,
     "humanoid_getup/planning/rrt_blossom.py": (f"{_PLANNING}/test_rrt_blossom.py",),
     "humanoid_getup/planning/posture_space.py": (f"{_PLANNING}/test_posture_space.py",),

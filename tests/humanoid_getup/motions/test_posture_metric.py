@@ -123,3 +123,14 @@ def test_the_embedding_never_overestimates(seed: int):
     a, b = postures(seed, 2)
     straight = METRIC.embed(a.orientation, a.joint_pos) - METRIC.embed(b.orientation, b.joint_pos)
     assert np.linalg.norm(straight) <= METRIC.between(a, b) + 1e-9
+
+
+def test_the_embedding_is_tight_for_small_differences():
+    """A chord of 0.01 rad is as long as its arc; so it is of use to a search."""
+    a = ROBOT.standing
+    tilt = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.01)
+    tilted = replace(a, orientation=quaternion.multiply(tilt, a.orientation))
+    bent = replace(a, joint_pos=a.joint_pos + 0.01)
+    for b in (tilted, bent):
+        apart = METRIC.embed(a.orientation, a.joint_pos) - METRIC.embed(b.orientation, b.joint_pos)
+        assert np.linalg.norm(apart) == pytest.approx(METRIC.between(a, b), rel=1e-4)

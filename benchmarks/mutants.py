@@ -67,7 +67,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "drivers/dynamixel/cyclic_read.py": _BACKEND,
     "humanoid_getup/planning/rrt_blossom.py": (f"{_PLANNING}/test_rrt_blossom.py",),
     "humanoid_getup/planning/posture_space.py": (f"{_PLANNING}/test_posture_space.py",),
-    "humanoid_getup/planning/refinement.py": (f"{_PLANNING}/test_path_planner.py",),
+    "humanoid_getup/planning/refinement.py": (f"{_PLANNING}/test_refinement.py",),
     "humanoid_getup/motions/posture_metric.py": (
         "tests/humanoid_getup/motions/test_posture_metric.py",
     ),

@@ -91,6 +91,20 @@ def test_steps_far_from_the_target_have_the_full_length_and_blossom_by_15_degree
     assert min(turns) < 0.97
 
 
+def test_the_first_step_is_on_the_shortest_turn_from_any_orientation_to_any_other(problem):
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        near, target = problem.sample(rng), problem.sample(rng)
+        near[:4], target[:4] = quaternion.normalize(rng.normal(size=(2, 4)))
+        step = problem.steer(near, target, problem.goal, 1, rng)[0, :4]
+        whole = quaternion.angle_between(near[:4], target[:4])
+        turned = quaternion.angle_between(near[:4], step)
+        left = quaternion.angle_between(step, target[:4])
+        assert np.linalg.norm(step) == pytest.approx(1.0)
+        assert turned == pytest.approx(min(whole, 0.8))
+        assert turned + left == pytest.approx(whole)
+
+
 def test_a_step_leads_no_further_than_its_target(problem):
     rng, target = np.random.default_rng(0), node(0.2, 0.05)
     step = problem.steer(problem.start, target, problem.goal, 1, rng)[0]

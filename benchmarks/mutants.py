@@ -102,11 +102,14 @@ class Mutant:
     """Source text of the mutated line."""
 
     def apply(self, text: str) -> str | None:
-        """Return a module's text with the fault; None where the fault changes nothing."""
+        """Return a module's text with the fault; None where it changes nothing or is no Python."""
         mutated = mutate_code(text, get_operator(f"core/{self.operator}")(), self.occurrence)
         if mutated is None:
             return None
-        before, after = ast.parse(text), ast.parse(mutated)
+        try:
+            before, after = ast.parse(text), ast.parse(mutated)
+        except SyntaxError:
+            return None
         is_same = ast.dump(after) == ast.dump(before)
         # Cosmic Ray takes the mark of keyword-only parameters for a multiplication.
         return None if is_same or _count_parameters(after) != _count_parameters(before) else mutated
@@ -225,7 +228,7 @@ class Copy:
         self._server.communicate()
 
     def test(self, mutant: Mutant, timeout: float) -> Survivor | bool | None:
-        """Return a mutant that survives, whether it is killed, or None where it changes nothing."""
+        """Return a mutant that survives, whether it is killed, or None where it is no fault."""
         path = self.folder / mutant.module
         original = path.read_text("utf-8")
         mutated = mutant.apply(original)

@@ -206,6 +206,14 @@ def test_a_command_becomes_registers_of_each_servo(tiny):
     assert found.torque.tolist() == [True, True]
 
 
+@pytest.mark.parametrize("limit", [0.0, 1e-4])
+def test_a_limit_that_rounds_to_no_count_is_torque_off(tiny, limit):
+    command = replace(Command.position(tiny, np.zeros(2)), torque_limit=np.array([limit, 0.005]))
+    found = CommandConverter(tiny).to_registers(command)
+    assert found.pwm.tolist() == [0, 1]
+    assert found.torque.tolist() == [False, True]
+
+
 def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
     converter = CommandConverter(tiny)
     converter.pwm_limit = np.array([100, 885])

@@ -5,7 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from humanoid_getup.planning.refinement import MARGIN, MERGE, illegal_segments, mend, merge
+from humanoid_getup.planning.refinement import (
+    MARGIN,
+    MERGE,
+    illegal_segments,
+    mend,
+    merge,
+    refine,
+)
 from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions
 from robots.quaternion import Array
 
@@ -51,6 +58,44 @@ def run(height: float, options: SearchOptions = OPTIONS, seed: int = 0):
     return problem, mend(problem, PATH, np.random.default_rng(seed), options)  # type: ignore[arg-type]
 
 
+class Loosened(Plane):
+    """A wall that grows from nothing to its height; it is its own checker."""
+
+    def __init__(self, height: float) -> None:
+        super().__init__(height)
+        self.start, self.goal = PATH
+        self.checker, self.whole = self, height
+        self.levels: list[float] = []
+
+    def loosen(self, looseness: float) -> None:
+        self.levels.append(looseness)
+        self.height = (1.0 - looseness) * self.whole
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
+    problem, rng = Loosened(0.6), np.random.default_rng(seed)
+    found = refine(problem, rng, OPTIONS)  # type: ignore[arg-type]
+    assert problem.levels == pytest.approx([*np.arange(39, -1, -1) / 40, 0.0], abs=1e-12)
+    assert found.status is PlanStatus.SOLVED
+    assert 0 < found.edges <= 4000 and found.nodes > 0
+    assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
+    np.testing.assert_array_equal(found.path[0], PATH[0])
+    np.testing.assert_array_equal(found.path[-1], PATH[-1])
+
+
+def test_a_path_that_cannot_be_tightened_says_how_loose_it_was():
+    """The wall of 5 m reaches the edge of the plane, 2 m away, at a looseness of 0.6."""
+    problem = Loosened(5.0)
+    options = SearchOptions(max_edges=2000, controls=6, edges_per_node=1000)
+    found = refine(problem, np.random.default_rng(0), options)  # type: ignore[arg-type]
+    assert found.status is PlanStatus.BUDGET_SPENT
+    assert " at looseness 0." in found.reason
+    assert float(found.reason.split()[-1]) >= 0.575
+    assert 2000 <= found.edges < 2012
+    assert problem.height == 5.0, "it is strict again"
+
+
 def test_a_legal_path_is_divided_and_nothing_else():
     _, found = run(0.0)
     assert (found.status, found.edges, found.nodes) == (PlanStatus.SOLVED, 0, 0)
@@ -91,7 +136,7 @@ def test_a_stretch_is_the_illegal_edges_and_a_margin():
 
 
 def test_stretches_are_merged_up_to_three_postures_apart():
-    assert MERGE == 3
+    assert (MERGE, MARGIN) == (3, 2)
     assert merge(np.array([10, 14]), 0, 100) == [(10, 15)]
     assert merge(np.array([10, 15]), 0, 100) == [(10, 11), (15, 16)]
     assert merge(np.array([10, 14, 18, 30]), 0, 100) == [(10, 19), (30, 31)]

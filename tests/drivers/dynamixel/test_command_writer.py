@@ -239,3 +239,8 @@ def test_a_command_that_was_sent_says_where_torque_is_off(tiny):
 def test_an_absurd_target_becomes_the_end_of_the_turn(tiny, angle):
     found = CommandConverter(tiny).to_registers(Command.position(tiny, np.full(2, angle)))
     assert np.all((found.goal >= 0) & (found.goal <= 4095))
+
+
+def test_a_negative_gain_is_none(tiny):
+    command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([-0.5, -3.0]))
+    assert CommandConverter(tiny).to_registers(command).p_gain.tolist() == [0, 0]

@@ -191,6 +191,14 @@ def test_a_value_is_written_when_it_changes_and_once_more():
     assert written.find_due(values[-1]).tolist() == both
 
 
+def test_even_a_zero_is_written_first_and_after_forgetting():
+    written = LastWritten(2)
+    zeros = np.zeros(2, dtype=int)
+    due = [written.find_due(zeros).all() for _ in range(3)]
+    written.forget()
+    assert [*due, written.find_due(zeros).all()] == [True, True, False, True]
+
+
 def test_a_command_becomes_registers_of_each_servo(tiny):
     """The right hip turns the other way round, from tick 1000; 0.1 rad are 65.19 ticks."""
     command = Command(

@@ -61,11 +61,11 @@ def test_distances_are_those_of_the_metric(problem):
 def test_a_step_is_two_fifths_of_dis_q_and_two_of_dis_v(problem, stride, turn, bend, is_within):
     """Turns count half: 0.8 rad are 0.4 in dis_Q. ``bend`` is in dis_V."""
     bend = bend / np.sqrt(METRIC.joint_weight.sum())
-    problem.stride = stride
+    whole, problem.stride = problem.stride, stride * problem.stride
     try:
         near = problem.is_within_step(problem.start, node(stride * turn, stride * bend))
     finally:
-        problem.stride = 1.0
+        problem.stride = whole
     assert near == is_within
 
 
@@ -130,6 +130,20 @@ def test_a_target_within_a_step_is_reached_bit_for_bit(problem, bend):
         )
         step = problem.steer(problem.start, target, problem.goal, 2, rng)[0]
         np.testing.assert_array_equal(step, target)
+
+
+def test_what_has_its_goal_value_is_held_and_the_other_goes_on(problem):
+    rng = np.random.default_rng(0)
+    turned = np.concatenate([problem.goal[:4], problem.start[4:]])
+    bent = np.concatenate([problem.start[:4], problem.goal[4:]])
+    for _ in range(20):
+        target = problem.sample(rng)
+        steps = problem.steer(turned, target, problem.goal, 4, rng)
+        assert np.all(steps[:, :4] == problem.goal[:4])
+        assert np.all(np.abs(steps[:, 4:] - turned[4:]).max(axis=1) > 0.01)
+        steps = problem.steer(bent, target, problem.goal, 4, rng)
+        assert np.all(steps[:, 4:] == problem.goal[4:])
+        assert np.all(np.abs(steps[:, :4] - bent[:4]).max(axis=1) > 0.01)
 
 
 def test_a_way_from_a_posture_to_itself_stays_there(problem):

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from humanoid_getup.motions.posture_metric import (
+    SEGMENT_WEIGHT,
     PostureMetric,
     align,
     aligned_orientation_distance,
@@ -134,3 +135,9 @@ def test_the_embedding_is_tight_for_small_differences():
     for b in (tilted, bent):
         apart = METRIC.embed(a.orientation, a.joint_pos) - METRIC.embed(b.orientation, b.joint_pos)
         assert np.linalg.norm(apart) == pytest.approx(METRIC.between(a, b), rel=1e-4)
+
+
+def test_segments_that_the_op3_lacks_weigh_what_the_paper_says():
+    """[Lin12], section 5."""
+    names = ("wrist", "hand", "finger", "thumb", "toes")
+    assert [SEGMENT_WEIGHT[name] for name in names] == [0.5, 0.3, 0.1, 0.1, 0.1]

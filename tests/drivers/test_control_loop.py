@@ -1,5 +1,6 @@
 """The control loop, turned by small controllers."""
 
+import gc
 import time
 from types import SimpleNamespace
 
@@ -235,6 +236,22 @@ def test_realtime_takes_real_time(tiny, backend):
     report = run(Hold(tiny, cycles=10), SafetyGuard(backend), max_time=1.0, realtime=True)
     assert time.perf_counter() - start >= 10 * 0.008 - 1e-3
     assert report.cycles == 10
+
+
+@pytest.mark.parametrize("realtime", [True, False])
+def test_only_in_real_time_existing_objects_are_kept_from_garbage_collection(
+    tiny, backend, realtime
+):
+    frozen = []
+    run(
+        Hold(tiny, cycles=2),
+        SafetyGuard(backend),
+        max_time=1.0,
+        realtime=realtime,
+        on_cycle=lambda _: frozen.append(gc.get_freeze_count() > 0),
+    )
+    assert frozen == [realtime] * 2
+    assert gc.get_freeze_count() == 0
 
 
 def test_a_bare_backend_is_refused_before_it_moves(op3):

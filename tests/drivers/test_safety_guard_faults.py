@@ -229,3 +229,17 @@ def test_a_joint_that_is_released_alone_gets_its_angle_and_the_other_its_target(
     sent = guard.write(replace(command, torque_limit=np.array([0.0, 1.0])))
     assert sent.joint_pos == pytest.approx([0.2, 0.01])
     assert guard.clips.total == 0
+
+
+def test_connecting_releases_only_what_is_open(tiny, backend):
+    """A backend that is closed cannot be written to."""
+    guard = SafetyGuard(backend)
+    for _ in range(2):
+        guard.connect()
+        assert backend.received == []
+        guard.close()
+    guard.connect()
+    guard.connect()
+    assert [command.is_limp for command in backend.received] == [True]
+    assert backend.received[0].joint_pos.shape == (tiny.n,)
+    guard.close()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robots.files import atomic_path, write_atomically
+from robots.files import atomic_path, read_bounded, write_atomically
 
 NOT_ROOT = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 
@@ -141,3 +141,14 @@ def test_a_folder_without_permission_is_an_error(tmp_path: Path):
     tmp_path.chmod(0o500)
     with pytest.raises(PermissionError):
         write_atomically(tmp_path / "file", "new")
+
+
+def test_a_file_is_read_up_to_its_limit_and_refused_beyond(tmp_path: Path):
+    path = tmp_path / "file"
+    for size in (0, 9, 10):
+        path.write_bytes(b"x" * size)
+        assert read_bounded(path, 10) == b"x" * size
+    for size in (11, 1000):
+        path.write_bytes(b"x" * size)
+        with pytest.raises(ValueError, match="more than 10 bytes"):
+            read_bounded(path, 10)

@@ -64,7 +64,8 @@ def stood() -> PolicyRollouts:
     torque[0, 200] = [0.0, 452.0**0.5]  # 226 in the first sample after it: 26 in all
     torque[1, 3, 0] = -9.0
     joint_vel = np.full((2, 500, 2), 4.0)
-    joint_vel[0, -200:] = [[0.1, -0.7]]  # mean square 0.25 in the last two seconds
+    joint_vel[0, -200:-100] = [[0.0, -(0.8**0.5)]]  # mean square 0.4, then 0.1:
+    joint_vel[0, -100:] = [[0.2**0.5, 0.0]]  # 0.25 in the last two seconds
     return PolicyRollouts(
         period=0.01,
         upright=upright,

@@ -107,42 +107,43 @@ def test_torque_needs_a_servo_that_is_ready_fresh_and_unlocked(states):
 
 
 PERIOD = 0.008
+BEGIN = 50.0  # s on the clock
 REACH = 134  # ticks: 30, and 20 rad/s (13038 ticks/s) for one period
 
 
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize(("leap", "is_believed"), [(REACH, True), (REACH + 1, False)])
 def test_a_position_further_than_any_joint_moves_is_not_believed(states, way, leap, is_believed):
-    update(states, reply(1, 2000, 5, 7), reply(2, 1000))
-    update(states, reply(1, 2000 + way * leap, 6, 8), reply(2, 1001), now=PERIOD)
+    update(states, reply(1, 2000, 5, 7), reply(2, 1000), now=BEGIN)
+    update(states, reply(1, 2000 + way * leap, 6, 8), reply(2, 1001), now=BEGIN + PERIOD)
     assert states.ticks.tolist() == [2000 + way * leap * is_believed, 1001]
-    assert states.stamp.tolist() == [PERIOD * is_believed, PERIOD]
+    assert states.stamp.tolist() == [BEGIN + PERIOD * is_believed, BEGIN + PERIOD]
     assert states.velocity[0] == pytest.approx((5 + is_believed) * 0.229 * RPM)
     assert states.current[0] == pytest.approx((7 + is_believed) * 2.69e-3)
 
 
 @pytest.mark.parametrize(("second", "is_confirmed"), [(REACH, True), (REACH + 1, False)])
 def test_a_leap_is_believed_once_the_next_reply_confirms_it(states, second, is_confirmed):
-    update(states, reply(1, 2000), reply(2, 1000))
-    update(states, reply(1, 3500), now=PERIOD)
-    update(states, reply(1, 3500 - second), now=2 * PERIOD)
+    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
+    update(states, reply(1, 3500), now=BEGIN + PERIOD)
+    update(states, reply(1, 3500 - second), now=BEGIN + 2 * PERIOD)
     assert states.ticks[0] == (3500 - second if is_confirmed else 2000)
-    update(states, reply(1, 3500 - second + 10), now=3 * PERIOD)
+    update(states, reply(1, 3500 - second + 10), now=BEGIN + 3 * PERIOD)
     assert states.ticks[0] == 3500 - second + 10
 
 
 def test_a_silent_servo_may_be_further_away_the_longer_it_was_silent(states):
-    update(states, reply(1, 2000), reply(2, 1000))
+    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
     far = 2000 + 30 + 13030  # a second's way
-    update(states, reply(1, far), now=1.0)
+    update(states, reply(1, far), now=BEGIN + 1.0)
     assert states.ticks[0] == far
 
 
 @pytest.mark.parametrize(("silence", "is_unsure"), [(2.4, False), (2.6, True)])
 def test_a_servo_under_torque_that_was_silent_may_have_restarted(states, silence, is_unsure):
-    update(states, reply(1, 2000), reply(2, 1000))
+    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
     states.note_on(np.array([0]))
-    update(states, reply(1, 2000), reply(2, 1000), now=silence * PERIOD)
+    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN + silence * PERIOD)
     assert states.is_unsure.tolist() == [is_unsure, False]
 
 
@@ -150,11 +151,11 @@ def test_an_alert_keeps_its_known_cause_until_it_is_gone(states):
     update(states, reply(1, 2000, error=ALERT), reply(2, 1000))
     assert states.alert.tolist() == [ALERT, 0]
     states.update_background(0, ERROR, bytes((4,)))
-    update(states, reply(1, 2000, error=ALERT), reply(2, 1000, error=ALERT), now=PERIOD)
+    update(states, reply(1, 2000, error=ALERT), reply(2, 1000, error=ALERT), now=BEGIN + PERIOD)
     assert states.alert.tolist() == [4, ALERT]
-    update(states, reply(1, 2000), reply(2, 1000, error=ALERT), now=2 * PERIOD)
+    update(states, reply(1, 2000), reply(2, 1000, error=ALERT), now=BEGIN + 2 * PERIOD)
     assert states.alert.tolist() == [0, ALERT]
-    update(states, reply(1, 2000), reply(2, 1000), now=3 * PERIOD)
+    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN + 3 * PERIOD)
     assert states.alert.tolist() == [0, 0]
 
 

@@ -65,7 +65,7 @@ def test_a_straight_path_without_a_way_is_two_periods_long(op3):
 @pytest.mark.parametrize(("tempo", "rows"), [(0.5, 251), (1.0, 126), (0.8, 157)])
 def test_another_tempo_is_the_same_way_in_another_time(path, tempo, rows):
     played = resample(path, tempo, PERIOD)
-    assert played.time[-1] == pytest.approx(1.0 / tempo)
+    assert played.time[[0, -1]] == pytest.approx([0.0, 1.0 / tempo])
     assert len(played.time) == rows
     share = played.time * tempo
     np.testing.assert_allclose(played.joint_pos, path.joint_pos[0] + 0.5 * share[:, None])
@@ -101,6 +101,14 @@ def test_servos_are_led_by_the_lag_of_their_back_emf(world, op3, path, motion):
     lag = op3.torque_speed_slope / op3.position_gain
     np.testing.assert_allclose(lead, np.tile(0.5 * lag, (reference.joined, 1)))
     assert np.all(lead > 0.0)
+
+
+def test_the_motion_begins_at_the_angles_at_which_the_path_ends(world, path, motion):
+    frame = int(motion.entry_frames[len(motion.entry_frames) // 2])
+    reference = compose(world, path, motion, frame)
+    assert np.abs(path.joint_pos[-1] - motion.joint_pos[frame]).max() > 0.1
+    np.testing.assert_allclose(reference.target[reference.joined], path.joint_pos[-1])
+    np.testing.assert_allclose(reference.target[-1], motion.joint_target[-1], atol=1e-9)
 
 
 def test_the_center_of_mass_goes_on_where_the_path_ends(world, op3, path, motion):

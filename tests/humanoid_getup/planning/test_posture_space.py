@@ -61,11 +61,11 @@ def test_distances_are_those_of_the_metric(problem):
 def test_a_step_is_two_fifths_of_dis_q_and_two_of_dis_v(problem, stride, turn, bend, is_within):
     """Turns count half: 0.8 rad are 0.4 in dis_Q. ``bend`` is in dis_V."""
     bend = bend / np.sqrt(METRIC.joint_weight.sum())
-    problem.stride = stride
+    whole, problem.stride = problem.stride, stride * problem.stride
     try:
         near = problem.is_within_step(problem.start, node(stride * turn, stride * bend))
     finally:
-        problem.stride = 1.0
+        problem.stride = whole
     assert near == is_within
 
 
@@ -89,6 +89,80 @@ def test_steps_far_from_the_target_have_the_full_length_and_blossom_by_15_degree
     assert max(bends) <= MOST_SIDEWAYS + 1e-9
     assert max(bends) > np.tan(np.radians(13.0))
     assert min(turns) < 0.97
+
+
+def test_the_first_step_is_on_the_shortest_turn_from_any_orientation_to_any_other(problem):
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        near, target = problem.sample(rng), problem.sample(rng)
+        near[:4], target[:4] = quaternion.normalize(rng.normal(size=(2, 4)))
+        step = problem.steer(near, target, problem.goal, 1, rng)[0, :4]
+        whole = quaternion.angle_between(near[:4], target[:4])
+        turned = quaternion.angle_between(near[:4], step)
+        left = quaternion.angle_between(step, target[:4])
+        assert np.linalg.norm(step) == pytest.approx(1.0)
+        assert turned == pytest.approx(min(whole, 0.8))
+        assert turned + left == pytest.approx(whole)
+
+
+def test_the_first_step_is_straight_in_the_metric_of_the_joints(problem):
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        near, target = problem.sample(rng), problem.sample(rng)
+        step = problem.steer(near, target, problem.goal, 1, rng)[0, 4:]
+        ways = [(near[4:], step), (step, target[4:]), (near[4:], target[4:])]
+        done, left, whole = (np.linalg.norm(problem.scale * (b - a)) for a, b in ways)
+        assert done == pytest.approx(min(whole, 2.0))
+        assert done + left == pytest.approx(whole)
+
+
+@pytest.mark.parametrize("bend", [0.3, 1.9])
+def test_a_target_within_a_step_is_reached_bit_for_bit(problem, bend):
+    """``bend`` is in dis_V. What is reached is held, and only what is equal counts as reached."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        way = rng.normal(size=ROBOT.n)
+        target = node(0.3, 0.0)
+        target[4:] = np.clip(
+            START.joint_pos + bend * way / np.linalg.norm(problem.scale * way),
+            problem.lower,
+            problem.upper,
+        )
+        step = problem.steer(problem.start, target, problem.goal, 2, rng)[0]
+        np.testing.assert_array_equal(step, target)
+
+
+def test_what_has_its_goal_value_is_held_and_the_other_goes_on(problem):
+    rng = np.random.default_rng(0)
+    turned = np.concatenate([problem.goal[:4], problem.start[4:]])
+    bent = np.concatenate([problem.start[:4], problem.goal[4:]])
+    for _ in range(20):
+        target = problem.sample(rng)
+        steps = problem.steer(turned, target, problem.goal, 4, rng)
+        assert np.all(steps[:, :4] == problem.goal[:4])
+        assert np.all(np.abs(steps[:, 4:] - turned[4:]).max(axis=1) > 0.01)
+        steps = problem.steer(bent, target, problem.goal, 4, rng)
+        assert np.all(steps[:, 4:] == problem.goal[4:])
+        assert np.all(np.abs(steps[:, :4] - bent[:4]).max(axis=1) > 0.01)
+
+
+def test_a_way_from_a_posture_to_itself_stays_there(problem):
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        here = problem.sample(rng)
+        here[:4] = quaternion.normalize(rng.normal(size=4))
+        for found in (problem.blend(here, here, np.array([0.5])), problem.interpolate(here, here)):
+            np.testing.assert_allclose(found, here[None], atol=1e-12)
+
+
+def test_a_posture_below_the_ground_is_lifted_onto_it():
+    checker = CollisionChecker(ROBOT, FLAT)
+    low = PATH - np.array([0.0, 0.0, 0.05])
+    sunk = PostureProblem(checker, METRIC, START, GOAL, low)
+    posture = sunk.posture(sunk.start)
+    assert posture.position[2] > 0.255
+    assert checker.lowest_point(posture) == pytest.approx(0.0, abs=0.004)
+    np.testing.assert_array_equal(posture.orientation, quaternion.IDENTITY)
 
 
 def test_a_step_leads_no_further_than_its_target(problem):

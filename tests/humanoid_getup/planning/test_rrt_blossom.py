@@ -186,8 +186,20 @@ def test_every_edge_that_is_tried_counts_once():
     plane = Witness(TRAP + LID)
     options = SearchOptions(max_edges=200, controls=1, edges_per_node=50)
     result = search(plane, START, GOAL, np.random.default_rng(0), options)
-    assert result.edges == sum(count for *_, count in plane.asked) >= 100
+    assert result.edges == sum(count for *_, count in plane.asked) == 200
+    assert result.reason == "200 edges tried, allowed 200"
     assert result.nodes > 10
+
+
+def test_an_open_way_is_walked_an_edge_a_step_after_the_first_blossom():
+    """1.1 of way in steps of 0.15: six edges of a blossom, then one for each further step."""
+    plane = Witness([])
+    options = SearchOptions(controls=6)
+    goal = START + np.array([1.1, 0.0])
+    result = search(plane, START, goal, np.random.default_rng(0), options)
+    assert result.status is PlanStatus.SOLVED
+    assert len(result.path) == 9
+    assert result.edges == 6 + 6
 
 
 def test_each_tree_holds_what_has_reached_the_root_of_the_other():

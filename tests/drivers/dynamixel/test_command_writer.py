@@ -1,0 +1,254 @@
+"""What commands become in registers, and in which order they are written."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from drivers import Command
+from drivers.dynamixel.command_writer import (
+    CommandConverter,
+    CommandWriter,
+    LastWritten,
+    RegisterCommands,
+)
+from drivers.dynamixel.protocol2 import Instruction, Status
+from drivers.dynamixel.requests import Replies
+from drivers.dynamixel.servo_states import ServoStates
+
+# Registers of an XM430 (e-manual).
+TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, GOAL = 64, 68, 84, 98, 100, 116
+NAMES = {
+    TORQUE: "torque",
+    RETURN_LEVEL: "return level",
+    P_GAIN: "gain",
+    WATCHDOG: "watchdog",
+    PWM: "pwm",
+    GOAL: "goal",
+}
+Write = tuple[str, dict[int, int]]
+"""Register, and the value of each servo id."""
+
+
+@dataclass
+class Listener:
+    """A bus that understands what is sent."""
+
+    writes: list[Write] = field(default_factory=list)
+
+    def send(self, frame: bytes) -> None:
+        body = frame[8:-2]
+        if frame[7] == Instruction.BULK_WRITE:
+            rows = [body[i : i + 9] for i in range(0, len(body), 9)]
+            assert all(int.from_bytes(row[1:3], "little") == GOAL for row in rows)
+            values = {row[0]: int.from_bytes(row[5:], "little") for row in rows}
+            self.writes.append(("seed", values))
+            return
+        assert frame[7] == Instruction.SYNC_WRITE
+        address, size = (int.from_bytes(body[i : i + 2], "little") for i in (0, 2))
+        rows = [body[i : i + 1 + size] for i in range(4, len(body), 1 + size)]
+        values = {row[0]: int.from_bytes(row[1:], "little") for row in rows}
+        self.writes.append((NAMES[address], values))
+
+    def take(self) -> list[Write]:
+        writes, self.writes = self.writes, []
+        return writes
+
+
+@pytest.fixture
+def bus() -> Listener:
+    return Listener()
+
+
+@pytest.fixture
+def states(tiny) -> ServoStates:
+    states = ServoStates(tiny, 0.008)
+    replies = [
+        Status(k, 0, bytes(6) + ticks.to_bytes(4, "little")) for k, ticks in ((1, 2000), (2, 1100))
+    ]
+    states.update_cyclic(Replies.of(replies, 10), 1.0)
+    for row in (0, 1):
+        states.note_ready(row)
+    return states
+
+
+@pytest.fixture
+def writer(tiny, bus) -> CommandWriter:
+    return CommandWriter(bus, list(tiny.joints), np.arange(2), 5)  # type: ignore[arg-type]
+
+
+BOTH, NONE = np.array([True, True]), np.array([False, False])
+
+
+def registers(torque=BOTH, goal=(2048, 1000), p_gain=(800, 800), pwm=(885, 885)):
+    return RegisterCommands(np.array(goal), np.array(p_gain), np.array(pwm), np.array(torque))
+
+
+def test_torque_comes_on_after_gain_limit_watchdog_and_present_position(bus, writer, states):
+    writer.write(registers(), states, BOTH)
+    assert bus.take() == [
+        ("gain", {1: 800, 2: 800}),
+        ("pwm", {1: 885, 2: 885}),
+        ("watchdog", {1: 0, 2: 0}),
+        ("seed", {1: 2000, 2: 1100}),
+        ("watchdog", {1: 5, 2: 5}),
+        ("torque", {1: 1, 2: 1}),
+        ("goal", {1: 2048, 2: 1000}),
+    ]
+    assert states.is_on.all()
+
+
+def test_torque_goes_off_first_and_a_limp_servos_goal_is_where_it_is(bus, writer, states):
+    for _ in range(3):
+        writer.write(registers(), states, BOTH)
+    bus.take()
+    writer.write(registers([True, False]), states, BOTH)
+    assert bus.take() == [("torque", {2: 0}), ("goal", {1: 2048, 2: 1100})]
+    assert states.is_on.tolist() == [True, False]
+    writer.write(registers([True, False]), states, BOTH)
+    assert bus.take() == [("goal", {1: 2048, 2: 1100})]
+
+
+def test_torque_that_should_not_be_is_released(bus, writer, states):
+    states.must_release[1] = True
+    writer.write(registers(NONE), states, BOTH)
+    assert bus.take()[0] == ("torque", {2: 0})
+    assert not states.must_release.any()
+
+
+def test_torque_never_comes_on_from_an_old_position(bus, writer, states):
+    writer.write(registers(), states, np.array([True, False]))
+    assert ("torque", {1: 1}) in bus.take()
+    assert states.is_on.tolist() == [True, False]
+
+
+def test_a_servo_that_must_start_at_its_position_gets_gain_and_limit_again(bus, writer, states):
+    for _ in range(3):
+        writer.write(registers(), states, BOTH)
+    bus.take()
+    states.must_seed[1] = True
+    writer.write(registers(), states, BOTH)
+    assert bus.take() == [
+        ("gain", {2: 800}),
+        ("pwm", {2: 885}),
+        ("watchdog", {2: 0}),
+        ("seed", {2: 1100}),
+        ("watchdog", {2: 5}),
+        ("torque", {2: 1}),
+        ("goal", {1: 2048, 2: 1000}),
+    ]
+    assert not states.must_seed.any()
+
+
+def test_all_gains_and_all_limits_are_sent_again_every_64_cycles(bus, writer, states):
+    sent = {"gain": [], "pwm": []}
+    for cycle in range(1, 200):
+        writer.write(registers(), states, BOTH)
+        for name, values in bus.take():
+            if name in sent and cycle > 2:
+                assert set(values) == {1, 2}
+                sent[name].append(cycle)
+    assert sent == {"gain": [64, 128, 192], "pwm": [32, 96, 160]}
+
+
+def test_after_forgetting_gains_and_limits_are_sent_again(bus, writer, states):
+    for _ in range(3):
+        writer.write(registers(), states, BOTH)
+    bus.take()
+    writer.forget()
+    writer.write(registers(), states, BOTH)
+    assert [name for name, _ in bus.take()] == ["gain", "pwm", "goal"]
+
+
+def test_goals_and_seeds_stay_in_one_turn(bus, writer, states):
+    states.ticks[:] = [-40, 5000]
+    writer.write(registers(goal=(7, 4095)), states, BOTH)
+    writes = bus.take()
+    assert ("seed", {1: 0, 2: 4095}) in writes
+    assert writes[-1] == ("goal", {1: 7, 2: 4095})
+    writer.write(registers(NONE), states, BOTH)
+    assert bus.take()[-1] == ("goal", {1: 0, 2: 4095})
+
+
+def test_all_servos_are_released_disarmed_or_told_their_return_level_at_once(bus, writer):
+    writer.release_all()
+    writer.disarm_all()
+    writer.set_return_level(2)
+    assert bus.take() == [
+        ("torque", {1: 0, 2: 0}),
+        ("watchdog", {1: 0, 2: 0}),
+        ("return level", {1: 2, 2: 2}),
+    ]
+
+
+def test_a_value_is_written_when_it_changes_and_once_more():
+    written = LastWritten(2)
+    values = [np.array(pair) for pair in ((5, 6), (5, 6), (5, 6), (5, 7), (5, 7), (5, 7))]
+    due = [written.find_due(pair).tolist() for pair in values]
+    no, second, both = [False, False], [False, True], [True, True]
+    assert due == [both, both, no, second, second, no]
+    written.forget()
+    assert written.find_due(values[-1]).tolist() == both
+
+
+def test_even_a_zero_is_written_first_and_after_forgetting():
+    written = LastWritten(2)
+    zeros = np.zeros(2, dtype=int)
+    due = [written.find_due(zeros).all() for _ in range(3)]
+    written.forget()
+    assert [*due, written.find_due(zeros).all()] == [True, True, False, True]
+
+
+def test_a_command_becomes_registers_of_each_servo(tiny):
+    """The right hip turns the other way round, from tick 1000; 0.1 rad are 65.19 ticks."""
+    command = Command(
+        joint_pos=np.array([0.1, 0.1]),
+        gain_scale=np.array([0.25, 2.0]),
+        torque_limit=np.array([2.05, 4.1]),
+        pwm_limit=np.array([1.0, 0.25]),
+    )
+    found = CommandConverter(tiny).to_registers(command)
+    assert found.goal.tolist() == [2048 + 65, 1000 - 65]
+    assert found.p_gain.tolist() == [200, 800]
+    assert found.pwm.tolist() == [442, 221], "half and a quarter of 885, rounded down"
+    assert found.torque.tolist() == [True, True]
+
+
+@pytest.mark.parametrize("limit", [0.0, 1e-4])
+def test_a_limit_that_rounds_to_no_count_is_torque_off(tiny, limit):
+    command = replace(Command.position(tiny, np.zeros(2)), torque_limit=np.array([limit, 0.005]))
+    found = CommandConverter(tiny).to_registers(command)
+    assert found.pwm.tolist() == [0, 1]
+    assert found.torque.tolist() == [False, True]
+
+
+def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
+    converter = CommandConverter(tiny)
+    converter.pwm_limit = np.array([100, 885])
+    command = Command.position(tiny, np.zeros(2))
+    found = converter.to_registers(command)
+    assert found.pwm.tolist() == [100, 885]
+    sent = converter.to_command(found, command)
+    assert sent.torque_limit == pytest.approx([4.1 * 100 / 885, 4.1])
+    assert sent.pwm_limit == pytest.approx([100 / 885, 1.0])
+
+
+def test_a_command_that_was_sent_says_where_torque_is_off(tiny):
+    converter = CommandConverter(tiny)
+    command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([0.5, 1.0]))
+    found = converter.to_registers(command).with_torque(np.array([False, True]))
+    sent = converter.to_command(found, command)
+    assert sent.torque_limit == pytest.approx([0.0, 4.1])
+    assert sent.gain_scale.tolist() == [0.5, 1.0]
+    assert sent.joint_pos == pytest.approx([0.0, 0.0])
+
+
+@pytest.mark.parametrize("angle", [1e9, -1e9])
+def test_an_absurd_target_becomes_the_end_of_the_turn(tiny, angle):
+    found = CommandConverter(tiny).to_registers(Command.position(tiny, np.full(2, angle)))
+    assert np.all((found.goal >= 0) & (found.goal <= 4095))
+
+
+def test_a_negative_gain_is_none(tiny):
+    command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([-0.5, -3.0]))
+    assert CommandConverter(tiny).to_registers(command).p_gain.tolist() == [0, 0]

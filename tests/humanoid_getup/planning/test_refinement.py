@@ -1,0 +1,142 @@
+"""Refinement on a plane: what is legal stays, what is not is replanned, within the budget."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from humanoid_getup.planning.refinement import (
+    MARGIN,
+    MERGE,
+    illegal_segments,
+    mend,
+    merge,
+    refine,
+)
+from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions
+from robots.quaternion import Array
+
+STEP, SPACING = 0.15, 0.1
+
+
+class Plane:
+    """Points in the plane; a wall at x = 0 bars |y| < ``height``."""
+
+    def __init__(self, height: float) -> None:
+        self.height = height
+
+    def distance(self, nodes: Array, x: Array) -> Array:
+        return np.linalg.norm(nodes - x, axis=1)
+
+    def sample(self, rng: np.random.Generator) -> Array:
+        return rng.uniform(-2.0, 2.0, size=2)
+
+    def steer(self, near, target, goal, count, rng):  # noqa: ARG002
+        way = target - near
+        heading = np.arctan2(way[1], way[0]) + 2.0 * np.pi * np.arange(count) / count
+        step = min(STEP, float(np.linalg.norm(way)))
+        return near + step * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+
+    def is_within_step(self, a: Array, b: Array) -> bool:
+        return bool(np.linalg.norm(a - b) <= STEP + 1e-9)
+
+    def fails(self, a: Array, b: Array) -> bool:
+        crosses = (a[0] < 0.0) != (b[0] < 0.0)
+        return bool(np.max(np.abs(b)) > 2.0 or (crosses and abs(a[1] + b[1]) / 2 < self.height))
+
+    def interpolate(self, a: Array, b: Array, _spacing: float) -> Array:
+        count = max(1, int(np.ceil(np.linalg.norm(b - a) / SPACING - 1e-9)))
+        return a + np.arange(1, count + 1)[:, None] / count * (b - a)
+
+
+PATH = [np.array([-0.95, 0.0]), np.array([0.95, 0.0])]
+OPTIONS = SearchOptions(max_edges=4000, controls=6, edges_per_node=6)
+
+
+def run(height: float, options: SearchOptions = OPTIONS, seed: int = 0):
+    problem = Plane(height)
+    return problem, mend(problem, PATH, np.random.default_rng(seed), options)  # type: ignore[arg-type]
+
+
+class Loosened(Plane):
+    """A wall that grows from nothing to its height; it is its own checker."""
+
+    def __init__(self, height: float) -> None:
+        super().__init__(height)
+        self.start, self.goal = PATH
+        self.checker, self.whole = self, height
+        self.levels: list[float] = []
+
+    def loosen(self, looseness: float) -> None:
+        self.levels.append(looseness)
+        self.height = (1.0 - looseness) * self.whole
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
+    problem, rng = Loosened(0.6), np.random.default_rng(seed)
+    found = refine(problem, rng, OPTIONS)  # type: ignore[arg-type]
+    assert problem.levels == pytest.approx([*np.arange(39, -1, -1) / 40, 0.0], abs=1e-12)
+    assert found.status is PlanStatus.SOLVED
+    assert 0 < found.edges <= 4000 and found.nodes > 0
+    assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
+    np.testing.assert_array_equal(found.path[0], PATH[0])
+    np.testing.assert_array_equal(found.path[-1], PATH[-1])
+
+
+def test_a_path_that_cannot_be_tightened_says_how_loose_it_was():
+    """The wall of 5 m reaches the edge of the plane, 2 m away, at a looseness of 0.6."""
+    problem = Loosened(5.0)
+    options = SearchOptions(max_edges=2000, controls=6, edges_per_node=1000)
+    found = refine(problem, np.random.default_rng(0), options)  # type: ignore[arg-type]
+    assert found.status is PlanStatus.BUDGET_SPENT
+    assert " at looseness 0." in found.reason
+    assert float(found.reason.split()[-1]) >= 0.575
+    assert 2000 <= found.edges < 2012
+    assert problem.height == 5.0, "it is strict again"
+
+
+def test_a_legal_path_is_divided_and_nothing_else():
+    _, found = run(0.0)
+    assert (found.status, found.edges, found.nodes) == (PlanStatus.SOLVED, 0, 0)
+    assert len(found.path) == 20
+    np.testing.assert_allclose(np.diff(found.path, axis=0), [[0.1, 0.0]] * 19, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("height", [0.2, 0.8])
+def test_a_wall_is_walked_around_and_the_ends_stay(height: float, seed: int):
+    problem, found = run(height, seed=seed)
+    assert found.status is PlanStatus.SOLVED
+    assert found.edges > 0 and found.nodes > 0
+    np.testing.assert_array_equal(found.path[0], PATH[0])
+    np.testing.assert_array_equal(found.path[-1], PATH[-1])
+    assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
+    assert max(abs(node[1]) for node in found.path) >= height - STEP
+    if height == 0.2:  # only the wall's own stretch and its margin are new
+        kept = 10 - MARGIN
+        np.testing.assert_allclose([node[1] for node in found.path[:kept]], 0.0)
+        np.testing.assert_allclose([node[1] for node in found.path[-kept:]], 0.0)
+
+
+def test_a_wall_without_end_spends_the_budget_and_says_so():
+    _, found = run(5.0, SearchOptions(max_edges=300, controls=6, edges_per_node=1000))
+    assert found.status is PlanStatus.BUDGET_SPENT
+    assert 300 <= found.edges < 306
+    assert found.path == []
+
+
+def test_a_stretch_is_the_illegal_edges_and_a_margin():
+    problem = Plane(0.2)
+    path = [np.array([-0.95 + 0.1 * k, 0.0]) for k in range(20)]
+    # Edge 9 leads from -0.05 to 0.05.
+    assert illegal_segments(problem, path, 2) == [(7, 12)]  # type: ignore[arg-type]
+    assert illegal_segments(problem, path, 0) == [(9, 10)]  # type: ignore[arg-type]
+    assert illegal_segments(problem, path, 50) == [(0, 19)]  # type: ignore[arg-type]
+
+
+def test_stretches_are_merged_up_to_three_postures_apart():
+    assert (MERGE, MARGIN) == (3, 2)
+    assert merge(np.array([10, 14]), 0, 100) == [(10, 15)]
+    assert merge(np.array([10, 15]), 0, 100) == [(10, 11), (15, 16)]
+    assert merge(np.array([10, 14, 18, 30]), 0, 100) == [(10, 19), (30, 31)]

@@ -197,7 +197,7 @@ def test_an_open_way_is_walked_an_edge_a_step_after_the_first_blossom():
     options = SearchOptions(controls=6)
     goal = START + np.array([1.1, 0.0])
     result = search(plane, START, goal, np.random.default_rng(0), options)
-    assert result.status is PlanStatus.SOLVED
+    assert result.status is SearchStatus.SOLVED
     assert len(result.path) == 9
     assert result.edges == 6 + 6
 

@@ -79,9 +79,9 @@ class RisePlan:
 
     def controller(
         self,
-        _world: World,
-        _torque_limit: TorqueLimit,
-        _limits: MonitorLimits,
+        world: World,  # noqa: ARG002
+        torque_limit: TorqueLimit,  # noqa: ARG002
+        limits: MonitorLimits,  # noqa: ARG002
     ) -> Supervisor | None:
         """Make the supervised controller of this plan; ``None`` where there is nothing to play.
 
@@ -94,10 +94,10 @@ class RisePlan:
 
     def preflight(
         self,
-        _world: World,
-        _torque_limit: TorqueLimit,
-        _settled: State,
-        _measure: Callable[[], State],
+        world: World,  # noqa: ARG002
+        torque_limit: TorqueLimit,  # noqa: ARG002
+        settled: State,  # noqa: ARG002
+        measure: Callable[[], State],  # noqa: ARG002
     ) -> Verdict:
         """Judge the plan before any torque is on.
 

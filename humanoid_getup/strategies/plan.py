@@ -79,19 +79,19 @@ class RisePlan:
 
     def controller(
         self,
-        _world: World,
-        _torque_limit: TorqueLimit,
-        _limits: MonitorLimits,
+        world: World,  # noqa: ARG002
+        torque_limit: TorqueLimit,  # noqa: ARG002
+        limits: MonitorLimits,  # noqa: ARG002
     ) -> Supervisor | None:
         """Make the supervised controller of this plan; ``None`` if there is nothing to play."""
         return None
 
     def preflight(
         self,
-        _world: World,
-        _torque_limit: TorqueLimit,
-        _settled: State,
-        _measure: Callable[[], State],
+        world: World,  # noqa: ARG002
+        torque_limit: TorqueLimit,  # noqa: ARG002
+        settled: State,  # noqa: ARG002
+        measure: Callable[[], State],  # noqa: ARG002
     ) -> Verdict:
         """Judge the plan with torque off.
 

@@ -17,7 +17,7 @@ from bus_stories import TINY, Served, copy_tiny, serving
 from drivers.dynamixel.control_table import HardwareError
 from drivers.service import calibrate as service
 from drivers.service.calibrate import (
-    WAYS,
+    DIRECTIONS,
     JointMeasurement,
     PositionRangeError,
     describe_direction,
@@ -384,7 +384,7 @@ def test_directions_in_words_are_those_of_the_model():
             continue
         moved = move_by_hand(op3, joint.name)
         largest = int(np.abs(moved).argmax())
-        assert told.endswith(WAYS[largest][int(moved[largest] > 0.0)]), joint.name
+        assert told.endswith(DIRECTIONS[largest][int(moved[largest] > 0.0)]), joint.name
         checked += 1
     assert checked > 10
     by_name = {joint.name: joint for joint in op3.joints}

@@ -7,9 +7,8 @@ import pytest
 
 from humanoid_getup.filtering.reference import (
     Reference,
-    align,
+    align_motion,
     compose,
-    posture_at,
     resample,
     straight_path,
 )
@@ -81,7 +80,7 @@ def test_an_aligned_motion_has_the_place_and_heading_of_its_frame(motion):
         orientation=quaternion.multiply(turn, motion.orientation[frame]),
         joint_pos=motion.joint_pos[frame],
     )
-    position, orientation = align(motion, frame, posture)
+    position, orientation = align_motion(motion, frame, posture)
     np.testing.assert_allclose(position[frame, :2], [3.0, -2.0], atol=1e-12)
     np.testing.assert_allclose(position[:, 2], motion.position[:, 2])
     assert quaternion.angle_between(orientation[frame], posture.orientation) < 1e-6
@@ -117,7 +116,7 @@ def test_the_center_of_mass_goes_on_where_the_path_ends(world, op3, path, motion
     row = reference.joined
     on_path = center_of_mass(op3, world.model, path.position, path.orientation, path.joint_pos)
     np.testing.assert_allclose(reference.com[:row], on_path)
-    position, orientation = align(motion, frame, posture_at(path, -1))
+    position, orientation = align_motion(motion, frame, path.end)
     for ahead in (0, 5):
         at = frame + ahead
         here = center_of_mass(
@@ -133,7 +132,7 @@ def test_the_center_of_mass_goes_on_where_the_path_ends(world, op3, path, motion
 
 
 def test_a_posture_of_a_path_is_its_row(path):
-    posture = posture_at(path, -1)
+    posture = path.end
     np.testing.assert_allclose(posture.position, [0.4, -0.3, 0.2])
     np.testing.assert_array_equal(posture.joint_pos, path.joint_pos[-1])
     np.testing.assert_array_equal(posture.orientation, path.orientation[-1])

@@ -9,11 +9,11 @@ from humanoid_getup.planning.refinement import (
     MARGIN,
     MERGE,
     illegal_segments,
-    mend,
     merge,
     refine,
+    repair,
 )
-from humanoid_getup.planning.rrt_blossom import PlanStatus, SearchOptions
+from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus
 from robots.quaternion import Array
 
 STEP, SPACING = 0.15, 0.1
@@ -55,7 +55,7 @@ OPTIONS = SearchOptions(max_edges=4000, controls=6, edges_per_node=6)
 
 def run(height: float, options: SearchOptions = OPTIONS, seed: int = 0):
     problem = Plane(height)
-    return problem, mend(problem, PATH, np.random.default_rng(seed), options)  # type: ignore[arg-type]
+    return problem, repair(problem, PATH, np.random.default_rng(seed), options)  # type: ignore[arg-type]
 
 
 class Loosened(Plane):
@@ -77,7 +77,7 @@ def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
     problem, rng = Loosened(0.6), np.random.default_rng(seed)
     found = refine(problem, rng, OPTIONS)  # type: ignore[arg-type]
     assert problem.levels == pytest.approx([*np.arange(39, -1, -1) / 40, 0.0], abs=1e-12)
-    assert found.status is PlanStatus.SOLVED
+    assert found.status is SearchStatus.SOLVED
     assert 0 < found.edges <= 4000 and found.nodes > 0
     assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
     np.testing.assert_array_equal(found.path[0], PATH[0])
@@ -89,7 +89,7 @@ def test_a_path_that_cannot_be_tightened_says_how_loose_it_was():
     problem = Loosened(5.0)
     options = SearchOptions(max_edges=2000, controls=6, edges_per_node=1000)
     found = refine(problem, np.random.default_rng(0), options)  # type: ignore[arg-type]
-    assert found.status is PlanStatus.BUDGET_SPENT
+    assert found.status is SearchStatus.BUDGET_SPENT
     assert " at looseness 0." in found.reason
     assert float(found.reason.split()[-1]) >= 0.575
     assert 2000 <= found.edges < 2012
@@ -98,7 +98,7 @@ def test_a_path_that_cannot_be_tightened_says_how_loose_it_was():
 
 def test_a_legal_path_is_divided_and_nothing_else():
     _, found = run(0.0)
-    assert (found.status, found.edges, found.nodes) == (PlanStatus.SOLVED, 0, 0)
+    assert (found.status, found.edges, found.nodes) == (SearchStatus.SOLVED, 0, 0)
     assert len(found.path) == 20
     np.testing.assert_allclose(np.diff(found.path, axis=0), [[0.1, 0.0]] * 19, atol=1e-12)
 
@@ -107,7 +107,7 @@ def test_a_legal_path_is_divided_and_nothing_else():
 @pytest.mark.parametrize("height", [0.2, 0.8])
 def test_a_wall_is_walked_around_and_the_ends_stay(height: float, seed: int):
     problem, found = run(height, seed=seed)
-    assert found.status is PlanStatus.SOLVED
+    assert found.status is SearchStatus.SOLVED
     assert found.edges > 0 and found.nodes > 0
     np.testing.assert_array_equal(found.path[0], PATH[0])
     np.testing.assert_array_equal(found.path[-1], PATH[-1])
@@ -121,7 +121,7 @@ def test_a_wall_is_walked_around_and_the_ends_stay(height: float, seed: int):
 
 def test_a_wall_without_end_spends_the_budget_and_says_so():
     _, found = run(5.0, SearchOptions(max_edges=300, controls=6, edges_per_node=1000))
-    assert found.status is PlanStatus.BUDGET_SPENT
+    assert found.status is SearchStatus.BUDGET_SPENT
     assert 300 <= found.edges < 306
     assert found.path == []
 

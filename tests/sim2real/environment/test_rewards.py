@@ -198,7 +198,7 @@ def test_an_action_counts_up_to_one_and_is_asked_for_beyond(op3, world, falls, a
         np.full((1, 3), asked),
         np.full((1, 3), 0.125),
     )
-    assert moment.asked.tolist() == [[asked] * 3]
+    assert moment.requested.tolist() == [[asked] * 3]
     assert moment.action.tolist() == [[min(max(asked, -1.0), 1.0)] * 3]
     assert moment.last_action.tolist() == [[0.125] * 3]
     assert moment.away == pytest.approx(np.full((1, op3.n), 0.25))

@@ -27,7 +27,7 @@ def busy_machine(monkeypatch):
 @pytest.fixture
 def patience(monkeypatch):
     """Wait long for answers where none is missing."""
-    monkeypatch.setattr(session, "MARGIN", 0.5)
+    monkeypatch.setattr(session, "SETUP_MARGIN", 0.5)
 
 
 def examine(served, capsys, *, robot=TINY) -> tuple[int, dict]:

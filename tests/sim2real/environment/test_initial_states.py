@@ -118,7 +118,7 @@ def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
     monkeypatch.setattr(starts_module, "SETTLING", Settling(speed=0.0))
     monkeypatch.setattr(starts_module, "MOST_ROUNDS", 2)
     sim = TrainingSim(world, 2, cycles=6, threads=1)
-    told = "robot 'op3' does not come to lie still: 0 of 8 falls did, 3 are needed"
+    told = "robot 'op3' does not come to rest: 0 of 8 falls settled, expected 3"
     with pytest.raises(FallError, match=told):
         drop_falls(sim, 3, np.random.default_rng(0))
 

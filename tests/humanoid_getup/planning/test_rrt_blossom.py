@@ -187,7 +187,7 @@ def test_every_edge_that_is_tried_counts_once():
     options = SearchOptions(max_edges=200, controls=1, edges_per_node=50)
     result = search(plane, START, GOAL, np.random.default_rng(0), options)
     assert result.edges == sum(count for *_, count in plane.asked) == 200
-    assert result.reason == "200 edges tried, allowed 200"
+    assert result.reason == "200 edges tried, the budget is 200"
     assert result.nodes > 10
 
 

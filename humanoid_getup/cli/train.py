@@ -28,6 +28,8 @@ SPEED_WINDOW = 300.0  # s over which the speed is measured: several iterations
 
 def train(command: Train) -> int:
     """Train, or continue a training."""
+    if command.parent is not None and not command.parent.is_dir():
+        raise BadInputError(f"--from is {command.parent}, expected the folder of a training")
     robot = load_robot(command)
     with phase("loading torch"), needing("train"):
         import torch

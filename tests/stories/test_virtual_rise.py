@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.cli.exit_codes import HARDWARE_FAULT
 from humanoid_getup.cli.main import main
 from robots import Robot
 from robots.servo import RAD_PER_TICK
@@ -46,20 +47,32 @@ def test_one_seed_is_one_rise_on_the_twin_and_on_the_bus(op3: Robot, tmp_path: P
 
 
 def test_a_robot_behind_a_port_is_judged_by_its_sensors_and_left_limp(tmp_path: Path):
-    """A bus in a process of its own, in real time; the client knows but its port."""
-    link = tmp_path / "port"
+    """A bus in a process of its own, in real time; the client knows only its port.
+
+    A machine that is busy with other work cannot keep real time: the guard then stops the rise,
+    as it should. So there are three tries, each on a bus of its own.
+    """
+    for trial in range(3):
+        code, report = rise_behind_a_port(tmp_path / str(trial))
+        if code != HARDWARE_FAULT:
+            break
+    assert report["judged_by"] == "sensors"
+    assert (code, report["stood"]) == (0, True), report["reason"]
+    assert report["start_class"] == "supine"
+
+
+def rise_behind_a_port(folder: Path) -> tuple[int, dict]:
+    folder.mkdir()
+    link = folder / "port"
     command = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--from", "supine"]
     with subprocess.Popen([*command, "--link", str(link)], stderr=subprocess.DEVNULL) as bus:
         try:
             until = time.monotonic() + START
             while not link.exists() and time.monotonic() < until:
                 time.sleep(0.05)
-            figures = tmp_path / "figures.json"
+            figures = folder / "figures.json"
             arguments = ["--backend", "dynamixel", "--port", str(link), "--json", str(figures)]
             code = main(["rise", *arguments])
         finally:
             bus.terminate()
-    report = json.loads(figures.read_text())
-    assert report["judged_by"] == "sensors"
-    assert (code, report["stood"]) == (0, True), report["reason"]
-    assert report["start_class"] == "supine"
+    return code, json.loads(figures.read_text())

@@ -73,7 +73,7 @@ def test_peaks_and_shares_are_those_of_the_servos_torques(tiny):
 
 def test_the_torque_of_a_rise_is_that_of_its_way_up_alone(world, op3):
     """A robot that stands from the first sample on: that sample and the next are its way up."""
-    twin = Twin(op3, world.model)
+    twin = Twin(world)
     twin.place(op3.standing)
     judge = GroundTruthJudge(twin.simulation, None)
     torques = np.array(play(twin, np.tile(op3.standing.joint_pos, (377, 1))))
@@ -134,7 +134,7 @@ def test_only_a_contact_of_the_feet_is_no_break_of_a_stand(op3, world, monkeypat
     """An upright robot at full height, of which one part is said to touch the world, too."""
     body = world.model.joint(touch).bodyid[0]
     monkeypatch.setattr(GroundTruth, "touching_bodies", property(lambda _: np.array([body])))
-    twin = Twin(op3, world.model)
+    twin = Twin(world)
     twin.place(op3.standing)
     judge = GroundTruthJudge(twin.simulation, None)
     play(twin, np.tile(op3.standing.joint_pos, (380, 1)))

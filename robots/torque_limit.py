@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from robots.robot import Robot
 
@@ -22,6 +22,9 @@ class TorqueLimit:
     torque is left the faster the servo turns. ``"torque"``: ideal, at the torque itself."""
 
     def __post_init__(self) -> None:
+        if self.by not in get_args(LimitedBy):
+            expected = " or ".join(map(repr, get_args(LimitedBy)))
+            raise ValueError(f"torque limit is by {self.by!r}, expected {expected}")
         if self.value is not None and not 0.0 < self.value < math.inf:
             raise ValueError(
                 f"torque limit is {self.value:g} N·m, expected a finite number above 0 N·m"

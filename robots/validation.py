@@ -34,6 +34,9 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from robots.files import read_bounded
+
+MAX_TEXT = 4 * 2**20  # bytes; far above what such a file needs
 MANY = 3  # names that one message still lists
 
 T = TypeVar("T")
@@ -103,9 +106,11 @@ def parse_file(file: Path, language: str, parse: Callable[[str], T]) -> T:
         ValueError: if that fails; the message is the reason, in one line.
     """
     try:
-        return parse(file.read_text("utf-8"))
+        content = read_bounded(file, MAX_TEXT)
     except OSError as error:
         raise ValueError(error.strerror) from error
+    try:
+        return parse(content.decode("utf-8"))
     except UnicodeDecodeError as error:
         raise ValueError(f"not UTF-8 text (byte {error.start})") from error
     except RecursionError as error:

@@ -257,10 +257,13 @@ class FlightRecord:
                 damaged, or another robot's.
         """
         try:
-            data = path.read_bytes()
+            with path.open("rb") as file:  # the rest only of what begins like a log
+                data = file.read(len(MCAP0_MAGIC))
+                is_log = data == MCAP0_MAGIC
+                data += file.read() if is_log else b""
         except OSError as error:
             raise ValueError(f"flight log {path}: {error.strerror or error}") from error
-        if not data.startswith(MCAP0_MAGIC):
+        if not is_log:
             raise ValueError(f"flight log {path}: not an MCAP file, expected a log of FlightLog")
         try:
             record = _read(path, data)

@@ -52,7 +52,7 @@ def show(command: ShowMotion) -> int:
         raise BadInputError("; ".join(faults))
     with phase("drawing"):
         _draw(robot, motion, path)
-    console_for(None).print(f"film strip in {path}")
+    console_for(None).print(f"film strip in {path}", markup=False)
     return DID_IT
 
 

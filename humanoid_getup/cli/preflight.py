@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from humanoid_getup.cli.errors import refusing
@@ -79,10 +80,10 @@ def print_verdict(robot: Robot, motion: Motion, verdict: MotionVerdict, console:
     """Print the verdict, its reasons and the most loaded joints."""
     figures = verdict.figures
     word, color = ("passed", "green") if verdict.passed else ("refused", "red")
-    console.print(f"[bold {color}]{motion.name}: {word} at {figures.voltage:.1f} V")
+    console.print(f"[bold {color}]{escape(motion.name)}: {word} at {figures.voltage:.1f} V")
     for reason in verdict.reasons:
         mark = "[red]✗[/]" if reason.severity is Severity.REFUSE else "[yellow]![/]"
-        console.print(f" {mark} {reason}")
+        console.print(f" {mark} {escape(str(reason))}")
     rises = f"over {MOST_RISES}" if figures.rises_in_a_row is None else f"{figures.rises_in_a_row}"
     ending = f"stands after {figures.stand_time:.2f} s" if figures.stood else "does not stand"
     console.print(f"rollout: {ending}; rises in a row until a servo is too hot: {rises}")

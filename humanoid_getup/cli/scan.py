@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from drivers.dynamixel.port import PortError, SerialPort
@@ -96,13 +97,13 @@ def _print(
     for port in ports:
         timer = "" if port.latency_timer is None else f", latency timer {port.latency_timer} ms"
         note = "" if port.path in scanned else " (not scanned: name it with --port)"
-        console.print(f"[bold]{port.path}[/]  [dim]{port.description}{timer}{note}")
+        console.print(f"[bold]{escape(port.path)}[/]  [dim]{escape(port.description)}{timer}{note}")
     for scan in scans:
         if scan.refusal is not None:
-            console.print(f" [yellow]![/] {scan.refusal}", markup=True)
+            console.print(f" [yellow]![/] {escape(scan.refusal)}", markup=True)
             continue
         rates = ", ".join(map(str, scan.rates))
-        console.print(f"[bold]{scan.path}[/]: {_count(scan.found)} at {rates} bit/s")
+        console.print(f"[bold]{escape(scan.path)}[/]: {_count(scan.found)} at {rates} bit/s")
         if scan.refused_rates:
             refused = ", ".join(map(str, scan.refused_rates))
             console.print(f" [yellow]![/] its adapter does not support {refused} bit/s")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +21,8 @@ Bools = NDArray[np.bool_]
 StartClass = Literal["supine", "prone", "left", "right", "squat"]
 START_CLASSES: tuple[StartClass, ...] = get_args(StartClass)
 MIRRORED_CLASS: dict[StartClass, StartClass] = {"left": "right", "right": "left"}
+NAME = re.compile(r"[\w-][\w.-]{0,99}")
+"""Names of motions: they name files too."""
 MIRRORED_SUFFIX = "_mirrored"
 
 TEXTS = ("name", "robot", "start_class", "strategy", "provenance")
@@ -58,6 +61,11 @@ class Motion:
     def __post_init__(self) -> None:
         if not np.any(self.entry):
             object.__setattr__(self, "entry", np.arange(len(self.time)) == 0)
+        if not NAME.fullmatch(self.name):
+            raise ValueError(
+                f"motion name {self.name!r}: expected 1 to 100 letters, digits, '_', '-' or '.', "
+                "not '.' first"
+            )
         problems = _check_shapes(self) or _check_finite(self) or _check_values(self)
         if problems:
             raise ValueError(f"motion '{self.name}': " + "; ".join(problems))

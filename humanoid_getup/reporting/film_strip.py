@@ -79,7 +79,8 @@ def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str
     size = (columns * INCH, rows * INCH + head)
     figure = Figure(figsize=size, facecolor="white")
     if title:
-        figure.text(0.5, 1.0 - 0.5 * head / size[1], title, ha="center", va="center", fontsize=10)
+        place = {"x": 0.5, "y": 1.0 - 0.5 * head / size[1], "ha": "center", "va": "center"}
+        figure.text(**place, s=title, fontsize=10, parse_math=False)
     for k, (picture, time) in enumerate(zip(pictures, np.asarray(times), strict=True)):
         row, column = divmod(k, columns)
         corner = (column * INCH / size[0], (rows - 1 - row) * INCH / size[1])

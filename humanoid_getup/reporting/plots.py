@@ -56,7 +56,7 @@ def save_torque(
             begin, 0.98, " stands", transform=axis.get_xaxis_transform(), va="top", fontsize=8
         )
     axis.set(xlabel="time [s]", ylabel="servo torque [N·m]", xlim=(0.0, end))
-    axis.set_title(title, fontsize=10)
+    axis.set_title(title, fontsize=10, parse_math=False)
     axis.set_ylim(0.0, 1.15 * max(limit.max(), torque.max()))
     axis.spines[["top", "right"]].set_visible(False)
     handles, labels = axis.get_legend_handles_labels()
@@ -120,7 +120,7 @@ def _stack_panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
 
     figure = Figure(figsize=(8.0, PANEL * count + 0.4), layout="constrained")
     axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
-    axes[0].set_title(title, fontsize=10)
+    axes[0].set_title(title, fontsize=10, parse_math=False)
     return figure, axes
 
 

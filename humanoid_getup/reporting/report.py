@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from humanoid_getup.execution.result import RiseResult
@@ -64,7 +65,7 @@ def make_report(rise: RiseResult, context: RunContext) -> dict[str, Any]:
 
 def print_summary(report: dict[str, Any], files: list[str], console: Console) -> None:
     """Print the result of a rise in a few lines."""
-    console.print(f"[bold {'green' if report['stood'] else 'red'}]{_headline(report)}")
+    console.print(f"[bold {'green' if report['stood'] else 'red'}]{escape(_headline(report))}")
     table = Table.grid(padding=(0, 2))
     for label, text in (
         ("start", f"{report['start_class']}, seed {report['seed']}"),
@@ -75,7 +76,7 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
         ("no film", report.get("strip_reason")),
     ):
         if text:
-            table.add_row(f"[dim]{label}", text)
+            table.add_row(f"[dim]{label}", escape(text))
     console.print(table)
 
 

@@ -233,7 +233,7 @@ class FallSetError(ValueError):
 
     def __init__(self, file: Path, reason: str) -> None:
         super().__init__(
-            f"falls {file}: {reason} (expected: an .npz as `getup eval --falls` writes it)"
+            f"falls {file}: {reason} (expected: an .npz that `getup eval` wrote with --falls)"
         )
         self.file, self.reason = file, reason
 

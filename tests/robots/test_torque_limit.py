@@ -16,3 +16,8 @@ def test_no_servo_has_more_than_its_stall_torque(op3: Robot, value: float | None
 def test_a_limit_that_is_no_torque_is_refused(value: float):
     with pytest.raises(ValueError, match=rf"torque limit is {value:g} N·m, expected"):
         TorqueLimit(value)
+
+
+def test_a_limit_acts_in_one_of_two_ways():
+    with pytest.raises(ValueError, match=r"torque limit is by 'PWM', expected 'torque' or 'pwm'"):
+        TorqueLimit(2.5, "PWM")  # type: ignore[arg-type]

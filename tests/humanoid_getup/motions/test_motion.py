@@ -1,11 +1,13 @@
 """A motion survives its file, and a damaged file is told from a good one."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from humanoid_getup.motions.motion import KEYS, Motion
+from humanoid_getup.motions.motion_database import load_database
 from robots import load_robot, quaternion
 
 ROBOT = load_robot("op3")
@@ -117,3 +119,10 @@ def test_a_damaged_file_is_named_in_one_line(tmp_path: Path, how: str):
     with pytest.raises(ValueError, match=r"m\.npz") as caught:
         Motion.load(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", "../up", "/dev/full", "[/red]x", "a$b$", ".hidden", "a\nb"])
+def test_a_name_that_is_no_file_name_is_refused(op3, name):
+    motion = load_database(op3).motions[0]
+    with pytest.raises(ValueError, match=r"motion name .*: expected 1 to 100 letters"):
+        replace(motion, name=name)

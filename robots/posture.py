@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from robots.robot import Robot
 
 UNIT_TOLERANCE = 1e-3
+MAX_DISTANCE = 1000.0  # m from the origin; farther away, positions lose their digits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +111,9 @@ def load_posture(path: Path, robot: Robot) -> Posture:
     if read.orientation and not abs(norm - 1.0) <= UNIT_TOLERANCE and math.isfinite(norm):
         length = f"{norm:.4f}" if norm < 1e3 else f"{norm:.3e}"
         problems.append(f"orientation has length {length}, expected 1 (a unit quaternion)")
+    if any(abs(x) > MAX_DISTANCE for x in read.position):
+        found = f"{max(read.position, key=abs):.4g} m"
+        problems.append(f"position is {found}, expected at most {MAX_DISTANCE:g} m from the origin")
     if isinstance(record.get("joint_pos"), dict):
         problems += _check_joints(read.joint_pos, robot)
     if problems:

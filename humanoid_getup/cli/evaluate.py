@@ -21,7 +21,7 @@ from humanoid_getup.cli.output import (
 )
 from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
-from humanoid_getup.simulation.falls import CLASSES, FallSet, sample_fall_set
+from humanoid_getup.simulation.falls import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.simulation.world import World
 
 FIGURES = ("n", "stood", "stood_interval_95", "stand_time_s", "rms_torque_nm", "head_impact_m_s")
@@ -93,7 +93,12 @@ def _find_falls(command: Evaluate, world: World) -> FallSet:
     each = command.n // len(CLASSES)
     with phase("sampling falls"), refusing():
         if command.falls is not None and command.falls.exists():
-            return FallSet.load(command.falls, world.robot).choose(each)
+            falls = FallSet.load(command.falls, world.robot)
+            if falls.scene != world.scene.name:
+                raise FallSetError(
+                    command.falls, f"they are of scene '{falls.scene}', not '{world.scene.name}'"
+                )
+            return falls.choose(each)
         falls = sample_fall_set(world, dict.fromkeys(CLASSES, each), command.seed)
         if command.falls is not None:
             falls.save(command.falls)

@@ -8,18 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.cli.errors import BadInputError, refusing
-from humanoid_getup.cli.options.shared import RobotOption, TorqueOptions, WorldOptions
+from humanoid_getup.cli.options.shared import RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.cli.output import phase
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import check_start
-from humanoid_getup.simulation.falls import CLASSES, Fall, classify, sample_falls
+from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit, load_posture
 from robots import load_robot as load_robot_by_name
-
-UNCLASSED = "other"  # start class of a posture that lies on no side
 
 
 def load_robot(options: RobotOption) -> Robot:
@@ -28,7 +26,7 @@ def load_robot(options: RobotOption) -> Robot:
         return load_robot_by_name(options.robot)
 
 
-def load_world(options: WorldOptions) -> World:
+def load_world(options: SceneOptions) -> World:
     """Load the robot of a command into its scene."""
     with phase("loading"), refusing():
         scene = load_scene(options.scene)

@@ -12,17 +12,20 @@ from humanoid_getup.cli.commands import parse
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import BAD_INPUT, CLOSED_PIPE, HARDWARE_FAULT, INTERRUPTED
 
+SIGNALS = tuple(name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
     # A program that is told to stop must switch torque off, and in the background too,
     # where a shell has Ctrl-C ignored.
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name) and threading.current_thread() is threading.main_thread():
+    if threading.current_thread() is threading.main_thread():
+        for name in SIGNALS:
             signal.signal(getattr(signal, name), _interrupt)
     try:
         code = parse(sys.argv[1:] if arguments is None else arguments).run()
-        sys.stdout.flush()
+        if sys.stdout is not None:  # None if the shell closed it
+            sys.stdout.flush()
         return code
     except KeyboardInterrupt:
         return _report("interrupted", INTERRUPTED)
@@ -33,6 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _interrupt(_number: int, _frame: object) -> None:
+    # A second signal must not interrupt what the first one begins: switching torque off.
+    for name in SIGNALS:
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
     raise KeyboardInterrupt
 
 

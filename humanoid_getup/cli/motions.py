@@ -59,8 +59,8 @@ def show(command: ShowMotion) -> int:
 def _draw(robot: Robot, motion: Motion, path: Path) -> None:
     model = World(robot, load_scene("flat")).model
     # The frames until the motion stands, or all where that is not known.
-    stands = motion.provenance.get("stand_time_s", motion.duration)
-    end = motion.time[0] + float(stands) + film_strip.AFTERMATH
+    stands = motion.duration if motion.stand_time is None else motion.stand_time
+    end = motion.time[0] + stands + film_strip.AFTERMATH
     count = int(np.searchsorted(motion.time, min(end, motion.time[-1]), side="right"))
     rows = film_strip.pick_frames(count)
     qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
@@ -81,7 +81,7 @@ def _describe(motion: Motion, is_mirrored: bool) -> dict[str, Any]:
         "start_class": motion.start_class,
         "strategy": motion.strategy,
         "duration_s": motion.duration,
-        "stand_time_s": made.get("stand_time_s"),
+        "stand_time_s": motion.stand_time,
         "robust": made.get("disturbed_success"),
         "torque_limit_nm": made.get("torque_limit"),
         "mirrored": is_mirrored,

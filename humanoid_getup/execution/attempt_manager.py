@@ -14,10 +14,9 @@ from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.supervisor import Supervisor
-from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.falls import UNCLASSED, classify
 from humanoid_getup.strategies.plan import RisePlan
 
-UNCLASSED = "other"  # start class of a robot that lies on no side
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
 from robots.arrays import NUMBERS, load_arrays, save_arrays, to_text
-from robots.posture import UNIT_TOLERANCE
+from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
 
 Bools = NDArray[np.bool_]
@@ -24,6 +24,7 @@ MIRRORED_CLASS: dict[StartClass, StartClass] = {"left": "right", "right": "left"
 NAME = re.compile(r"[\w-][\w.-]{0,99}")
 """Names of motions: they name files too."""
 MIRRORED_SUFFIX = "_mirrored"
+MAX_DURATION = 120.0  # s; the slowest rise takes 8
 
 TEXTS = ("name", "robot", "start_class", "strategy", "provenance")
 ARRAYS = ("time", "position", "orientation", "joint_pos", "joint_target", "entry")
@@ -98,6 +99,14 @@ class Motion:
             orientation=self.orientation[frame],
             joint_pos=self.joint_pos[frame],
         )
+
+    @property
+    def stand_time(self) -> float | None:
+        """Return when the robot stood as the motion was recorded [s]; ``None`` if unknown."""
+        stated = self.provenance.get("stand_time_s")
+        if not isinstance(stated, (int, float)) or not 0.0 < stated <= MAX_DURATION:
+            return None
+        return float(stated)
 
     def sample(self, time: Array | float) -> Array:
         """Interpolate the servo targets [rad] at times (...) [s] linearly, (..., n).
@@ -203,6 +212,14 @@ def _check_values(motion: Motion) -> list[str]:
     worst = int(np.argmax(np.abs(length - 1.0)))
     if abs(length[worst] - 1.0) > UNIT_TOLERANCE:
         problems.append(f"orientation of frame {worst} has length {length[worst]:.4f}, expected 1")
+    duration = motion.time[-1] - motion.time[0]
+    if duration > MAX_DURATION:
+        problems.append(f"it lasts {duration:.4g} s, expected at most {MAX_DURATION:g} s")
+    farthest = float(np.abs(motion.position).max())
+    if farthest > MAX_DISTANCE:
+        problems.append(
+            f"position is {farthest:.4g} m from the origin, expected at most {MAX_DISTANCE:g} m"
+        )
     return problems
 
 

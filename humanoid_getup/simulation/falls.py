@@ -19,10 +19,12 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.arrays import load_arrays, save_arrays, to_numbers, to_text
 from robots.kinematics import lowest_point, place, read_posture
+from robots.posture import MAX_DISTANCE
 from robots.quaternion import Array
-from robots.validation import shown
+from robots.validation import outside, shown
 
 CLASSES = ("supine", "prone", "left", "right")
+UNCLASSED = "other"  # start class of a robot that lies on no side
 DROP_HEIGHT = 0.02  # m under the lowest point
 SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
 BATCH = 24
@@ -224,6 +226,7 @@ def sample_drop(
 
 FALL_KEYS = ("robot", "scene", "seed", "position", "orientation", "joint_pos", "start_class")
 """Keys of a file of falls."""
+SLACK = 1e-9  # rad
 COUNT_KEYS = ("dropped", "left_out")
 """Keys that older files of falls do not have."""
 
@@ -299,6 +302,17 @@ class FallSet:
             raise FallSetError(file, str(error)) from error
 
 
+def _check_falls(robot: Robot, position: Array, joint_pos: Array) -> None:
+    """Raise ValueError where falls are not postures of the robot."""
+    beyond = (joint_pos < robot.lower - SLACK) | (joint_pos > robot.upper + SLACK)
+    for row, joint in np.argwhere(beyond)[:1]:
+        limits = float(robot.lower[joint]), float(robot.upper[joint])
+        angle = outside(float(joint_pos[row, joint]), *limits, "rad")
+        raise ValueError(f"fall {row}: joint '{robot.joint_names[joint]}' is {angle}")
+    for row in np.flatnonzero(np.abs(position).max(axis=1) > MAX_DISTANCE):
+        raise ValueError(f"fall {row}: position is more than {MAX_DISTANCE:g} m from the origin")
+
+
 def _read_falls(arrays: dict[str, NDArray[Any]], robot: Robot) -> FallSet:
     name, scene = (to_text(arrays[key], key) for key in ("robot", "scene"))
     if name != robot.name:
@@ -311,6 +325,7 @@ def _read_falls(arrays: dict[str, NDArray[Any]], robot: Robot) -> FallSet:
         raise ValueError(f"start_class is not a list of {', '.join(CLASSES)}")
     widths = {"position": 3, "orientation": 4, "joint_pos": robot.n}
     rows = [to_numbers(arrays[key], key, (len(classes), n)) for key, n in widths.items()]
+    _check_falls(robot, rows[0], rows[2])
     falls = tuple(
         Fall(posture=Posture(position=p, orientation=q, joint_pos=v), start_class=str(kind))
         for p, q, v, kind in zip(*rows, classes, strict=True)

@@ -191,6 +191,7 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --from bent.json", "joint 'l_knee' is +9.000 rad", "[-1.798, +2.478] rad"),
         case("rise --from sunk.json", "100.0 mm into the ground"),
         case("rise --from high.json", "above the ground"),
+        case("rise --from far.json", "position is 1e+200 m", "1000 m"),
         case("rise --from binary.json", "posture file binary.json: not UTF-8 text"),
         case("rise --from deep.json", "posture file deep.json", "nested too deep"),
         case("rise --from unreadable", "unreadable: Permission denied"),
@@ -302,6 +303,7 @@ def _make_postures(folder: Path, robot: Robot) -> None:
     save("bent.json", l_knee=9.0)
     save("stretched.json", orientation=[2.0, 0.0, 0.0, 0.0])
     save("high.json", position=[x, y, z + 5.0])
+    save("far.json", position=[1e200, y, z])
     standing = json.loads(robot.standing.to_json(robot))
     standing["position"] = [x, y, z - 0.1]
     (folder / "sunk.json").write_text(json.dumps(standing))

@@ -13,13 +13,13 @@ from humanoid_getup.cli.options.shared import (
     JsonOption,
     Ports,
     RobotOption,
-    WorldOptions,
+    SceneOptions,
     find_port_faults,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeBus(WorldOptions):
+class ServeBus(SceneOptions):
     """Serve a virtual bus with a simulated robot behind it, until stopped.
 
     Prints the path of the serial port; of a robot with several, one line each.

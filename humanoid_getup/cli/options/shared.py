@@ -70,12 +70,17 @@ class JsonOption(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorldOptions(JsonOption, RobotOption):
-    """Robot, scene, seed, and where the results go."""
+class SceneOptions(RobotOption):
+    """Robot, scene and seed."""
 
     scene: str = "flat"
     """Name of a scene."""
     seed: Seed = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldOptions(JsonOption, SceneOptions):
+    """Robot, scene, seed, and where the results go."""
 
 
 @dataclass(frozen=True, kw_only=True)

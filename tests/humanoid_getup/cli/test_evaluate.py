@@ -77,3 +77,10 @@ def test_a_damaged_set_of_falls_is_refused_in_one_line(
 def test_the_model_variants_are_the_choices_of_the_option():
     literal, _ = get_args(get_type_hints(Evaluate)["physics"])
     assert get_args(literal) == tuple(MODEL_VARIANTS)
+
+
+def test_falls_of_another_scene_are_refused(policy: str, falls: str, op3: Robot, capsys):
+    moon = FallSet(robot="op3", scene="moon", seed=5, falls=FallSet.load(Path(falls), op3).falls)
+    moon.save(Path(falls))
+    assert main(("eval", policy, "--n", "4", "--falls", falls)) == 2
+    assert "they are of scene 'moon', not 'flat'" in capsys.readouterr().err

@@ -56,15 +56,19 @@ def test_a_command_line_that_cannot_be_read_leaves_with_2(arguments: list[str]):
     assert left.value.code == 2
 
 
+@pytest.mark.parametrize("times", [1, 2])
 @pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
-def test_a_program_told_to_stop_leaves_with_130_and_the_flight_log_alone(told: int, tmp_path: Path):
+def test_a_program_told_to_stop_leaves_with_130_and_the_flight_log_alone(
+    told: int, times: int, tmp_path: Path
+):
     command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", "supine_sit_up_gentle"]
     command += ["--realtime", "--out", str(tmp_path / "out")]
     log = tmp_path / "out" / "flight.mcap"
     with subprocess.Popen(command, stderr=PIPE, text=True) as process:
         while not log.exists() and process.poll() is None:
             time.sleep(0.01)  # the log begins with the first of eight seconds of motion
-        process.send_signal(told)
+        for _ in range(times):  # a second signal must not interrupt switching torque off
+            process.send_signal(told)
         _, error = process.communicate(timeout=30.0)
     assert process.returncode == 130
     assert error.splitlines()[-1] == "getup: interrupted"

@@ -126,3 +126,18 @@ def test_a_name_that_is_no_file_name_is_refused(op3, name):
     motion = load_database(op3).motions[0]
     with pytest.raises(ValueError, match=r"motion name .*: expected 1 to 100 letters"):
         replace(motion, name=name)
+
+
+def test_a_motion_that_lasts_for_days_or_is_far_away_is_refused(op3):
+    motion = load_database(op3).motions[0]
+    with pytest.raises(ValueError, match=r"it lasts .* s, expected at most 120 s"):
+        replace(motion, time=motion.time * 1e6)
+    with pytest.raises(ValueError, match=r"position is .* m from the origin, expected at most"):
+        replace(motion, position=motion.position + 1e150)
+
+
+@pytest.mark.parametrize("stated", ["abc", -1e9, float("nan"), 0])
+def test_a_stand_time_that_is_no_time_is_unknown(op3, stated):
+    motion = load_database(op3).motions[0]
+    assert motion.stand_time == motion.provenance["stand_time_s"]
+    assert replace(motion, provenance={"stand_time_s": stated}).stand_time is None

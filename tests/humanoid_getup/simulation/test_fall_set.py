@@ -57,6 +57,8 @@ def spoil(file: Path, **changes: object) -> None:
         ({"robot": "pepper"}, "it is of robot 'pepper', expected 'op3'"),
         ({"robot": np.zeros(3)}, "robot is not a text"),
         ({"seed": 0.5}, "seed is not an integer"),
+        ({"joint_pos": np.full((2, 20), 50.0)}, "fall 0: joint 'r_sho_pitch' is .50.000 rad"),
+        ({"position": np.full((2, 3), 1e200)}, "fall 0: position is more than 1000 m"),
         ({"position": np.zeros((2, 2))}, r"position has shape \(2, 2\), expected \(2, 3\)"),
         ({"position": np.zeros((1, 3))}, r"position has shape \(1, 3\), expected \(2, 3\)"),
         ({"joint_pos": np.zeros((2, 19))}, r"joint_pos has shape \(2, 19\)"),

@@ -1,0 +1,168 @@
+"""Count the code, and how far a reader has to walk through it.
+
+    python benchmarks/code_size.py --tree ../base --json code_size.json
+
+Two walks are traced: of a fallen posture through `getup rise` (preparing, planning, filtering,
+playing), and of an encoder tick through one read of the driver. A reader who follows a walk looks
+at each function once, in the order in which it is first called: a stop is a run of such functions
+in one file, a return a stop in a file that was visited before. Only this checkout is walked.
+"""
+
+from __future__ import annotations
+
+import ast
+import resource
+import statistics
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import tyro
+
+from humanoid_getup.cli.output import to_json
+from robots.files import write_atomically
+
+HERE = Path(__file__).parents[1]
+PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Count a checkout; walk through this one."""
+
+    tree: Path = HERE
+    """The checkout to count."""
+    walks: bool = True
+    """Trace the two walks as well."""
+    json: Path | None = None
+    """Where figures are written."""
+
+
+def count(tree: Path) -> dict[str, Any]:
+    """Count lines, files, folders, functions and documented names of a checkout."""
+    files = [file for name in PACKAGES for file in (tree / name).rglob("*.py")]
+    texts = {file: file.read_text("utf-8").splitlines() for file in files}
+    nodes = [node for text in texts.values() for node in ast.walk(ast.parse("\n".join(text)))]
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef)]
+    public = [
+        node
+        for node in nodes
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_")
+    ]
+    folders = Counter(file.parent for file in files if file.name != "__init__.py")
+    tests = (tree / "tests").rglob("*.py")
+    return {
+        "files": len(files),
+        "lines": sum(map(len, texts.values())),
+        "lines_not_blank": sum(bool(line.strip()) for text in texts.values() for line in text),
+        "test_lines": sum(len(file.read_text("utf-8").splitlines()) for file in tests),
+        "folders": len(folders),
+        "files_of_largest_folder": max(folders.values()),
+        "depth": max(len(file.relative_to(tree).parts) - 1 for file in files),
+        "file_lines": spread([len(text) for text in texts.values() if len(text) > 1]),
+        "function_lines": spread([f.end_lineno - f.lineno + 1 for f in functions if f.end_lineno]),
+        "public_names": len(public),
+        "public_names_documented": sum(ast.get_docstring(node) is not None for node in public),
+    }
+
+
+def spread(values: list[int]) -> dict[str, float]:
+    """Return median, 90th percentile and maximum."""
+    tenth = statistics.quantiles(values, n=10, method="inclusive")[-1]
+    return {"median": statistics.median(values), "p90": tenth, "max": max(values)}
+
+
+def time_start(tree: Path, arguments: list[str], n: int = 5) -> float:
+    """Measure the processor time of a command, the median of n runs [s]."""
+    times = []
+    for _ in range(n):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, *arguments], cwd=tree, capture_output=True, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
+    return statistics.median(times)
+
+
+@contextmanager
+def traced(tree: Path) -> Iterator[dict[str, Any]]:
+    """Trace the functions of a checkout that this thread calls, and count the walk at the end."""
+    seen: dict[tuple[str, str], None] = {}
+    roots = tuple(f"{tree / name}/" for name in PACKAGES)
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        # Comprehensions and lambdas belong to the function that they stand in.
+        if event == "call" and code.co_filename.startswith(roots) and code.co_name[0] != "<":
+            seen.setdefault((code.co_filename, code.co_qualname))
+
+    walk: dict[str, Any] = {}
+    sys.setprofile(note)
+    try:
+        yield walk
+    finally:
+        sys.setprofile(None)
+    stops = [file for file, _ in groupby(file for file, _ in seen)]
+    rooms = len(set(stops))
+    folders = len({Path(file).parent for file in stops})
+    walk |= {"functions": len(seen), "stops": len(stops), "files": rooms}
+    walk |= {"returns": len(stops) - rooms, "folders": folders}
+
+
+def walk_through_rise() -> dict[str, Any]:
+    """Trace `getup rise --from prone`: fall, plan, filter, preflight, play, judge."""
+    from humanoid_getup.cli.main import main
+
+    with traced(HERE) as walk:
+        code = main(("rise", "--from", "prone"))
+    return walk | {"exit_code": code}
+
+
+def walk_through_read() -> dict[str, Any]:
+    """Trace one read of the driver, from the bytes of the port to the state of the robot."""
+    import humanoid_getup as hg
+    from drivers.dynamixel.clock import CycleClock
+    from drivers.twin.simulation import Simulation
+    from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
+
+    world = hg.World(hg.load_robot("op3"))
+    virtual = VirtualRobot(Simulation(world))
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        backend = hg.DynamixelBackend(world.robot, ports.paths, clock=CycleClock())
+        with backend, traced(HERE) as walk:
+            state = backend.read()
+    return walk | {"finite": bool(np.isfinite(state.joint_pos).all())}
+
+
+WALKS: dict[str, Callable[[], dict[str, Any]]] = {
+    "posture through rise": walk_through_rise,
+    "encoder tick through read": walk_through_read,
+}
+
+
+def main(options: Options) -> None:
+    """Count, walk, print, write."""
+    cases: dict[str, Any] = {"counts": count(options.tree)}
+    if options.walks:
+        cases["processor_s"] = {
+            name: time_start(HERE, ["-m", "humanoid_getup.cli.main", name])
+            for name in ("--help", "robots")
+        }
+        cases |= {name: walk() for name, walk in WALKS.items()}
+    for name, case in cases.items():
+        print(f"{name}:")
+        for key, value in case.items():
+            print(f"  {key:24} {value}")
+    if options.json is not None:
+        write_atomically(options.json, to_json({"name": "code_size", "cases": cases}))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

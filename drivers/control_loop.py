@@ -73,11 +73,7 @@ class TimingSummary:
 
     @classmethod
     def of(cls, timings: Array) -> TimingSummary:
-        """Summarize cycles.
-
-        Args:
-            timings: Late, read, step and write times [s], shape (cycles, 4).
-        """
+        """Summarize late, read, step and write times of cycles [s], (cycles, 4)."""
         timings = timings if len(timings) else np.zeros((1, 4))
         late = np.percentile(timings[:, 0], (50, 99, 100)).tolist()
         busy = np.percentile(timings[:, 1:].sum(axis=1), (50, 99)).tolist()

@@ -69,8 +69,7 @@ class OrientationFilter:
 def upright_from(accelerometer: Array) -> Array:
     """Compute the orientation of yaw 0 at which a resting accelerometer reads this.
 
-    Args:
-        accelerometer: Specific force in the sensor frame [m/s²], shape (3,), not zero.
+    The reading is a specific force in the sensor frame [m/s²], shape (3,), not zero.
     """
     x, y, z = accelerometer
     roll = np.arctan2(y, z)

@@ -23,11 +23,9 @@ class StopKey:
     """
 
     def __init__(self, stop: Callable[[str], None], terminal: int | None = None) -> None:
-        """Prepare to watch a terminal.
+        """Prepare to watch a terminal, by file descriptor; ``None`` for standard input.
 
-        Args:
-            stop: Called once, with the reason, from the watching thread.
-            terminal: File descriptor; ``None`` for the program's standard input.
+        ``stop`` is called once, with the reason, from the watching thread.
         """
         self._stop = stop
         self._terminal = _standard_input() if terminal is None else terminal

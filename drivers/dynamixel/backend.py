@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import Enum
 
 import numpy as np
 
 from drivers.backend import Backend
-from drivers.dynamixel.bus import ANSWER_MARGIN, BusStatistics, DynamixelBus
-from drivers.dynamixel.clock import Clock, WallClock
+from drivers.dynamixel.bus import ANSWER_MARGIN, TRIES, BusStatistics, DynamixelBus
+from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
 from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
@@ -38,7 +39,6 @@ FRESH = 2.5  # periods; torque does not begin from an older position
 WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.
 PAUSE_SHARE = 0.8
-REBOOT_TRIES = 3
 
 
 class Release(Enum):
@@ -96,7 +96,7 @@ class DynamixelBackend(Backend):
         """
         self.robot, self._bus_settings = robot, _check_robot(robot, ports)
         self.period = robot.control_period if period is None else period
-        self._clock = clock or WallClock()
+        self._clock = clock or Clock()
         self.release = release
         self._converter, self._units = CommandConverter(robot), ServoUnits(robot)
         self._margin = answer_margin
@@ -200,11 +200,13 @@ class DynamixelBackend(Backend):
         was_paused = now - self._written_at > PAUSE_SHARE * self._bus_settings.watchdog
         permitted = states.permit_torque(requested.torque, fresh, was_paused=was_paused)
         for chain in self.chains:
-            chain.write(requested.with_torque(permitted), states, fresh)
+            chain.write(replace(requested, torque=permitted), states, fresh)
             chain.note_loss(states)
         self._written_at, self._state = now, None
         self._clock.pass_period(self.period)
-        return self._converter.to_command(requested.with_torque(states.is_on & permitted), command)
+        return self._converter.to_command(
+            replace(requested, torque=states.is_on & permitted), command
+        )
 
     def _measure(self, now: float) -> None:
         self._cycle_start, self._bytes_before = self._bytes_before, self._count_bytes()
@@ -277,7 +279,7 @@ class DynamixelBackend(Backend):
 
     def _restart(self, chain: ServoChain, row: int) -> None:
         device, states = self.robot.joints[row], self._states
-        if chain.bus.reboot(device.servo.id, REBOOT_TRIES) is None:
+        if chain.bus.reboot(device.servo.id, TRIES) is None:
             raise RebootError(device, "does not confirm that it reboots")
         until = time.monotonic() + BOOT_TIME
         pong = None

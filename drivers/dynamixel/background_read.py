@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.control_table import ControlTable
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import MISSES
 from drivers.dynamixel.opencr import ImuFusion, OpenCr
-from drivers.dynamixel.protocol2 import ALERT, Span
+from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.servo_states import ERROR, SUPPLY, TORQUE, WATCHDOG, ServoStates
+from robots import Joint
 
 ROTATION = (TORQUE, WATCHDOG, SUPPLY)
 """Items that are read of every servo in turns, one item of one servo a cycle."""
@@ -31,25 +33,15 @@ class BackgroundRead:
     def __init__(
         self,
         bus: DynamixelBus,
+        joints: Sequence[Joint],
         rows: np.ndarray,
-        ids: Sequence[int],
-        tables: Sequence[ControlTable],
         board: OpenCr | None,
     ) -> None:
-        """Prepare to read.
-
-        Args:
-            bus: Bus of the devices.
-            rows: Places of the servos' joints in the robot's joint order.
-            ids: The servos' ids.
-            tables: Their registers.
-            board: The controller board, if it is on this bus.
-        """
+        """Prepare to read joints at places in the joint order, and a board if it is here."""
         self._bus, self._board = bus, board
         self._rows = rows
-        self._ids = dict(zip(rows.tolist(), ids, strict=True))
-        self._tables = dict(zip(rows.tolist(), tables, strict=True))
-        self._turns = self._rotate()
+        self._servos = dict(zip(rows.tolist(), (joint.servo for joint in joints), strict=True))
+        self._turns = itertools.cycle(itertools.product(ROTATION, self._servos))
         self._cycle = 0
         self._board_misses = 0
         self._requests: dict[tuple[int, str, int, bool, bool], Request | None] = {}
@@ -59,20 +51,14 @@ class BackgroundRead:
     def prepare(self, states: ServoStates, left_out: Sequence[int]) -> None:
         """Choose and build this cycle's request, while others are on the wire.
 
-        Args:
-            states: States of the servos.
-            left_out: Ids not to read.
+        Ids that are left out are not read.
         """
         self._cycle += 1
         row, item = self._choose(states, left_out)
         self._prepared = self._build(row, item), row, item
 
     def begin(self, limit: float) -> None:
-        """Send the request, as far as there is time for the replies.
-
-        Args:
-            limit: Time of the monotonic clock after which not to wait [s].
-        """
+        """Send what can be answered before a time of the monotonic clock [s]."""
         request, row, item = self._prepared
         self._open = None
         if row >= 0 and not has_time(self._bus, request, limit):
@@ -83,18 +69,17 @@ class BackgroundRead:
             self._open = request, row, item
 
     def collect(self, states: ServoStates, imu: ImuFusion, now: float, limit: float) -> None:
-        """Collect the replies.
+        """Collect the replies: the value of the servo, and the sample of the board.
 
         Args:
-            states: Takes the value of the servo.
-            imu: Takes the sample of the board.
+            states: States of the servos.
+            imu: Orientation by the board's samples.
             now: Time of the cycle on the backend's clock [s].
             limit: Time of the monotonic clock after which not to wait [s].
         """
         if self._open is None:
             return
         request, row, item = self._open
-        self._open = None
         self._board_misses += self._is_board_due
         for status in self._bus.collect(request, limit):
             if status.number or not status.data:
@@ -105,16 +90,6 @@ class BackgroundRead:
                 imu.update(self._board.decode(status.data), now, speed)
             else:
                 states.update_background(row, item, status.data)
-
-    def forget(self) -> None:
-        """Forget the open request: the port is gone."""
-        self._open = None
-
-    def _rotate(self) -> Iterator[tuple[int, str]]:
-        while True:
-            for item in ROTATION:
-                for row in self._ids:
-                    yield row, item
 
     @property
     def _is_board_due(self) -> bool:
@@ -129,11 +104,11 @@ class BackgroundRead:
         for flags, item in ((states.alert == ALERT, ERROR), (states.is_unsure, TORQUE)):
             if flags.any():
                 for row in rows[flags[rows]].tolist():
-                    if self._ids[row] not in left_out:
+                    if self._servos[row].id not in left_out:
                         return row, item
-        for _ in self._ids:
-            row, item = next(self._turns)
-            if self._ids[row] not in left_out:
+        for _ in self._servos:
+            item, row = next(self._turns)
+            if self._servos[row].id not in left_out:
                 if item == TORQUE and states.alert[row]:
                     item = ERROR  # more errors may have come
                 return row, item
@@ -144,18 +119,17 @@ class BackgroundRead:
         is_board_last = self._board_misses > 0
         key = (row, item, self._cycle % 2, is_board_last, self._is_board_due)
         if key not in self._requests:
-            servo = {self._ids[row]: self._span(row, item)} if row >= 0 else {}
-            board = {}
+            servo, board = {}, {}
+            if row >= 0:
+                table = table_named(self._servos[row].model.name)
+                last = "present_temperature" if item == SUPPLY else item
+                servo = {self._servos[row].id: table.span(item, last)}
             if self._board is not None and self._is_board_due:
                 board = {self._board.id: self._board.span(self._cycle)}
             # A silent board may keep the devices behind it from replying.
             spans = servo | board if is_board_last else board | servo
             self._requests[key] = Request.group(spans) if spans else None
         return self._requests[key]
-
-    def _span(self, row: int, item: str) -> Span:
-        table = self._tables[row]
-        return table.span(SUPPLY, "present_temperature") if item == SUPPLY else table[item].span
 
 
 def has_time(bus: DynamixelBus, request: Request | None, limit: float) -> bool:

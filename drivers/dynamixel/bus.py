@@ -10,8 +10,16 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from drivers.dynamixel import protocol2
+from drivers.dynamixel.control_table import Item
 from drivers.dynamixel.port import Port
-from drivers.dynamixel.protocol2 import Damaged, FrameParser, Instruction, Span, Status
+from drivers.dynamixel.protocol2 import (
+    Damaged,
+    FrameParser,
+    Instruction,
+    Span,
+    Status,
+    is_confirmed,
+)
 from drivers.dynamixel.requests import Replies, Request
 
 BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit
@@ -19,6 +27,7 @@ BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit
 # (1 ms at its best, twice) and the host's scheduler.
 ANSWER_MARGIN = 0.004  # s
 FACTORY_RETURN_DELAY = 250 * 2e-6  # s (e-manual, Return Delay Time)
+TRIES = 3  # of a request outside the control cycle
 PING_DATA = 3  # bytes: model number, firmware
 PING_SLOT = 0.003  # s that each of 253 ids has for its reply to a broadcast ping
 TAIL_TIMEOUT = 0.001  # s for the rest of a fast reply whose beginning is missing
@@ -94,7 +103,10 @@ class DynamixelBus:
     def send(self, frame: bytes) -> None:
         """Send an instruction that has no reply."""
         self.port.write(frame)
-        self._note_sent(frame)
+        self.statistics.requests += 1
+        self.statistics.bytes_out += len(frame)
+        begin = max(time.monotonic(), self._quiet_at)
+        self._quiet_at = begin + len(frame) * self.byte_time
 
     def begin(self, request: Request) -> None:
         """Send a request; bytes that came before it are dropped."""
@@ -105,23 +117,38 @@ class DynamixelBus:
         self._deadline = self._quiet_at + replying + self.answer_margin
 
     def collect(self, request: Request, limit: float = np.inf) -> list[Status]:
-        """Collect the replies to the open request.
+        """Collect the replies to the open request, which is not a fast one.
 
-        Args:
-            request: The open request.
-            limit: Time of the monotonic clock after which not to wait [s].
+        ``limit`` is a time of the monotonic clock after which not to wait [s].
         """
-        if not request.is_fast:
-            return self._take_statuses(request, limit)
-        replies, _ = self._take_fast(request, limit)
-        return replies if isinstance(replies, list) else replies.to_statuses()
+        limit = min(limit, self._deadline)
+        order = request.places
+        parser, found = FrameParser(), list[tuple[int, Status]]()
+        if len(order) > 1:
+            self._sleep(limit)
+        while not (found and found[-1][0] == len(order) - 1):
+            chunk = self.port.read(limit)
+            if not chunk:
+                break
+            for status in self._parse(parser, chunk):
+                place = order.get(status.id)
+                if place is None or not _fits(status, request.lengths[status.id]):
+                    self.statistics.stale += 1
+                    continue
+                # Devices reply in order, and once: a reply that is overtaken was a late one.
+                while found and found[-1][0] >= place:
+                    self.statistics.stale += 1
+                    found.pop()
+                found.append((place, status))
+        self.statistics.lost += len(order) - len(found)
+        return [status for _, status in found]
 
     def collect_group(self, request: Request, limit: float = np.inf) -> Replies:
         """Collect the replies of a group, all of the same length."""
         length = max(request.lengths.values())
         if not request.is_fast:
             damaged = self.statistics.damaged
-            statuses = self._take_statuses(request, limit)
+            statuses = self.collect(request, limit)
             return Replies.of(statuses, length, is_damaged=self.statistics.damaged > damaged)
         found, is_damaged = self._take_fast(request, limit)
         if isinstance(found, Replies):
@@ -129,27 +156,18 @@ class DynamixelBus:
         return Replies.of(found, length, is_damaged=is_damaged)
 
     def request(self, request: Request, tries: int = 1) -> dict[int, Status]:
-        """Send a request and collect the replies, by id.
-
-        Args:
-            request: What to send; more than one try needs a request to a single device.
-            tries: How often to send it at most.
-        """
+        """Send a request and collect the replies, by id; more tries are for a single device."""
         replies: dict[int, Status] = {}
         for attempt in range(tries):
             self.statistics.retries += attempt > 0
             self.begin(request)
             replies |= {status.id: status for status in self.collect(request, self._limit)}
             if len(replies) == len(request.lengths):
-                if attempt:
-                    self._drain()
+                # Each earlier try may still be answered.
+                while attempt and self.port.read(time.monotonic() + self.answer_margin):
+                    self.statistics.stale += 1
                 break
         return replies
-
-    def _drain(self) -> None:
-        """Wait until nothing more comes: each earlier try may still be answered."""
-        while self.port.read(time.monotonic() + self.answer_margin):
-            self.statistics.stale += 1
 
     # One device -------------------------------------------------------------------------------
 
@@ -165,6 +183,15 @@ class DynamixelBus:
         """Write registers of a device; ``None`` if it does not confirm."""
         frame = protocol2.write(device, address, data)
         return self.request(Request(frame, {device: 0}), tries).get(device)
+
+    def read_item(self, device: int, item: Item, tries: int = TRIES) -> int | None:
+        """Read an item of a device; ``None`` if it is silent or refuses."""
+        status = self.read(device, item.span, tries)
+        return item.decode(status.data) if is_confirmed(status) else None
+
+    def write_item(self, device: int, item: Item, value: int, tries: int = TRIES) -> bool:
+        """Write an item of a device; return whether it confirms."""
+        return is_confirmed(self.write(device, item.address, item.encode(value), tries))
 
     def reboot(self, device: int, tries: int = 1) -> Status | None:
         """Restart a device; ``None`` if it does not confirm."""
@@ -190,12 +217,6 @@ class DynamixelBus:
 
     # Bytes ------------------------------------------------------------------------------------
 
-    def _note_sent(self, frame: bytes) -> None:
-        self.statistics.requests += 1
-        self.statistics.bytes_out += len(frame)
-        begin = max(time.monotonic(), self._quiet_at)
-        self._quiet_at = begin + len(frame) * self.byte_time
-
     def _sleep(self, limit: float) -> None:
         """Sleep until just before the replies can be complete."""
         if self.sleeps:
@@ -203,29 +224,6 @@ class DynamixelBus:
             left = complete - WAKE_EARLY - time.monotonic()
             if left > WAKE_EARLY:
                 time.sleep(left)
-
-    def _take_statuses(self, request: Request, limit: float) -> list[Status]:
-        limit = min(limit, self._deadline)
-        order = request.places
-        parser, found = FrameParser(), list[tuple[int, Status]]()
-        if len(order) > 1:
-            self._sleep(limit)
-        while not (found and found[-1][0] == len(order) - 1):
-            chunk = self.port.read(limit)
-            if not chunk:
-                break
-            for status in self._parse(parser, chunk):
-                place = order.get(status.id)
-                if place is None or not _fits(status, request.lengths[status.id]):
-                    self.statistics.stale += 1
-                    continue
-                # Devices reply in order, and once: a reply that is overtaken was a late one.
-                while found and found[-1][0] >= place:
-                    self.statistics.stale += 1
-                    found.pop()
-                found.append((place, status))
-        self.statistics.lost += len(order) - len(found)
-        return [status for _, status in found]
 
     def _parse(self, parser: FrameParser, chunk: bytes) -> Iterator[Status]:
         self.statistics.bytes_in += len(chunk)

@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol
 
 
-class Clock(Protocol):
-    """Time of a backend's measurements."""
-
-    is_real: bool
-    """Whether it is wall time."""
-
-    def now(self) -> float:
-        """Return the time [s]."""
-        ...
-
-    def pass_period(self, period: float) -> None:
-        """Note the end of a cycle of a period [s]."""
-
-
-class WallClock(Clock):
-    """Wall time, from 0 at construction."""
+class Clock:
+    """Time of a backend's measurements: wall time, from 0 at construction."""
 
     is_real = True
+    """Whether it is wall time."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
@@ -31,6 +17,9 @@ class WallClock(Clock):
     def now(self) -> float:
         """Return the time [s]."""
         return time.monotonic() - self._start
+
+    def pass_period(self, period: float) -> None:
+        """Note the end of a cycle of a period [s]."""
 
 
 class CycleClock(Clock):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.control_table import table_named
+from drivers.dynamixel.control_table import ControlTable, table_named
 from drivers.dynamixel.protocol2 import bulk_write
 from drivers.dynamixel.requests import SyncWriter
 from drivers.dynamixel.servo_states import ServoStates
+from drivers.errors import SetupError
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
@@ -21,6 +22,15 @@ from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, TICKS_PER_TURN, count_p
 FAR = 100.0  # rad, beyond any servo; keeps absurd targets within whole numbers
 # Gains and limits are sent again every so many cycles, in case a servo has missed them.
 REFRESH = 64
+WRITTEN = (
+    "torque_enable",
+    "status_return_level",
+    "position_p_gain",
+    "bus_watchdog",
+    "goal_pwm",
+    "goal_position",
+)
+"""Registers that are written to all servos of a bus together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +45,6 @@ class RegisterCommands:
     """Goal PWM [counts]."""
     torque: NDArray[np.bool_]
     """Whether torque is on."""
-
-    def with_torque(self, torque: NDArray[np.bool_]) -> RegisterCommands:
-        """Return the same commands with torque on elsewhere, (n,)."""
-        return replace(self, torque=torque)
 
 
 class CommandConverter:
@@ -114,30 +120,19 @@ class CommandWriter:
     def __init__(
         self, bus: DynamixelBus, joints: list[Joint], rows: np.ndarray, watchdog: int
     ) -> None:
-        """Prepare to write.
+        """Prepare to write to joints at some places in the robot's joint order.
 
-        Args:
-            bus: Bus of the servos.
-            joints: Its joints.
-            rows: Their places in the robot's joint order.
-            watchdog: Register value of the bus watchdog under torque.
+        ``watchdog`` is the register value of the bus watchdog under torque.
+
+        Raises:
+            SetupError: if the servos cannot be written to together.
         """
         self._bus, self._rows, self._watchdog = bus, rows, watchdog
         self._ids = [joint.servo.id for joint in joints]
-        table = table_named(joints[0].servo.model.name)
-
-        def writer(name: str) -> SyncWriter:
-            kind = {1: "u1", 2: "<i2", 4: "<i4"}[table[name].size]
-            return SyncWriter(table[name].address, kind, self._ids)
-
-        self._goal_address = table["goal_position"].address
-        self._goal, self._torque = writer("goal_position"), writer("torque_enable")
-        self._p_gain, self._pwm = writer("position_p_gain"), writer("goal_pwm")
-        self._watchdogs = writer("bus_watchdog")
-        self._return_level = writer("status_return_level")
-        self._written = LastWritten(len(rows)), LastWritten(len(rows))
+        tables = [table_named(joint.servo.model.name) for joint in joints]
+        self._writers = {name: _make_writer(name, self._ids, tables) for name in WRITTEN}
+        self._last = {"position_p_gain": LastWritten(len(rows)), "goal_pwm": LastWritten(len(rows))}
         self._all = np.ones(len(rows), dtype=bool)
-        self._zeros = np.zeros(len(rows), dtype=int)
         self._cycle = 0
 
     def write(
@@ -150,62 +145,67 @@ class CommandWriter:
             states: States of the servos; torque that is switched is noted there.
             fresh: Joints whose position is new enough to begin from, shape (n,).
         """
-        rows, send = self._rows, self._bus.send
+        rows = self._rows
         self._cycle += 1
         wanted = commands.torque[rows]
         was_on = states.is_on[rows]
         off = ~wanted & (was_on | states.must_release[rows])
         if off.any():
-            send(self._torque.encode_some(off, self._zeros))
+            self._write_some("torque_enable", off, 0)
             states.note_off(rows[off])
         on = wanted & fresh[rows] & (~was_on | states.must_seed[rows])
         switches_on = bool(on.any())
-        writers = self._p_gain, self._pwm
-        for i, values in enumerate((commands.p_gain[rows], commands.pwm[rows])):
-            due = self._written[i].find_due(values)
+        values = {"position_p_gain": commands.p_gain[rows], "goal_pwm": commands.pwm[rows]}
+        for i, (name, last) in enumerate(self._last.items()):
+            due = last.find_due(values[name])
             if self._cycle % REFRESH == i * REFRESH // 2:
                 due = self._all
             if switches_on:
                 due = due | on  # a servo may have lost what was written before
             if due.any():
-                send(writers[i].encode_some(due, values))
+                self._write_some(name, due, values[name])
         if switches_on:
             self._switch_on(on, states)
         present = _limit_to_turn(states.ticks[rows])
-        send(self._goal.encode(np.where(states.is_on[rows], commands.goal[rows], present)))
+        self.write_all("goal_position", np.where(states.is_on[rows], commands.goal[rows], present))
 
     def forget(self) -> None:
         """Write all gains and limits again: a servo has been set up."""
-        for written in self._written:
-            written.forget()
+        for last in self._last.values():
+            last.forget()
 
-    def release_all(self) -> None:
-        """Switch off the torque of all servos."""
-        self._bus.send(self._torque.encode(self._zeros))
+    def write_all(self, name: str, values: Integers | int) -> None:
+        """Write one of the `WRITTEN` registers of all servos: one value each, or one for all."""
+        self._bus.send(self._writers[name].encode(values))
 
-    def disarm_all(self) -> None:
-        """Switch off the watchdogs of all servos."""
-        self._bus.send(self._watchdogs.encode(self._zeros))
-
-    def set_return_level(self, level: int) -> None:
-        """Set the status return level of all servos."""
-        self._bus.send(self._return_level.encode(np.full(len(self._rows), level)))
+    def _write_some(self, name: str, chosen: NDArray[np.bool_], values: Integers | int) -> None:
+        self._bus.send(self._writers[name].encode(values, chosen))
 
     def _switch_on(self, on: NDArray[np.bool_], states: ServoStates) -> None:
-        send, chosen = self._bus.send, self._rows[on]
+        chosen = self._rows[on]
         # A watchdog that has tripped locks the goals until it is cleared.
-        send(self._watchdogs.encode_some(on, self._zeros))
+        self._write_some("bus_watchdog", on, 0)
         # Not a sync write: on a virtual bus in lock-step that would end the cycle.
-        goals = {
-            self._ids[i]: (self._goal_address, int(ticks).to_bytes(4, "little"))
-            for i, ticks in zip(
-                np.flatnonzero(on), _limit_to_turn(states.ticks[chosen]), strict=True
-            )
+        goal = self._writers["goal_position"].address
+        ids = (self._ids[i] for i in np.flatnonzero(on))
+        present = _limit_to_turn(states.ticks[chosen])
+        seeds = {
+            i: (goal, int(ticks).to_bytes(4, "little"))
+            for i, ticks in zip(ids, present, strict=True)
         }
-        send(bulk_write(goals))
-        send(self._watchdogs.encode_some(on, np.full(len(on), self._watchdog)))
-        send(self._torque.encode_some(on, np.ones(len(on), dtype=int)))
+        self._bus.send(bulk_write(seeds))
+        self._write_some("bus_watchdog", on, self._watchdog)
+        self._write_some("torque_enable", on, 1)
         states.note_on(chosen)
+
+
+def _make_writer(name: str, ids: list[int], tables: list[ControlTable]) -> SyncWriter:
+    places = {(table[name].address, table[name].size) for table in tables}
+    if len(places) > 1:
+        models = ", ".join(sorted({table.model for table in tables}))
+        raise SetupError(f"servos {models} keep {name} in different places: give each a port")
+    address, size = places.pop()
+    return SyncWriter(address, {1: "u1", 2: "<i2", 4: "<i4"}[size], ids)
 
 
 def _limit_to_turn(ticks: Integers) -> Integers:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
+from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import ControlTable, DriveMode, OperatingMode
-from drivers.dynamixel.diagnostics import TRIES, ServoFacts
+from drivers.dynamixel.diagnostics import ServoFacts
 from robots.servo import DEFAULT_P_GAIN, TICKS_PER_TURN
-
-if TYPE_CHECKING:
-    from drivers.dynamixel.bus import DynamixelBus
 
 ALL_ANSWERED = 2  # Status Return Level: every instruction is confirmed
 RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
@@ -68,13 +65,7 @@ class ServoSetup:
     """
 
     def __init__(self, servo: ServoFacts, *, recheck: bool = False) -> None:
-        """Prepare to set up a servo.
-
-        Args:
-            servo: Its diagnostics.
-            recheck: Whether to read first if it still is the same servo, as it may have been
-                exchanged since.
-        """
+        """Prepare to set up a servo; ``recheck`` first whether it still is the same one."""
         self._servo = servo
         self._must_check = recheck
         self.eeprom_writes = 0

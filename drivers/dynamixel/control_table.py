@@ -198,11 +198,7 @@ def known_models() -> dict[str, int]:
 
 
 def table_for(number: int, firmware: int | None = None) -> ControlTable:
-    """Find the table of a model number, as a device reports it in a ping.
-
-    Args:
-        number: Model number.
-        firmware: Firmware version of the device; None for the newest known.
+    """Find the table of a model number, as a device reports it in a ping; see `table_named`.
 
     Raises:
         UnknownModelError: if there is no such model.

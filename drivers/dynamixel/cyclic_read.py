@@ -88,24 +88,24 @@ class CyclicRead:
     def collect(self, limit: float) -> Replies:
         """Collect the replies, and request missing ones once more if there is time.
 
-        Args:
-            limit: Time of the monotonic clock after which not to wait [s].
+        A reply holds the group's bytes, and further ones to be ignored. ``limit`` is the time
+        of the monotonic clock after which not to wait [s].
         """
         request = self._request
         if request is None:
             return Replies.of([], GROUP_BYTES)
-        replies = self._collect_one(request, limit)
+        replies = self._bus.collect_group(request, limit)
         if len(replies.devices) < len(request.lengths):
-            missing = self._find_missing(request, replies)
             self._suspects.update(self._find_silent(request, replies))
-            retry = self._build(missing)
+            retry = self._build([i for i in request.lengths if i not in replies.devices])
             if time.monotonic() + self._bus.duration(retry) + RETRY_MARGIN < limit:
                 self._bus.statistics.retries += 1
                 self._bus.begin(retry)
-                second = self._collect_one(retry, limit)
-                replies, request = _join(replies, second), retry
+                replies = replies.join(self._bus.collect_group(retry, limit))
+                request = retry
         self._count_misses(request, replies)
-        return _without_refusals(replies)
+        refused = (replies.errors & ~np.uint8(ALERT)) != 0
+        return replies.select(~refused) if refused.any() else replies
 
     def due_poll(self) -> int | None:
         """Return the left-out servo to poll in this cycle, if any."""
@@ -126,14 +126,12 @@ class CyclicRead:
 
     def _build(self, devices: list[int]) -> Request:
         """Build the request to some servos, those that were silent last time at the end."""
-        suspects = [device for device in devices if device in self._suspects]
-        order = devices
-        if suspects:
-            order = [device for device in devices if device not in self._suspects] + suspects
+        order = sorted(devices, key=self._suspects.__contains__)
         is_fast = self.kind is GroupKind.FAST
         extra = self._cycle % LENGTHS
         if is_fast:
-            extra = extra + 1 if suspects or len(order) < LENGTHS else 0
+            is_ambiguous = order[-1] in self._suspects or len(order) < LENGTHS
+            extra = extra + 1 if is_ambiguous else 0
         key = (bytes(order), extra, is_fast)
         request = self._requests.get(key)
         if request is None:
@@ -142,17 +140,6 @@ class CyclicRead:
             spans = {i: Span(self._spans[i].address, GROUP_BYTES + extra) for i in order}
             request = self._requests[key] = Request.group(spans, fast=is_fast)
         return request
-
-    def _collect_one(self, request: Request, limit: float) -> Replies:
-        replies = self._bus.collect_group(request, limit)
-        if replies.data.shape[1] == GROUP_BYTES:
-            return replies
-        data = replies.data[:, :GROUP_BYTES]
-        return Replies(replies.devices, replies.errors, data, replies.is_damaged)
-
-    def _find_missing(self, request: Request, replies: Replies) -> list[int]:
-        replied = set(replies.devices.tolist())
-        return [device for device in request.lengths if device not in replied]
 
     def _count_misses(self, request: Request, replies: Replies) -> None:
         """Count missing replies."""
@@ -196,20 +183,3 @@ def group_span(table: ControlTable) -> Span:
     span = table.span(first, "present_position")
     assert span.length == GROUP_BYTES
     return span
-
-
-def _join(first: Replies, second: Replies) -> Replies:
-    return Replies(
-        np.concatenate([first.devices, second.devices]),
-        np.concatenate([first.errors, second.errors]),
-        np.concatenate([first.data, second.data]),
-        second.is_damaged,
-    )
-
-
-def _without_refusals(replies: Replies) -> Replies:
-    """Leave out servos that replied with an error."""
-    refused = replies.errors & ~np.uint8(ALERT)
-    if not refused.any():
-        return replies
-    return replies.select(refused == 0)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import (
     ControlTable,
     DriveMode,
@@ -22,7 +22,6 @@ from robots import Joint, Robot
 from robots.robot import BAUD_RATES
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
-TRIES = 3
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
 OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range without a warning
@@ -296,13 +295,8 @@ def find_baud_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
 def check_cycle_time(path: str, baud: int, duration: float, period: float) -> list[Finding]:
     """Check that a cycle's bytes pass within the control period.
 
-    On a slower bus every value would be late, without any other finding.
-
-    Args:
-        path: Port.
-        baud: Its baud rate [bit/s].
-        duration: Time of a cycle's bytes on the wire [s].
-        period: Control period [s].
+    On a slower bus every value would be late, without any other finding. ``duration`` is the
+    time of a cycle's bytes on the wire [s].
     """
     if duration <= period:
         return []

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.diagnostics import TRIES, Finding, find_baud_rate
-from drivers.dynamixel.protocol2 import Span, is_confirmed
+from drivers.dynamixel.diagnostics import Finding, find_baud_rate
+from drivers.dynamixel.protocol2 import Span
 from drivers.orientation_filter import ACCELEROMETER_STEP, GRAVITY, GYRO_STEP, OrientationFilter
 from robots.quaternion import Array
 from robots.robot import BoardSettings
@@ -44,16 +44,11 @@ class OpenCr:
         self.settings = settings
         self.bus = bus
         self._axes = np.array(settings.imu_axes, dtype=float)
-        self._table = table_named(settings.model)
+        self.table = table_named(settings.model)
         self._spans = (
-            self._table.span("gyro_x", "acc_z"),
-            self._table.span("present_input_voltage", "acc_z"),
+            self.table.span("gyro_x", "acc_z"),
+            self.table.span("present_input_voltage", "acc_z"),
         )
-
-    @property
-    def model_number(self) -> int:
-        """Return the board's model number in the reply to a ping."""
-        return self._table.number
 
     @property
     def name(self) -> str:
@@ -68,25 +63,7 @@ class OpenCr:
 
     def is_powering(self) -> bool:
         """Return whether the servos' power is on."""
-        return self._holds("dynamixel_power", 1)
-
-    def power_servos(self) -> bool:
-        """Switch the servos' power on; return whether the board confirms that it is on."""
-        if not self.is_powering():
-            self.bus.write(self.id, self._table["dynamixel_power"].address, b"\x01", TRIES)
-            return self.is_powering()
-        return True
-
-    def clear_return_delay(self) -> bool:
-        """Set the board's return delay to 0; return whether it confirms."""
-        address = self._table["return_delay_time"].address
-        return self._holds("return_delay_time", 0) or is_confirmed(
-            self.bus.write(self.id, address, b"\x00", TRIES)
-        )
-
-    def _holds(self, item: str, value: int) -> bool:
-        status = self.bus.read(self.id, self._table[item].span, TRIES)
-        return status is not None and status.data == bytes((value,))
+        return self.bus.read_item(self.id, self.table["dynamixel_power"]) == 1
 
     def span(self, cycle: int) -> Span:
         """Return the registers to read in a cycle; their length alternates against late replies."""
@@ -173,12 +150,7 @@ def _is_quiet(sample: ImuSample) -> bool:
 
 
 def check_board(board: OpenCr, *, set_delay: bool = True) -> list[Finding]:
-    """Check that the board replies, and switch the servos' power on.
-
-    Args:
-        board: Board to check.
-        set_delay: Whether to set its return delay to 0, too.
-    """
+    """Check that the board replies, set its return delay to 0, and switch the servos on."""
     status = board.bus.ping(board.id, TRIES)
     if status is None:
         rate = find_baud_rate(board.bus, [board.id])
@@ -188,10 +160,14 @@ def check_board(board: OpenCr, *, set_delay: bool = True) -> list[Finding]:
         remedy = "set bus.baud in robot.toml, or the baud rates of board and servos"
         return [board.finding(text, remedy)]
     number = int.from_bytes(status.data[:2], "little")
-    if number != board.model_number:
-        return [board.finding(f"is of model {number}, expected {board.model_number}")]
-    if set_delay and not board.clear_return_delay():
+    if number != board.table.number:
+        return [board.finding(f"is of model {number}, expected {board.table.number}")]
+    delay, bus = board.table["return_delay_time"], board.bus
+    must_set = set_delay and bus.read_item(board.id, delay) != 0
+    if must_set and not bus.write_item(board.id, delay, 0):
         return [board.finding("does not accept a return delay of 0")]
-    if board.settings.powers_servos and not board.power_servos():
-        return [board.finding("does not switch the servos' power on")]
+    if board.settings.powers_servos and not board.is_powering():
+        bus.write_item(board.id, board.table["dynamixel_power"], 1)
+        if not board.is_powering():
+            return [board.finding("does not switch the servos' power on")]
     return []

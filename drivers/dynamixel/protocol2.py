@@ -14,6 +14,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeGuard
 
 from fastcrc.crc16 import umts
 
@@ -124,7 +125,7 @@ class Status:
         return cls(packet.id, packet.params[0], packet.params[1:])
 
 
-def is_confirmed(status: Status | None) -> bool:
+def is_confirmed(status: Status | None) -> TypeGuard[Status]:
     """Return whether a device has carried out an instruction; ``None`` stands for silence."""
     return status is not None and not status.number
 
@@ -189,12 +190,7 @@ def sync_read(devices: Sequence[int], span: Span, *, fast: bool = False) -> byte
 
 
 def sync_write(address: int, data: Mapping[int, bytes]) -> bytes:
-    """Write the same registers of several devices.
-
-    Args:
-        address: First register.
-        data: Bytes for each device, all of one length.
-    """
+    """Write the same registers of several devices: bytes of one length for each."""
     length = len(next(iter(data.values())))
     rows = b"".join(bytes((device,)) + row for device, row in data.items())
     params = struct.pack("<HH", address, length) + rows
@@ -209,11 +205,7 @@ def bulk_read(spans: Mapping[int, Span], *, fast: bool = False) -> bytes:
 
 
 def bulk_write(data: Mapping[int, tuple[int, bytes]]) -> bytes:
-    """Write different registers of several devices.
-
-    Args:
-        data: Address and bytes for each device.
-    """
+    """Write different registers of several devices: address and bytes for each."""
     rows = (struct.pack("<BHH", i, address, len(row)) + row for i, (address, row) in data.items())
     return Packet(BROADCAST, Instruction.BULK_WRITE, b"".join(rows)).encode()
 
@@ -235,11 +227,8 @@ def encode_fast_status(replies: Sequence[Status]) -> bytes:
 def decode_fast_status(frame: bytes, lengths: Sequence[int]) -> list[Status]:
     """Decode a fast frame, whole or cut: the replies up to the first damaged one.
 
-    A frame of another length answers another request and yields no replies.
-
-    Args:
-        frame: Bytes from the header on.
-        lengths: Data bytes of each device, in the order of the request.
+    A frame of other lengths, in the order of the request, answers another one and yields no
+    replies.
     """
     replies: list[Status] = []
     start = PREFIX + 1

@@ -69,12 +69,7 @@ class Replies:
     """Whether something was damaged on the wire, so that silence does not mean a fault."""
 
     def column(self, offset: int, kind: str) -> NDArray[np.int_]:
-        """Decode one number of every reply.
-
-        Args:
-            offset: Its first byte.
-            kind: Its numpy type, such as "<i4".
-        """
+        """Decode a number of every reply, by its first byte and numpy type, such as "<i4"."""
         size = np.dtype(kind).itemsize
         return np.ascontiguousarray(self.data[:, offset : offset + size]).view(kind)[:, 0]
 
@@ -82,10 +77,15 @@ class Replies:
         """Return some of the replies."""
         return Replies(self.devices[rows], self.errors[rows], self.data[rows], self.is_damaged)
 
-    def to_statuses(self) -> list[Status]:
-        """Return the replies one by one."""
-        rows = zip(self.devices, self.errors, self.data, strict=True)
-        return [Status(int(device), int(error), data.tobytes()) for device, error, data in rows]
+    def join(self, later: Replies) -> Replies:
+        """Append the replies to a later request, all cut to the shorter data."""
+        length = min(self.data.shape[1], later.data.shape[1])
+        return Replies(
+            np.concatenate([self.devices, later.devices]),
+            np.concatenate([self.errors, later.errors]),
+            np.concatenate([self.data[:, :length], later.data[:, :length]]),
+            later.is_damaged,
+        )
 
     @classmethod
     def of(cls, statuses: Sequence[Status], length: int, *, is_damaged: bool = False) -> Replies:
@@ -157,33 +157,23 @@ class SyncWriter:
     """Builds sync writes of one item from arrays; rows are filled in place."""
 
     def __init__(self, address: int, kind: str, devices: Sequence[int]) -> None:
-        """Prepare a writer.
-
-        Args:
-            address: Register of the item.
-            kind: The item's numpy type, such as "<i4".
-            devices: Ids, in the order of the values to come.
-        """
-        self._address = address
+        """Prepare to write an item of a numpy type, such as "<i4", to devices in this order."""
+        self.address = address
         self._rows = np.zeros(len(devices), np.dtype([("id", "u1"), ("value", kind)]))
         self._rows["id"] = devices
         empty = protocol2.sync_write(address, {0: bytes(np.dtype(kind).itemsize)})
         length = self._rows.nbytes + 7
         self._head = empty[:5] + length.to_bytes(2, "little") + empty[7:12]
 
-    def encode(self, values: NDArray[np.int_]) -> bytes:
-        """Build the frame that sets the values of all devices."""
+    def encode(
+        self, values: NDArray[np.int_] | int, chosen: NDArray[np.bool_] | None = None
+    ) -> bytes:
+        """Build the frame that sets the values of all devices, or of some, by mask (n,)."""
         self._rows["value"] = values
-        body = self._rows.tobytes()
-        if STUFFED in body:
-            return self._encode_rows(self._rows)
-        return protocol2.seal(self._head + body)
-
-    def encode_some(self, chosen: NDArray[np.bool_], values: NDArray[np.int_]) -> bytes:
-        """Build the frame that sets the values of some devices, by mask (n,)."""
-        self._rows["value"] = values
-        return self._encode_rows(self._rows[chosen])
-
-    def _encode_rows(self, rows: np.ndarray) -> bytes:
+        if chosen is None:
+            body = self._rows.tobytes()
+            if STUFFED not in body:
+                return protocol2.seal(self._head + body)
+        rows = self._rows if chosen is None else self._rows[chosen]
         data = {int(row["id"]): row["value"].tobytes() for row in rows}
-        return protocol2.sync_write(self._address, data)
+        return protocol2.sync_write(self.address, data)

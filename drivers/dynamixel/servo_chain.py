@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 
@@ -11,32 +12,26 @@ from drivers.dynamixel.background_read import BackgroundRead, has_time
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.command_writer import CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
-from drivers.dynamixel.control_table import ControlTable, table_named
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
-from drivers.dynamixel.diagnostics import TRIES, ServoFacts
+from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.opencr import ImuFusion, OpenCr
 from drivers.dynamixel.port import PortError, PortLostError
-from drivers.dynamixel.protocol2 import ALERT, is_confirmed
+from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies, Request
 from drivers.dynamixel.servo_states import TORQUE, ServoStates
-from drivers.errors import SetupError
 from robots import Joint, Robot
 from robots.servo import TICKS_PER_TURN
 
-SYNC_WRITTEN = (
-    "torque_enable",
-    "status_return_level",
-    "position_p_gain",
-    "bus_watchdog",
-    "goal_pwm",
-    "goal_position",
-)
 REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
 MUTE_TIME = 1.0  # s without a single byte after which a port is opened again
 SETUP_STEPS = 4  # instructions per cycle to servos that are set up again
 STEP_TIME = 0.0015  # s that one of them may take
 VERIFY_TRIES = 3  # reads of torque registers after a change, before the servos are doubted
 POLL_WAIT = 0.0015  # s for the reply of a left-out servo
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class ServoChain:
@@ -46,6 +41,9 @@ class ServoChain:
     grow old, and the port is opened again as soon as that works.
     """
 
+    cyclic: CyclicRead
+    """Reads position, velocity and current, once `set_facts` has told of which servos."""
+
     def __init__(
         self,
         bus: DynamixelBus,
@@ -54,12 +52,12 @@ class ServoChain:
         watchdog: int,
         board: OpenCr | None,
     ) -> None:
-        """Prepare a chain.
+        """Prepare the chain of some of a robot's joints.
 
         Args:
             bus: The bus behind the port.
             robot: Robot that it is part of.
-            rows: Places of the chain's joints in the robot's joint order.
+            rows: Places of the joints in the robot's joint order.
             watchdog: Register value of the bus watchdog under torque.
             board: The controller board, if it is on this port.
         """
@@ -68,13 +66,10 @@ class ServoChain:
         self.is_lost = False
         self.eeprom_writes = 0
         self.writer = CommandWriter(bus, self.joints, rows, watchdog)
-        self._ids = np.array([joint.servo.id for joint in self.joints])
-        self._tables = [table_named(joint.servo.model.name) for joint in self.joints]
-        _check_registers(self._tables)
+        self._torque = table_named(self.joints[0].servo.model.name)[TORQUE]
         self._facts: dict[int, ServoFacts] = {}
         self._setups: dict[int, ServoSetup] = {}
-        self._cyclic: CyclicRead | None = None
-        self._background = BackgroundRead(bus, rows, self._ids.tolist(), self._tables, board)
+        self._background = BackgroundRead(bus, self.joints, rows, board)
         self._cycle = 0
         self._reopen_at = 0.0
         self._bytes_in, self._bytes_in_at = -1, 0.0
@@ -86,17 +81,7 @@ class ServoChain:
     def set_facts(self, servos: Mapping[int, ServoFacts]) -> None:
         """Take over the diagnostics of each servo, by place in the joint order."""
         self._facts = dict(servos)
-        self._cyclic = CyclicRead(self.bus, list(servos.values()))
-
-    @property
-    def group_kind(self) -> GroupKind | None:
-        """Return how the servos are read now."""
-        return self._cyclic.kind if self._cyclic else None
-
-    @property
-    def left_out(self) -> list[int]:
-        """Return the ids that have been silent for too long to be read with the others."""
-        return self._cyclic.left_out if self._cyclic else []
+        self.cyclic = CyclicRead(self.bus, list(servos.values()))
 
     def configure(self, row: int) -> str:
         """Set a servo's registers; return what it does not confirm, or nothing."""
@@ -107,15 +92,13 @@ class ServoChain:
 
     def reset_goal(self, row: int) -> bool:
         """Make a servo's present position its goal; return whether it confirms."""
-        place = int(np.searchsorted(self.rows, row))
-        table, device = self._tables[place], int(self._ids[place])
-        present, goal = table["present_position"], table["goal_position"]
-        status = self.bus.read(device, present.span, TRIES)
-        if status is None or status.number:
+        servo = self._facts[row]
+        ticks = self.bus.read_item(servo.id, servo.table["present_position"])
+        if ticks is None:
             return False
-        ticks = min(max(present.decode(status.data), 0), TICKS_PER_TURN - 1)
         self.writer.forget()
-        return is_confirmed(self.bus.write(device, goal.address, goal.encode(ticks), TRIES))
+        goal = min(max(ticks, 0), TICKS_PER_TURN - 1)
+        return self.bus.write_item(servo.id, servo.table["goal_position"], goal)
 
     # Reading ----------------------------------------------------------------------------------
 
@@ -124,22 +107,12 @@ class ServoChain:
         self._cycle += 1
         if self._is_mute():
             self._lose()  # for a cycle at least, in which the states note it
-        elif self._cyclic is not None and self._is_usable():
-            self._guarded(self._cyclic.begin)
+        elif self._is_usable():
+            self._exchange(self.cyclic.begin)
 
     def collect_cyclic(self, limit: float) -> None:
-        """Wait for the replies, which `apply_cyclic` takes over.
-
-        Args:
-            limit: Time of the monotonic clock after which not to wait [s].
-        """
-        self._replies, cyclic = None, self._cyclic
-        if self.is_lost or cyclic is None:
-            return
-        try:
-            self._replies = cyclic.collect(limit)
-        except PortLostError:
-            self._lose()
+        """Wait for the replies, up to a time of the monotonic clock [s]; see `apply_cyclic`."""
+        self._replies = self._exchange(self.cyclic.collect, limit)
 
     @property
     def has_alert(self) -> bool:
@@ -155,41 +128,30 @@ class ServoChain:
     def prepare_background(self, states: ServoStates) -> None:
         """Choose what to read in the background."""
         if not self.is_lost:
-            self._background.prepare(states, self.left_out)
+            self._background.prepare(states, self.cyclic.left_out)
 
     def begin_background(self, limit: float) -> None:
         """Request the board's IMU and the item that `prepare_background` chose."""
-        if not self.is_lost:
-            self._guarded(lambda: self._background.begin(limit))
+        self._exchange(self._background.begin, limit)
 
     def collect_background(
         self, states: ServoStates, imu: ImuFusion, now: float, limit: float
     ) -> None:
         """Collect the replies of the background read."""
-        if not self.is_lost:
-            self._guarded(lambda: self._background.collect(states, imu, now, limit))
+        self._exchange(self._background.collect, states, imu, now, limit)
 
     def maintain(self, states: ServoStates, limit: float) -> None:
         """Use the rest of a cycle: verify torque, poll lost servos, set up restarted ones."""
-        if self.is_lost or self._cyclic is None:
-            return
-        try:
-            with self.bus.until(limit):
-                if self._verify_left:
-                    self._verify_torque(states, limit)
-                self._poll(states, limit)
-                self._set_up_again(states, limit)
-        except PortLostError:
-            self._lose()
+        with self.bus.until(limit):
+            for task in (self._verify_torque, self._poll, self._set_up_again):
+                self._exchange(task, states, limit)
 
     # Writing ----------------------------------------------------------------------------------
 
     def write(self, commands: RegisterCommands, states: ServoStates, fresh: np.ndarray) -> None:
         """Write the commands of this chain's servos."""
-        if self.is_lost:
-            return
         was_on = states.is_on[self.rows]
-        self._guarded(lambda: self.writer.write(commands, states, fresh))
+        self._exchange(self.writer.write, commands, states, fresh)
         if not self.is_lost and not np.array_equal(states.is_on[self.rows], was_on):
             self._verify_left = VERIFY_TRIES
 
@@ -206,44 +168,40 @@ class ServoChain:
         self._reopen_at = 0.0
         if not self._is_usable() or not self.bus.port.is_open:
             return list(self.joints)
-        try:
-            for _ in range(2):  # sync writes are not confirmed
-                self.writer.release_all()
-            self.writer.disarm_all()
-            return [joint for joint in self.joints if not self._is_released(joint)]
-        except PortLostError:
-            self.is_lost = True
-            return list(self.joints)
+        unreleased = self._exchange(self._release)
+        return list(self.joints) if unreleased is None else unreleased
 
     def disarm(self) -> None:
         """Switch off the watchdogs, so that the servos hold for as long as they have power."""
-        if not self.is_lost and self.bus.port.is_open:
-            try:
-                self.writer.disarm_all()
-                self.writer.disarm_all()
-            except PortLostError:
-                self.is_lost = True
+        if self.bus.port.is_open:
+            for _ in range(2):  # sync writes are not confirmed
+                self._exchange(self.writer.write_all, "bus_watchdog", 0)
 
-    def _is_released(self, joint: Joint) -> bool:
-        torque = table_named(joint.servo.model.name)[TORQUE]
-        status = self.bus.read(joint.servo.id, torque.span)
-        if status is not None and status.data == b"\x00":
-            return True
-        return is_confirmed(self.bus.write(joint.servo.id, torque.address, b"\x00", 2))
+    def _release(self) -> list[Joint]:
+        for register in (TORQUE, TORQUE, "bus_watchdog"):  # sync writes are not confirmed
+            self.writer.write_all(register, 0)
+        return [
+            joint
+            for joint in self.joints
+            if self.bus.read_item(joint.servo.id, self._torque, tries=1) != 0
+            and not self.bus.write_item(joint.servo.id, self._torque, 0, tries=2)
+        ]
 
     # The port ---------------------------------------------------------------------------------
 
-    def _guarded(self, exchange: Callable[[], None]) -> None:
-        """Exchange with the servos; note a lost port."""
+    def _exchange(self, talk: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
+        """Talk to the servos, unless the port is lost; note if it is lost meanwhile."""
+        if self.is_lost:
+            return None
         try:
-            exchange()
+            return talk(*args, **kwargs)
         except PortLostError:
             self._lose()
+            return None
 
     def _lose(self) -> None:
         self.is_lost = True
         self._replies = None
-        self._background.forget()
         self.bus.port.close()
         self._reopen_at = time.monotonic() + REOPEN_EVERY
 
@@ -267,7 +225,7 @@ class ServoChain:
         try:
             self.bus.port.open()
             self.is_lost = False
-            self.writer.release_all()
+            self.writer.write_all(TORQUE, 0)
             self.writer.forget()
         except PortError:
             self._lose()
@@ -277,12 +235,13 @@ class ServoChain:
 
     def _verify_torque(self, states: ServoStates, limit: float) -> None:
         """Read back the torque registers, which are written without confirmation."""
-        out = self.left_out
-        span = self._tables[0][TORQUE].span
-        spans = {int(i): span for i in self._ids if i not in out}
+        if not self._verify_left:
+            return
+        ids, out = (joint.servo.id for joint in self.joints), self.cyclic.left_out
+        spans = {i: self._torque.span for i in ids if i not in out}
         if not spans:
             return
-        fast = self.group_kind is GroupKind.FAST and len(spans) > 1
+        fast = self.cyclic.kind is GroupKind.FAST and len(spans) > 1
         request = Request.group(spans, fast=fast)
         if not has_time(self.bus, request, limit):
             return
@@ -295,20 +254,15 @@ class ServoChain:
 
     def _poll(self, states: ServoStates, limit: float) -> None:
         """Check whether a servo that was left out is back."""
-        if not self.left_out or self._cyclic is None:
-            return
-        limit = min(limit, time.monotonic() + POLL_WAIT + self.bus.answer_margin)
-        if time.monotonic() + POLL_WAIT > limit:
-            return
-        device = self._cyclic.due_poll()
+        until = time.monotonic() + POLL_WAIT
+        device = self.cyclic.due_poll() if until <= limit else None
         if device is None:
             return
-        row = states.row(device)
-        torque = self._tables[int(np.searchsorted(self.rows, row))][TORQUE]
-        request = Request.group({device: torque.span})
+        request = Request.group({device: self._torque.span})
         self.bus.begin(request)
-        if self.bus.collect(request, limit):
-            self._cyclic.restore(device)
+        if self.bus.collect(request, min(limit, until + self.bus.answer_margin)):
+            self.cyclic.restore(device)
+            row = states.row(device)
             if not states.is_on[row]:
                 states.note_restart(row)
 
@@ -316,11 +270,11 @@ class ServoChain:
         """Set up servos that may have restarted, so that they may have torque again."""
         if states.is_ready.all():
             return
-        out, steps = self.left_out, 0
+        out, steps = self.cyclic.left_out, 0
         waiting = self.rows[~states.is_ready[self.rows] & (states.alert[self.rows] == 0)]
         # Each cycle begins with another one, in case one of them makes no progress.
         for row in np.roll(waiting, self._cycle).tolist():
-            if row not in self._facts or self._facts[row].id in out:
+            if self._facts[row].id in out:
                 continue
             setup = self._setups.setdefault(row, ServoSetup(self._facts[row], recheck=True))
             while not setup.done:
@@ -333,11 +287,3 @@ class ServoChain:
             del self._setups[row]
             states.note_ready(row)
             self.writer.forget()
-
-
-def _check_registers(tables: list[ControlTable]) -> None:
-    """Refuse servos that cannot be written to together."""
-    for name in SYNC_WRITTEN:
-        if len({(table[name].address, table[name].size) for table in tables}) > 1:
-            models = ", ".join(sorted({table.model for table in tables}))
-            raise SetupError(f"servos {models} keep {name} in different places: give each a port")

@@ -77,10 +77,8 @@ def await_servos(servos: Iterable[tuple[DynamixelBus, Joint]]) -> None:
 def diagnose_robot(robot: Robot, chains: Sequence[ServoChain], period: float | None) -> Diagnostics:
     """Power the servos, switch their torque off, and find all that is wrong.
 
-    Args:
-        robot: Robot as described.
-        chains: Its ports, open.
-        period: Control period that the buses must keep [s]; ``None`` if time is simulated.
+    The ports are open. ``period`` is the control period that they must keep [s], ``None`` if
+    time is simulated.
     """
     findings = find_duplicate_ids(robot)
     for chain in chains:
@@ -95,8 +93,8 @@ def diagnose_robot(robot: Robot, chains: Sequence[ServoChain], period: float | N
     await_servos((chain.bus, joint) for chain in chains for joint in chain.joints)
     servos = []
     for chain in chains:
-        chain.writer.set_return_level(ALL_ANSWERED)
-        chain.writer.release_all()
+        chain.writer.write_all("status_return_level", ALL_ANSWERED)
+        chain.writer.write_all("torque_enable", 0)
         diagnostics = diagnose(chain.bus, chain.joints)
         servos += diagnostics.servos
         findings += diagnostics.findings

@@ -70,7 +70,7 @@ def test_connecting_powers_the_servos_sets_them_up_and_measures_them_limp(op3_ri
     assert state.voltage == pytest.approx(12.0) and np.all(state.temperature == 25.0)
     assert rig.peek("torque_enable") == [0] * 20
     assert rig.peek("return_delay_time") == [0] * 20
-    assert rig.backend.chains[0].group_kind is GroupKind.FAST
+    assert rig.backend.chains[0].cyclic.kind is GroupKind.FAST
 
 
 def test_kept_registers_are_written_only_where_they_differ(rig):
@@ -303,7 +303,7 @@ def test_a_silent_servo_costs_only_itself(op3, gap, firmware):
             assert np.all(state.joint_age[others] == 0.0)
             assert state.imu_age == 0.0
             assert state.joint_pos[knee] != 0.0, "a value was made up"
-        assert rig.backend.chains[0].left_out == [13]
+        assert rig.backend.chains[0].cyclic.left_out == [13]
         lost = rig.backend.statistics["main"].lost
         rig.turn(Command.limp(20), 20)
         assert rig.backend.statistics["main"].lost - lost <= 2, "it is still waited for"
@@ -535,11 +535,11 @@ def test_a_fast_read_that_fails_gives_way_to_a_plain_one_and_comes_back(rig, mon
     rig.port.spoil = lambda packet, answers: [] if packet.instruction == fast else answers
     line = rig.backend.chains[0]
     state = rig.turn(Command.limp(2), 40)
-    assert line.group_kind is GroupKind.SYNC
+    assert line.cyclic.kind is GroupKind.SYNC
     assert state.joint_age.max() == 0.0
     rig.port.spoil = lambda _, answers: answers
     rig.turn(Command.limp(2), 40)
-    assert line.group_kind is GroupKind.FAST
+    assert line.cyclic.kind is GroupKind.FAST
 
 
 def test_a_servo_that_does_not_join_fast_reads_makes_the_group_plain(op3_rig):
@@ -554,7 +554,7 @@ def test_a_servo_that_does_not_join_fast_reads_makes_the_group_plain(op3_rig):
     rig.port.spoil = cut
     for _ in range(100):
         state = rig.turn(Command.limp(20))
-    assert rig.backend.chains[0].group_kind is GroupKind.SYNC
+    assert rig.backend.chains[0].cyclic.kind is GroupKind.SYNC
     assert state.joint_age.max() == 0.0
 
 

@@ -259,7 +259,7 @@ def test_a_sync_write_is_what_the_protocol_builds(values):
     expected = protocol2.sync_write(116, dict(zip((1, 20, 252), rows, strict=True)))
     assert writer.encode(np.array(values)) == expected
     some = np.array([True, False, True])
-    (packet,) = FrameParser().feed(writer.encode_some(some, np.array(values)))
+    (packet,) = FrameParser().feed(writer.encode(np.array(values), some))
     assert isinstance(packet, Packet) and len(packet.params) == 4 + 2 * 5
 
 

@@ -171,9 +171,9 @@ def test_goals_and_seeds_stay_in_one_turn(bus, writer, states):
 
 
 def test_all_servos_are_released_disarmed_or_told_their_return_level_at_once(bus, writer):
-    writer.release_all()
-    writer.disarm_all()
-    writer.set_return_level(2)
+    writer.write_all("torque_enable", 0)
+    writer.write_all("bus_watchdog", 0)
+    writer.write_all("status_return_level", 2)
     assert bus.take() == [
         ("torque", {1: 0, 2: 0}),
         ("watchdog", {1: 0, 2: 0}),
@@ -236,7 +236,7 @@ def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
 def test_a_command_that_was_sent_says_where_torque_is_off(tiny):
     converter = CommandConverter(tiny)
     command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([0.5, 1.0]))
-    found = converter.to_registers(command).with_torque(np.array([False, True]))
+    found = replace(converter.to_registers(command), torque=np.array([False, True]))
     sent = converter.to_command(found, command)
     assert sent.torque_limit == pytest.approx([0.0, 4.1])
     assert sent.gain_scale.tolist() == [0.5, 1.0]

@@ -15,6 +15,7 @@ import numpy as np
 from drivers.dynamixel.bus import Request
 from drivers.dynamixel.control_table import DriveMode, table_named
 from drivers.dynamixel.diagnostics import DiagnosticsError, name_all, name_of
+from drivers.dynamixel.protocol2 import is_confirmed
 from drivers.errors import DriverError, SetupError
 from drivers.service.session import RobotBus
 from drivers.servo_units import fits_one_turn, tick_range
@@ -155,14 +156,6 @@ class Calibrator:
         if blocking:
             raise DiagnosticsError(blocking)
 
-    def release(self) -> None:
-        """Switch off the torque of every joint of the robot.
-
-        Raises:
-            DiagnosticsError: naming those that do not confirm it.
-        """
-        self._bus.release(self._bus.find_torque())
-
     def measure_zeros(self, joint_pos: Array) -> None:
         """Compute zeros from the present positions at known angles [rad], (n,).
 
@@ -248,7 +241,7 @@ def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
             }
             replies = port.bus.request(Request.group({i: item.span for i, item in items.items()}))
             for device, status in replies.items():
-                if not status.number and len(status.data) == items[device].size:
+                if is_confirmed(status):
                     ticks[missing[device].name] = items[device].decode(status.data)
         if len(ticks) == len(joints):
             return ticks
@@ -304,24 +297,16 @@ def describe_direction(robot: Robot, joint: Joint) -> str:
 
 def _find_axis(robot: Robot, joint: Joint) -> tuple[Array, Array]:
     """Return a joint's axis, (3,), and the far end of its limb relative to it [m], (3,)."""
-    model = robot.spec().compile()
+    spec = robot.spec()
+    model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = place(robot, model, robot.standing)
     mujoco.mj_kinematics(model, data)
     number = model.joint(joint.name).id
-    limb = _list_descendants(model, int(model.jnt_bodyid[number]))
-    levers = data.geom_xpos[np.isin(model.geom_bodyid, limb)] - data.xanchor[number]
+    limb = [geom.id for geom in spec.joint(joint.name).parent.find_all("geom")]
+    levers = data.geom_xpos[limb] - data.xanchor[number]
     lever = max(levers, key=lambda v: math.hypot(*v), default=np.array([0.0, 0.0, -1.0]))
     return data.xaxis[number].copy(), lever
-
-
-def _list_descendants(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return a body and all bodies that descend from it."""
-    descendants = [body]
-    for other in range(body + 1, model.nbody):  # parents come first
-        if int(model.body_parentid[other]) in descendants:
-            descendants.append(other)
-    return descendants
 
 
 def _describe_small_turn(joint: Joint, turns: dict[str, float]) -> str:

@@ -153,14 +153,7 @@ def _examine_port(
 def measure_latency(
     bus: DynamixelBus, servos: Sequence[ServoFacts], background: Request, rounds: int
 ) -> Latency:
-    """Measure how long a cycle's reads take.
-
-    Args:
-        bus: Bus of the servos.
-        servos: Those that answer, at least one.
-        background: Request for the IMU and one slow value.
-        rounds: How often to read.
-    """
+    """Measure how long a cycle's reads take: of some servos, at least one, then the background."""
     cyclic = CyclicRead(bus, servos)
     kind, lost, damaged = cyclic.kind.value, bus.statistics.lost, bus.statistics.damaged
     times = np.zeros((rounds, 2))

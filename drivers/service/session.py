@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.configuration import ALL_ANSWERED
-from drivers.dynamixel.control_table import table_named
+from drivers.dynamixel.control_table import Item, table_named
 from drivers.dynamixel.diagnostics import (
-    TRIES,
     Diagnostics,
     DiagnosticsError,
     Finding,
@@ -21,7 +20,6 @@ from drivers.dynamixel.diagnostics import (
 )
 from drivers.dynamixel.opencr import OpenCr, check_board
 from drivers.dynamixel.port import MakePort, SerialPort
-from drivers.dynamixel.protocol2 import is_confirmed
 from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_ports
 from robots import Joint, Robot
 
@@ -47,6 +45,8 @@ class RobotBus:
     def __init__(self, robot: Robot, ports: tuple[BusPort, ...]) -> None:
         """Check the board and the servos' replies, through ports that are open."""
         self.robot, self.ports = robot, ports
+        self.servos = [(port.bus, joint) for port in ports for joint in port.joints]
+        """Each joint, and the bus of its servo."""
         self.written: list[str] = []
         """What was written at the start, in words."""
         self.board: OpenCr | None = None
@@ -54,9 +54,8 @@ class RobotBus:
         self.findings: list[Finding] = find_duplicate_ids(robot)
         """Problems of the description and the board."""
         self._check_board()
-        for port in ports:
-            for joint in port.joints:
-                self._unmute(port.bus, joint)
+        for bus, joint in self.servos:
+            self._unmute(bus, joint)
 
     def diagnose(self, joints: tuple[Joint, ...] | None = None) -> Diagnostics:
         """Diagnose all joints, or some."""
@@ -71,23 +70,20 @@ class RobotBus:
     def find_torque(self) -> tuple[Joint, ...]:
         """List the joints whose servos have torque."""
         return tuple(
-            joint
-            for port in self.ports
-            for joint in port.joints
-            if _read_byte(port.bus, joint, "torque_enable")
+            joint for bus, joint in self.servos if bus.read_item(*_register(joint, "torque_enable"))
         )
 
-    def release(self, joints: tuple[Joint, ...]) -> None:
-        """Switch off the torque of some joints.
+    def release(self) -> None:
+        """Switch off the torque of every joint that has it.
 
         Raises:
             DiagnosticsError: naming those that do not confirm it.
         """
+        held = self.find_torque()
         failed = [
             joint
-            for port in self.ports
-            for joint in port.joints
-            if joint in joints and not _write_byte(port.bus, joint, "torque_enable", 0)
+            for bus, joint in self.servos
+            if joint in held and not bus.write_item(*_register(joint, "torque_enable"), 0)
         ]
         if failed:
             text, remedy = "does not confirm torque off", "check its cable, or switch it off"
@@ -110,18 +106,19 @@ class RobotBus:
         self.board = board
         if was_off:
             self.written.append(f"the servos' power was off: switched on at the {board.name}")
-            await_servos((port.bus, joint) for port in self.ports for joint in port.joints)
+            await_servos(self.servos)
 
     def _unmute(self, bus: DynamixelBus, joint: Joint) -> None:
         """Make a servo reply to reads that is configured to reply to pings only."""
         damaged = bus.statistics.damaged
         if bus.ping(joint.servo.id, TRIES) is None:
             return
-        if _read_byte(bus, joint, "status_return_level") is not None:
+        device, item = _register(joint, "status_return_level")
+        if bus.read_item(device, item) is not None:
             return
         if bus.statistics.damaged > damaged:
             return  # two of one id, which `diagnose` reports
-        _write_byte(bus, joint, "status_return_level", ALL_ANSWERED)
+        bus.write_item(device, item, ALL_ANSWERED)
         self.written.append(f"{name_of(joint)} ignored reads: its status return level is 2 now")
 
 
@@ -158,13 +155,6 @@ def open_robot_bus(
             port.bus.port.close()
 
 
-def _read_byte(bus: DynamixelBus, joint: Joint, name: str) -> int | None:
-    """Read a register of one byte; ``None`` if the servo does not reply."""
-    status = bus.read(joint.servo.id, table_named(joint.servo.model.name)[name].span, TRIES)
-    return status.data[0] if status and is_confirmed(status) and status.data else None
-
-
-def _write_byte(bus: DynamixelBus, joint: Joint, name: str, value: int) -> bool:
-    """Write a register of one byte; return whether the servo confirms it."""
-    address = table_named(joint.servo.model.name)[name].address
-    return is_confirmed(bus.write(joint.servo.id, address, bytes((value,)), TRIES))
+def _register(joint: Joint, name: str) -> tuple[int, Item]:
+    """Return the id of a joint's servo, and one of its registers."""
+    return joint.servo.id, table_named(joint.servo.model.name)[name]

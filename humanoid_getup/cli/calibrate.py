@@ -58,7 +58,7 @@ def calibrate(command: Calibrate) -> int:
     with open_robot_bus(robot, ports) as bus:
         calibrator = Calibrator(bus, joints)
         calibrator.check()
-        if not _release(bus, calibrator, asker):
+        if not _release(bus, asker):
             return _leave(console)
         if command.signs and prompt is not None:
             calibrator.check_signs(prompt)
@@ -158,14 +158,14 @@ def _no_folder(folder: Path, why: str) -> BadInputError:
     )
 
 
-def _release(bus: RobotBus, calibrator: Calibrator, asker: Prompt | None) -> bool:
+def _release(bus: RobotBus, asker: Prompt | None) -> bool:
     """Switch torque off; tell whether the person agreed."""
     held = bus.find_torque()
     if held and asker is not None:
         question = f"{name_all(held)} hold the robot up and lose torque now: support it, then yes:"
         if not is_yes(asker.ask(question)):
             return False
-    calibrator.release()
+    bus.release()
     return True
 
 

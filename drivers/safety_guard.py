@@ -64,10 +64,13 @@ class SafetyGuard(Backend):
     """
 
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
-        self._backend = backend
+        self.backend = backend
         self.robot, self.period = backend.robot, backend.period
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self._reach = self.limits.max_velocity * self.period
+        # Half a period less: ages are sums of periods, beyond rounding.
+        self._hold_age = (self.limits.hold_cycles - 0.5) * self.period
+        self._limp_age = (self.limits.limp_cycles - 0.5) * self.period
         self._counts = np.zeros((5, self.robot.n), dtype=int)
         self._is_open = False
         self._stop_reason: str | None = None
@@ -84,11 +87,6 @@ class SafetyGuard(Backend):
         self._sent = self._limited = Command.limp(self.robot.n)
 
     @property
-    def backend(self) -> Backend:
-        """Return the backend behind the guard."""
-        return self._backend
-
-    @property
     def clips(self) -> ClipCounts:
         """Return how often each joint's command was cut since ``connect``."""
         return ClipCounts(*self._counts.copy())
@@ -100,17 +98,17 @@ class SafetyGuard(Backend):
     def connect(self) -> None:
         """Open the backend and reset faults and clips; an open one is released first."""
         if self._is_open:
-            self._backend.write(Command.limp(self.robot.n))
+            self.backend.write(Command.limp(self.robot.n))
         self._forget()
         self._counts[:] = 0
         self.holds = 0
-        self._backend.connect()
+        self.backend.connect()
         self._is_open = True
 
     def close(self) -> None:
         """Release every joint and the devices."""
         self._is_open = False
-        self._backend.close()
+        self.backend.close()
 
     def clear(self) -> None:
         """Clear a fault; the next command starts from the measured angles.
@@ -123,7 +121,7 @@ class SafetyGuard(Backend):
 
     def read(self) -> State:
         """Measure the robot."""
-        self._state = self._backend.read()
+        self._state = self.backend.read()
         return self._state
 
     def write(self, command: Command) -> Command:
@@ -135,12 +133,12 @@ class SafetyGuard(Backend):
             self.fault = self._find_fault(command, state)
         if self.fault:
             limited = Command.limp(self.robot.n)
-        elif self._must_hold(state) and not command.is_limp:
+        elif not command.is_limp and state.joint_age.max() > self._hold_age:
             self.holds += 1
             limited = self._limited
         else:
             limited = self._limit(command, state)
-        self._limited, self._sent = limited, self._backend.write(limited)
+        self._limited, self._sent = limited, self.backend.write(limited)
         return self._sent
 
     def _find_fault(self, command: Command, state: State) -> Fault | None:
@@ -167,11 +165,9 @@ class SafetyGuard(Backend):
                 for i in np.flatnonzero(state.alert)
             )
             return Fault(FaultKind.SERVO_ERROR, detail, state.time)
-        if state.joint_age.max() > (limits.limp_cycles - 0.5) * self.period:
-            detail = ", ".join(
-                f"joint '{names[i]}' since {state.joint_age[i]:.2f} s"
-                for i in np.flatnonzero(state.joint_age > (limits.limp_cycles - 0.5) * self.period)
-            )
+        lost = np.flatnonzero(state.joint_age > self._limp_age)
+        if lost.size:
+            detail = ", ".join(f"joint '{names[i]}' since {state.joint_age[i]:.2f} s" for i in lost)
             return Fault(FaultKind.LOST_JOINTS, detail, state.time)
         if state.imu_age > limits.max_imu_age:
             return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
@@ -186,9 +182,6 @@ class SafetyGuard(Backend):
             )
             return Fault(FaultKind.TOO_HOT, detail, state.time)
         return None
-
-    def _must_hold(self, state: State) -> bool:
-        return bool(state.joint_age.max() > (self.limits.hold_cycles - 0.5) * self.period)
 
     def _limit(self, command: Command, state: State) -> Command:
         limits = self.limits

@@ -12,15 +12,9 @@ from robots.quaternion import Array
 # The XM430 switches itself off at 80 °C (e-manual, Temperature Limit). The guard acts
 # earlier, while the robot can still be lowered by hand without burns.
 MAX_TEMPERATURE = 75.0
-STALE_WRITES = 5  # 40 ms at the OP3's cycle: longer than a retried bus read, too short to fall
 # From here on torque is derated, so that a servo cools before it switches itself off.
 DERATE_TEMPERATURE = 65.0
 DERATED_SHARE = 0.4  # of the torque limit that is left at MAX_TEMPERATURE
-# Up to two lost or damaged measurements are bridged. From the third on the targets are held;
-# after a tenth of a second without measurements a rise can no longer be saved.
-HOLD_CYCLES = 3
-LIMP_CYCLES = 12
-MAX_IMU_AGE = 0.3  # s without a new orientation: a fall would not be noticed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +35,13 @@ class GuardLimits:
     """Temperature above which a servo's torque limit is derated [°C]."""
     min_voltage: float = 0.0
     """Lowest supply [V]."""
-    stale_writes: int = STALE_WRITES
+    stale_writes: int = 5  # 40 ms at the OP3's cycle: more than a retried read, less than a fall
     """Number of commands upon one measurement that is a fault."""
-    hold_cycles: int = HOLD_CYCLES
+    hold_cycles: int = 3  # up to two lost or damaged measurements are bridged
     """Age of a joint's values, in periods, from which the targets are held."""
-    limp_cycles: int = LIMP_CYCLES
+    limp_cycles: int = 12  # without them for a tenth of a second a rise can no longer be saved
     """Age of a joint's values, in periods, that is a fault."""
-    max_imu_age: float = MAX_IMU_AGE
+    max_imu_age: float = 0.3  # longer, and a fall would not be noticed
     """Highest age of gyro and orientation [s]."""
 
     def __post_init__(self) -> None:

@@ -56,7 +56,6 @@ _JUDGE = (
     "tests/humanoid_getup/evaluation/test_sensor_judge.py",
     "-k=not test_it_s",  # whole rises: slow, and noticed by the rest
 )
-_BACKEND = ("tests/drivers/dynamixel/test_backend.py", "-k=not told_at_once")  # slow
 _PLANNING = "tests/humanoid_getup/planning"
 TARGETS: dict[str, tuple[str, ...]] = {
     "drivers/safety_guard.py": _GUARD,
@@ -64,7 +63,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "drivers/control_loop.py": ("tests/drivers/test_control_loop.py",),
     "drivers/dynamixel/servo_states.py": ("tests/drivers/dynamixel/test_servo_states.py",),
     "drivers/dynamixel/command_writer.py": ("tests/drivers/dynamixel/test_command_writer.py",),
-    "drivers/dynamixel/cyclic_read.py": _BACKEND,
+    "drivers/dynamixel/cyclic_read.py": ("tests/drivers/dynamixel/test_cyclic_read.py",),
     "humanoid_getup/planning/rrt_blossom.py": (f"{_PLANNING}/test_rrt_blossom.py",),
     "humanoid_getup/planning/posture_space.py": (f"{_PLANNING}/test_posture_space.py",),
     "humanoid_getup/planning/refinement.py": (f"{_PLANNING}/test_refinement.py",),

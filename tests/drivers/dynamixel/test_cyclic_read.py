@@ -1,0 +1,503 @@
+"""The read of every cycle: how it is requested, who is believed, and who is blamed for silence."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from memory_port import MemoryPort
+
+from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.control_table import table_named
+from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind, group_span
+from drivers.dynamixel.diagnostics import ServoFacts
+from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Packet, Span, Status
+from drivers.dynamixel.requests import Replies
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
+from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+FAST, SYNC, BULK = Instruction.FAST_SYNC_READ, Instruction.SYNC_READ, Instruction.BULK_READ
+GROUP_READS = (FAST, SYNC, BULK, Instruction.READ)
+BAUD = 1_000_000
+IDS = (1, 2, 3, 4, 5)
+POSITION = 6  # offset in a group's bytes: current 2, velocity 4, position 4
+
+
+class Bench:
+    """A cyclic read of virtual servos, each at a tick of its own."""
+
+    def __init__(self, joint, ids=IDS, firmwares=(46,), gap=ReadGap.CHAIN_BREAKS) -> None:
+        quirks = Quirks(sync_gap=gap, fast_gap=gap)
+        versions = dict(zip(ids, firmwares * len(ids), strict=False))
+        self.servos = {
+            i: VirtualServo(i, firmware=version, baud=BAUD, quirks=quirks)
+            for i, version in versions.items()
+        }
+        for i, servo in self.servos.items():
+            servo.poke("return_delay_time", 0)
+            servo.sense(Measured(ticks=1000.0 + i))
+        self.port = MemoryPort(Chain(list(self.servos.values()), quirks), BAUD)
+        self.port.open()
+        self.bus = DynamixelBus(self.port, sleeps=False, return_delay=0.0)
+        facts = [
+            ServoFacts(
+                joint=replace(joint, servo=replace(joint.servo, id=i)),
+                table=table_named("XM430-W350", version),
+                firmware=version,
+                registers={},
+            )
+            for i, version in versions.items()
+        ]
+        self.cyclic = CyclicRead(self.bus, facts)
+
+    def turn(self, limit: float = np.inf) -> Replies:
+        """Read once; keep what was sent for it."""
+        self.port.sent.clear()
+        self.cyclic.begin()
+        return self.cyclic.collect(limit)
+
+    def turns(self, cycles: int) -> list[set[int]]:
+        """Read some times; return who replied in each cycle."""
+        return [set(self.turn().devices.tolist()) for _ in range(cycles)]
+
+    @property
+    def requests(self) -> list[tuple[int, int, list[int]]]:
+        """Instruction, length and ids of the last cycle's group reads."""
+        return [
+            (
+                packet.instruction,
+                int.from_bytes(packet.params[2:4], "little"),
+                list(packet.params[4:]) or [packet.id],
+            )
+            for packet in self.port.sent
+            if packet.instruction in GROUP_READS
+        ]
+
+    def silence(self, device: int, *, is_silent: bool = True) -> None:
+        self.servos[device].alive = not is_silent
+
+    def mute(self, *instructions: int) -> None:
+        """Let nothing answer to some instructions."""
+        self.port.spoil = lambda packet, replies: (
+            [] if packet.instruction in instructions else replies
+        )
+
+
+@pytest.fixture
+def joint(tiny):
+    return tiny.joints[0]
+
+
+@pytest.fixture
+def bench(joint) -> Bench:
+    return Bench(joint)
+
+
+@pytest.fixture
+def frozen_time(monkeypatch):
+    """Stop the monotonic clock."""
+    now = 1000.0
+    monkeypatch.setattr("drivers.dynamixel.cyclic_read.time.monotonic", lambda: now)
+    return now
+
+
+def ticks_of(replies: Replies) -> dict[int, int]:
+    return dict(
+        zip(replies.devices.tolist(), replies.column(POSITION, "<i4").tolist(), strict=True)
+    )
+
+
+# The request ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("firmwares", "kind", "instruction"),
+    [
+        ((46,), GroupKind.FAST, FAST),
+        ((44,), GroupKind.SYNC, SYNC),
+        ((46, 44), GroupKind.SYNC, SYNC),
+    ],
+)
+def test_a_group_is_read_fast_only_if_every_servo_can(joint, firmwares, kind, instruction):
+    bench = Bench(joint, ids=(1, 2), firmwares=firmwares)
+    assert bench.cyclic.kind is kind
+    bench.turn()
+    assert [request[0] for request in bench.requests] == [instruction]
+
+
+def test_servos_that_keep_their_values_in_different_places_are_read_in_bulk(bench, joint):
+    table = table_named("XM430-W350")
+    items = dict(table.items)
+    for name in ("present_current", "present_velocity", "present_position"):
+        items[name] = replace(items[name], address=items[name].address + 20)
+    facts = [
+        ServoFacts(joint=replace(joint, servo=replace(joint.servo, id=i)), table=one, firmware=46,
+                   registers={})
+        for i, one in ((1, table), (2, replace(table, items=items)))
+    ]  # fmt: skip
+    cyclic = CyclicRead(bench.bus, facts)
+    assert cyclic.kind is GroupKind.BULK
+    cyclic.begin()
+    (packet,) = bench.port.frames(BULK)
+    assert packet.params[:5] == bytes((2, 146, 0, 11, 0)), "in the first cycle one byte more"
+    assert packet.params[5:] == bytes((1, 126, 0, 11, 0))
+
+
+def test_current_or_load_velocity_and_position_are_read():
+    assert group_span(table_named("XM430-W350")) == Span(126, 10)
+    assert group_span(table_named("XL430-W250")) == Span(126, 10), "load instead of current"
+
+
+@pytest.mark.parametrize("firmware", [46, 44])
+@pytest.mark.parametrize("ids", [(7,), (7, 9), IDS])
+def test_every_servo_gives_its_own_position_in_every_cycle(joint, ids, firmware):
+    bench = Bench(joint, ids, (firmware,))
+    for cycle in range(12):
+        for i, servo in bench.servos.items():
+            servo.sense(Measured(ticks=1000.0 + 10 * cycle + i))
+        replies = bench.turn()
+        assert ticks_of(replies) == {i: 1000 + 10 * cycle + i for i in ids}
+        assert len(bench.requests) == 1
+    assert bench.bus.statistics.lost == 0
+
+
+def test_the_order_of_the_ids_rotates(bench):
+    orders = []
+    for _ in range(10):
+        bench.turn()
+        orders.append(bench.requests[0][2])
+    assert orders[0] == [2, 3, 4, 5, 1]
+    assert orders[4] == [1, 2, 3, 4, 5]
+    assert all(later == sooner[1:] + sooner[:1] for sooner, later in pairwise(orders))
+
+
+@pytest.mark.parametrize(
+    ("ids", "firmware", "lengths"),
+    [
+        (IDS, 44, [11, 12, 10, 11]),
+        (IDS, 46, [10, 10, 10, 10]),
+        ((1, 2, 3), 46, [10, 10, 10, 10]),
+        ((1, 2), 46, [12, 13, 11, 12]),
+        ((1,), 46, [12, 13, 11, 12]),
+    ],
+)
+def test_the_length_alternates_where_the_order_does_not_tell_a_late_reply(
+    joint, ids, firmware, lengths
+):
+    bench = Bench(joint, ids, (firmware,))
+    found = []
+    for _ in lengths:
+        bench.turn()
+        found.append(bench.requests[0][1])
+    assert found == lengths
+
+
+@pytest.mark.parametrize("firmware", [46, 44])
+@pytest.mark.parametrize("ids", [(7,), (7, 9), IDS])
+def test_replies_that_come_a_cycle_late_are_never_believed(joint, ids, firmware):
+    bench, kept = Bench(joint, ids, (firmware,)), []
+
+    def hold_back(_, replies):
+        bench.port.late, kept[:] = list(kept), replies
+        return []
+
+    bench.turn()
+    bench.port.spoil = hold_back
+    for cycle in range(20):
+        for i, servo in bench.servos.items():
+            servo.sense(Measured(ticks=2000.0 + 10 * cycle + i))
+        for i, ticks in ticks_of(bench.turn()).items():
+            assert ticks == 2000 + 10 * cycle + i
+
+
+def test_many_orders_are_not_all_kept(bench, monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.cyclic_read.CACHED_REQUESTS", 2)
+    assert bench.turns(12) == [set(IDS)] * 12
+    assert len(bench.cyclic._requests) <= 3
+
+
+# Retries -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("firmware", [46, 44])
+def test_what_is_missing_is_requested_once_more_the_silent_one_last(joint, firmware):
+    bench = Bench(joint, firmwares=(firmware,))
+    bench.silence(3)
+    replies = bench.turn()
+    first, second = bench.requests
+    assert first[2] == [2, 3, 4, 5, 1]
+    assert second[2] == [4, 5, 1, 3], "those behind it did not get their turn"
+    assert ticks_of(replies) == {i: 1000 + i for i in (1, 2, 4, 5)}
+    assert bench.bus.statistics.retries == 1
+    bench.turn()
+    assert bench.requests[0][2] == [4, 5, 1, 2, 3], "last from the next cycle on, too"
+
+
+def test_of_a_silent_group_all_are_requested_again_but_only_the_first_is_blamed(bench):
+    bench.mute(FAST)
+    bench.turn()
+    assert [request[2] for request in bench.requests] == [[2, 3, 4, 5, 1], [3, 4, 5, 1, 2]]
+    bench.turn()
+    first, second = bench.requests
+    assert (first[1], second[1]) == (13, 13), "suspects make an order ambiguous"
+    assert first[2][-1] == 2
+
+
+@pytest.mark.parametrize(("spare", "retries"), [(0.0, 0), (0.00049, 0), (0.00051, 1)])
+def test_there_is_a_retry_only_if_its_replies_can_come_in_time(bench, frozen_time, spare, retries):
+    bench.mute(FAST)
+    size = 14 + 5  # bytes of a fast sync read of five, and of its replies
+    replied = 8 + 5 * (4 + 11)  # one byte more for the alternating length
+    # Cycle 1, and a suspect: 10 + 1 + 1 bytes each.
+    on_the_wire = (size + replied + 5) * 10 / BAUD
+    bench.turn(limit=frozen_time + on_the_wire + spare)
+    assert bench.bus.statistics.retries == retries
+    assert len(bench.requests) == 1 + retries
+
+
+def test_without_a_retry_the_replies_that_came_count(joint, frozen_time):
+    bench = Bench(joint, gap=ReadGap.SLOT_STAYS_EMPTY, firmwares=(44,))
+    bench.silence(4)
+    found = ticks_of(bench.turn(limit=frozen_time))
+    assert found == {i: 1000 + i for i in (1, 2, 3, 5)}
+    assert bench.bus.statistics.retries == 0
+
+
+# Silence -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("firmware", [46, 44])
+@pytest.mark.parametrize("gap", list(ReadGap))
+@pytest.mark.parametrize("silent", IDS)
+def test_a_silent_servo_is_left_out_after_three_misses_and_costs_nobody_else(
+    joint, silent, gap, firmware
+):
+    bench = Bench(joint, firmwares=(firmware,), gap=gap)
+    bench.turns(4)
+    bench.silence(silent)
+    others = set(IDS) - {silent}
+    for misses in (1, 2):
+        assert bench.turns(1) == [others], misses
+        assert bench.cyclic.left_out == []
+    assert bench.turns(1) == [others]
+    assert bench.cyclic.left_out == [silent]
+    for _ in range(8):
+        assert bench.turns(1) == [others]
+        assert [set(request[2]) for request in bench.requests] == [others], "still asked"
+    assert bench.cyclic.left_out == [silent]
+
+
+def test_two_silent_servos_are_both_left_out(bench):
+    for device in (2, 5):
+        bench.silence(device)
+    assert bench.turns(8)[-1] == {1, 3, 4}
+    assert sorted(bench.cyclic.left_out) == [2, 5]
+
+
+def test_misses_that_are_not_in_a_row_do_not_count(bench):
+    for _ in range(3):
+        bench.silence(3)
+        bench.turns(2)
+        bench.silence(3, is_silent=False)
+        assert bench.turns(1) == [set(IDS)]
+    assert bench.cyclic.left_out == []
+
+
+def test_after_it_has_replied_a_servo_is_asked_in_its_turn_again(bench):
+    bench.silence(3)
+    bench.turn()
+    bench.silence(3, is_silent=False)
+    bench.turn()
+    assert bench.requests[0][2][-1] == 3
+    bench.turn()
+    assert bench.requests[0][2] == [4, 5, 1, 2, 3]
+    bench.turn()
+    assert bench.requests[0][2] == [5, 1, 2, 3, 4]
+
+
+def flip(_: Packet, replies: list[bytes]) -> list[bytes]:
+    """Damage the CRC of each reply."""
+    return [reply[:-1] + bytes((reply[-1] ^ 1,)) for reply in replies]
+
+
+@pytest.mark.parametrize("firmware", [46, 44])
+def test_nobody_is_blamed_for_what_was_damaged_on_the_wire(joint, firmware):
+    bench = Bench(joint, firmwares=(firmware,))
+    kind = bench.cyclic.kind
+    bench.port.spoil = flip
+    bench.turns(20)
+    assert bench.cyclic.left_out == []
+    assert bench.cyclic.kind is kind
+    bench.port.spoil = lambda _, replies: replies
+    assert bench.turns(1) == [set(IDS)]
+    assert len(bench.requests[0][2]) == 5 and bench.bus.statistics.damaged > 0
+
+
+def test_when_all_are_left_out_nothing_is_sent(joint):
+    bench = Bench(joint, ids=(1, 2), firmwares=(44,))
+    for device in (1, 2):
+        bench.silence(device)
+    bench.turns(8)
+    assert sorted(bench.cyclic.left_out) == [1, 2]
+    replies = bench.turn()
+    assert bench.port.sent == []
+    assert replies.data.shape == (0, 10) and not replies.devices.size
+
+
+# Coming back ---------------------------------------------------------------------------------
+
+
+def leave_out(bench: Bench, device: int) -> None:
+    """Let a servo be silent until it is left out."""
+    bench.silence(device)
+    bench.turns(3)
+    assert device in bench.cyclic.left_out
+
+
+def test_a_servo_that_is_left_out_is_polled_every_ten_cycles(bench):
+    leave_out(bench, 3)
+    due = []
+    for cycle in range(1, 35):
+        bench.turn()
+        if bench.cyclic.due_poll() is not None:
+            due.append(cycle)
+        assert bench.cyclic.due_poll() is None, "once a cycle"
+    assert due == [10, 20, 30]
+
+
+def test_with_nobody_left_out_nobody_is_polled(bench):
+    bench.turns(15)
+    assert bench.cyclic.due_poll() is None
+
+
+def test_two_that_are_left_out_are_polled_in_different_cycles(bench):
+    for device in (2, 5):
+        bench.silence(device)
+    bench.turns(6)
+    polled = []
+    for _ in range(10):
+        bench.turn()
+        polled.append(bench.cyclic.due_poll())
+    assert sorted(device for device in polled if device) == [2, 5]
+
+
+def test_a_servo_that_is_back_is_read_at_once_and_may_miss_three_again(bench):
+    leave_out(bench, 3)
+    bench.silence(3, is_silent=False)
+    bench.cyclic.restore(3)
+    assert bench.cyclic.left_out == []
+    assert bench.turns(1) == [set(IDS)]
+    assert len(bench.requests) == 1 and bench.requests[0][2][-1] != 3, "no suspect any more"
+    bench.silence(3)
+    bench.turns(2)
+    assert bench.cyclic.left_out == []
+    bench.turn()
+    assert bench.cyclic.left_out == [3]
+
+
+def test_a_servo_that_leaves_and_comes_back_three_times_ends_fast_reads(bench):
+    for times in (1, 2, 3):
+        assert bench.cyclic.kind is GroupKind.FAST
+        leave_out(bench, 3)
+        bench.silence(3, is_silent=False)
+        bench.cyclic.restore(3)
+        bench.turn()
+        assert (bench.cyclic.kind is GroupKind.SYNC) == (times == 3)
+    assert bench.requests[0][0] == SYNC
+
+
+# Fast reads that fail ------------------------------------------------------------------------
+
+
+def test_three_fast_reads_without_a_reply_end_them_for_500_cycles(bench):
+    bench.mute(FAST)
+    assert bench.turns(2) == [set()] * 2
+    assert bench.cyclic.kind is GroupKind.FAST
+    bench.turn()
+    assert bench.cyclic.kind is GroupKind.SYNC
+    assert bench.turns(2)[-1] == set(IDS) - set(bench.cyclic.left_out)
+    bench.mute()
+    bench.turns(497)
+    assert bench.cyclic.kind is GroupKind.SYNC
+    bench.turn()
+    assert bench.cyclic.kind is GroupKind.FAST
+    assert bench.requests[0][0] == FAST
+
+
+def test_after_the_pause_fast_reads_have_three_tries_again(bench, monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.cyclic_read.FAST_PAUSE", 20)
+    bench.mute(FAST)
+    kinds = []
+    for _ in range(49):
+        bench.turn()
+        kinds.append(bench.cyclic.kind is GroupKind.FAST)
+        for device in bench.cyclic.left_out:
+            bench.cyclic.restore(device)
+            bench.cyclic._returns[device] = 0
+    # Two tries and the third that ends them, then 19 plain ones; and again.
+    assert kinds == ([True] * 2 + [False] * 20) * 2 + [True] * 2 + [False] * 3
+
+
+def test_a_whole_fast_read_begins_the_count_anew(bench):
+    for _ in range(3):
+        bench.mute(FAST)
+        bench.turns(2)
+        bench.mute()
+        assert bench.turns(1) == [set(IDS)]
+    assert bench.cyclic.kind is GroupKind.FAST
+
+
+def test_plain_reads_stay_plain_however_often_they_fail(joint):
+    bench = Bench(joint, firmwares=(44,))
+    bench.mute(SYNC)
+    bench.turns(2)
+    bench.mute()
+    for _ in range(4):
+        bench.cyclic.restore(3)
+    assert bench.cyclic.kind is GroupKind.SYNC
+    assert bench.turns(1) == [set(IDS)]
+    assert bench.requests[0][0] == SYNC
+
+
+# Error bits ----------------------------------------------------------------------------------
+
+
+def change_error(device: int, error: int):
+    """Let a servo reply with another error byte."""
+
+    def spoil(_: Packet, replies: list[bytes]) -> list[bytes]:
+        changed = []
+        for reply in replies:
+            if reply[4] == device:
+                data = reply[9:-2]
+                reply = Status(device, error, data).encode()
+            changed.append(reply)
+        return changed
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("error", "is_believed"),
+    [
+        (0, True),
+        (ALERT, True),
+        (ErrorNumber.ACCESS, False),
+        (ErrorNumber.RESULT_FAIL, False),
+        (ALERT | ErrorNumber.DATA_RANGE, False),
+    ],
+)
+def test_an_alert_is_passed_on_and_a_refusal_is_no_value(joint, error, is_believed):
+    bench = Bench(joint, firmwares=(44,))
+    bench.port.spoil = change_error(4, error)
+    replies = bench.turn()
+    errors = dict(zip(replies.devices.tolist(), replies.errors.tolist(), strict=True))
+    expected = dict.fromkeys(IDS, 0) | {4: error}
+    if not is_believed:
+        del expected[4]
+    assert errors == expected
+    assert ticks_of(replies) == {i: 1000 + i for i in expected}
+    bench.turns(5)
+    assert bench.cyclic.left_out == [], "it is not silent"

@@ -22,7 +22,8 @@ from dataclasses import asdict, dataclass
 
 import tyro
 from fuzz_chain import ChainTally, fuzz_chain
-from fuzz_driver import DriverTally, fuzz_driver
+from fuzz_driver import DriverTally, fuzz_driver  # puts tests/support on the path
+from fast_status import encode_fast_status  # isort: skip  # pyright: ignore[reportMissingImports]
 
 from drivers.dynamixel.protocol2 import (
     BROADCAST,
@@ -36,7 +37,6 @@ from drivers.dynamixel.protocol2 import (
     Packet,
     Status,
     decode_fast_status,
-    encode_fast_status,
 )
 
 ROUND = 50_000  # bytes after which the stream pauses and the parser gives up what has begun

@@ -145,15 +145,12 @@ class DynamixelBus:
 
     def collect_group(self, request: Request, limit: float = np.inf) -> Replies:
         """Collect the replies of a group, all of the same length."""
-        length = max(request.lengths.values())
-        if not request.is_fast:
-            damaged = self.statistics.damaged
-            statuses = self.collect(request, limit)
-            return Replies.of(statuses, length, is_damaged=self.statistics.damaged > damaged)
-        found, is_damaged = self._take_fast(request, limit)
-        if isinstance(found, Replies):
-            return found
-        return Replies.of(found, length, is_damaged=is_damaged)
+        if request.is_fast:
+            return self._collect_fast(request, limit)
+        damaged = self.statistics.damaged
+        statuses = self.collect(request, limit)
+        is_damaged = self.statistics.damaged > damaged
+        return Replies.of(statuses, max(request.lengths.values()), is_damaged=is_damaged)
 
     def request(self, request: Request, tries: int = 1) -> dict[int, Status]:
         """Send a request and collect the replies, by id; more tries are for a single device."""
@@ -233,8 +230,7 @@ class DynamixelBus:
             elif item.instruction == Instruction.STATUS and item.params:
                 yield Status(item.id, item.params[0], item.params[1:])
 
-    def _take_fast(self, request: Request, limit: float) -> tuple[Replies | list[Status], bool]:
-        """Collect a fast reply; return also whether it was damaged."""
+    def _collect_fast(self, request: Request, limit: float) -> Replies:
         limit = min(limit, self._deadline)
         frame = request.fast_frame
         frame.stale = 0
@@ -248,14 +244,14 @@ class DynamixelBus:
             whole = frame.decode(buffer)
             if whole is not None:
                 self.statistics.stale += frame.stale
-                return whole, False
+                return whole
             limit = min(limit, time.monotonic() + TAIL_TIMEOUT)
         statuses = frame.salvage(buffer)
         is_damaged = len(buffer) >= frame.size and len(statuses) < len(request.lengths)
         self.statistics.stale += frame.stale
         self.statistics.damaged += is_damaged
         self.statistics.lost += len(request.lengths) - len(statuses)
-        return statuses, is_damaged
+        return Replies.of(statuses, max(request.lengths.values()), is_damaged=is_damaged)
 
 
 def _fits(status: Status, length: int) -> bool:

@@ -213,26 +213,18 @@ def bulk_write(data: Mapping[int, tuple[int, bytes]]) -> bytes:
 # Fast replies -------------------------------------------------------------------------------
 
 
-def encode_fast_status(replies: Sequence[Status]) -> bytes:
-    """Build the one frame that several devices write in turn; nothing in it is stuffed.
-
-    Each device adds its error, id and data, and the CRC of all that came before.
-    """
-    frame = _begin_fast_status([len(reply.data) for reply in replies])
-    for reply in replies:
-        frame = seal(frame + bytes((reply.error, reply.id)) + reply.data)
-    return frame
-
-
 def decode_fast_status(frame: bytes, lengths: Sequence[int]) -> list[Status]:
     """Decode a fast frame, whole or cut: the replies up to the first damaged one.
+
+    It is the one frame that several devices write in turn, without stuffing: each adds its error,
+    id and data, and the CRC of all that came before.
 
     A frame of other lengths, in the order of the request, answers another one and yields no
     replies.
     """
     replies: list[Status] = []
-    start = PREFIX + 1
-    if frame[:start] != _begin_fast_status(lengths):
+    start, size = PREFIX + 1, 1 + sum(lengths) + 4 * len(lengths)
+    if frame[:start] != HEADER + struct.pack("<BHB", BROADCAST, size, Instruction.STATUS):
         return replies
     crc = umts(frame[:start])
     for length in lengths:
@@ -245,11 +237,6 @@ def decode_fast_status(frame: bytes, lengths: Sequence[int]) -> list[Status]:
         replies.append(Status(row[1], row[0], row[2:]))
         start, crc = end + 2, umts(written, crc)
     return replies
-
-
-def _begin_fast_status(lengths: Sequence[int]) -> bytes:
-    length = 1 + sum(lengths) + 4 * len(lengths)
-    return HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
 
 
 # Parsing ------------------------------------------------------------------------------------

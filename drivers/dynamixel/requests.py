@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -111,7 +112,8 @@ class FastFrame:
         self._order = bytes(request.lengths)
         self._lengths = list(request.lengths.values())
         body = (self.size - protocol2.PREFIX).to_bytes(2, "little")
-        self._start = HEADER + bytes((protocol2.BROADCAST, *body, Instruction.STATUS))
+        start = HEADER + bytes((protocol2.BROADCAST, *body, Instruction.STATUS))
+        self._start = re.compile(re.escape(start))
         self._rows = np.dtype(
             [("error", "u1"), ("id", "u1"), ("data", "u1", self._lengths[0]), ("crc", "<u2")]
         )
@@ -119,13 +121,13 @@ class FastFrame:
     def decode(self, buffer: bytes) -> Replies | None:
         """Decode the frame if it is there, whole and of the right devices."""
         self.stale = 0
-        for start in self._find_starts(buffer):
-            frame = buffer[start : start + self.size]
+        for start in self._start.finditer(buffer):
+            frame = buffer[start.start() : start.start() + self.size]
             if len(frame) < self.size:
                 return None
             if protocol2.crc16(frame[:-2]) != frame[-2] | frame[-1] << 8:
                 continue
-            rows = np.frombuffer(frame, self._rows, offset=len(self._start))
+            rows = np.frombuffer(frame, self._rows, offset=protocol2.PREFIX + 1)
             if rows["id"].tobytes() != self._order:
                 self.stale += 1
                 continue
@@ -138,19 +140,13 @@ class FastFrame:
         Those of silent devices may be missing in between.
         """
         best: list[Status] = []
-        for start in self._find_starts(buffer):
-            frame = buffer[start : start + self.size]
+        for start in self._start.finditer(buffer):
+            frame = buffer[start.start() : start.start() + self.size]
             statuses = protocol2.decode_fast_status(frame, self._lengths)
             places = [self._order.find(status.id) for status in statuses]
             if places == sorted(set(places)) and -1 not in places:
                 best = max(best, statuses, key=len)
         return best
-
-    def _find_starts(self, buffer: bytes) -> Iterator[int]:
-        start = buffer.find(self._start)
-        while start >= 0:
-            yield start
-            start = buffer.find(self._start, start + 1)
 
 
 class SyncWriter:

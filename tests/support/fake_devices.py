@@ -6,13 +6,14 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from fast_status import encode_fast_status
+
 from drivers.dynamixel.protocol2 import (
     BROADCAST,
     Damaged,
     Instruction,
     Packet,
     Status,
-    encode_fast_status,
 )
 from drivers.virtual_bus.reply import Reply
 

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from fast_status import encode_fast_status
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +18,6 @@ from drivers.dynamixel.protocol2 import (
     Packet,
     Span,
     Status,
-    encode_fast_status,
 )
 from drivers.dynamixel.requests import Replies, Request, SyncWriter
 

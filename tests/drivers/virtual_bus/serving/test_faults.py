@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import serial
 from fake_devices import FakeDevices
+from fast_status import encode_fast_status
 from hypothesis import given
 from hypothesis import strategies as st
 from waiting import wait_until
@@ -147,7 +148,7 @@ def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: b
 
 
 def test_a_part_of_a_fast_answer_gets_a_wrong_id_too():
-    frame = protocol2.encode_fast_status([Status(1, 0, b"\x10\x20"), Status(2, 0, b"\x30\x40")])
+    frame = encode_fast_status([Status(1, 0, b"\x10\x20"), Status(2, 0, b"\x30\x40")])
     line = line_faults()
     line.strike_next(LineFault.WRONG_ID)
     piece = bytes_of(line.disturb_reply(Reply(2, 0.0, frame[14:])))

@@ -23,7 +23,9 @@ from dataclasses import asdict, dataclass
 import tyro
 from fuzz_chain import ChainTally, fuzz_chain
 from fuzz_driver import DriverTally, fuzz_driver  # puts tests/support on the path
-from fast_status import encode_fast_status  # isort: skip  # pyright: ignore[reportMissingImports]
+
+# isort: split
+from fast_status import encode_fast_status  # pyright: ignore[reportMissingImports]
 
 from drivers.dynamixel.protocol2 import (
     BROADCAST,

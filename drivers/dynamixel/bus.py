@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.control_table import Item
-from drivers.dynamixel.port import Port
+from drivers.dynamixel.port import SerialPort
 from drivers.dynamixel.protocol2 import (
     Damaged,
     FrameParser,
@@ -67,7 +67,7 @@ class DynamixelBus:
     Only a lost port raises (`PortLostError`).
     """
 
-    port: Port
+    port: SerialPort
     answer_margin: float = ANSWER_MARGIN
     """Wait for a reply beyond its time on the wire [s]."""
     sleeps: bool = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import ControlTable, DriveMode, OperatingMode
@@ -14,16 +14,8 @@ RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
 """EEPROM items that are read again when a servo may have restarted."""
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A register and the value that it needs."""
-
-    name: str
-    value: int
-
-
-def list_eeprom_settings(servo: ServoFacts) -> list[Setting]:
-    """List the EEPROM items that differ from what the driver needs.
+def list_eeprom_settings(servo: ServoFacts) -> dict[str, int]:
+    """List the EEPROM items that differ from what the driver needs, and the needed values.
 
     The servo accepts every tick of its turn: the guard limits the joint's range, and a joint
     that starts outside it must be held where it is.
@@ -37,25 +29,25 @@ def list_eeprom_settings(servo: ServoFacts) -> list[Setting]:
         "max_position_limit": TICKS_PER_TURN - 1,
         "min_position_limit": 0,
     }
-    return [Setting(n, v) for n, v in wanted.items() if servo.registers[n] != v]
+    return {name: value for name, value in wanted.items() if servo.registers[name] != value}
 
 
-def list_ram_settings(table: ControlTable) -> list[Setting]:
+def list_ram_settings(table: ControlTable) -> dict[str, int]:
     """List the registers that power-up resets, to be set each time.
 
     The watchdog goes off here, tripped or not; it comes on with the torque.
     """
-    return [
-        Setting("status_return_level", ALL_ANSWERED),
-        Setting("bus_watchdog", 0),
-        Setting("position_d_gain", table["position_d_gain"].default or 0),
-        Setting("position_i_gain", 0),
-        Setting("position_p_gain", DEFAULT_P_GAIN),
-        Setting("feedforward_2nd_gain", 0),
-        Setting("feedforward_1st_gain", 0),
-        Setting("profile_acceleration", 0),
-        Setting("profile_velocity", 0),
-    ]
+    return {
+        "status_return_level": ALL_ANSWERED,
+        "bus_watchdog": 0,
+        "position_d_gain": table["position_d_gain"].default or 0,
+        "position_i_gain": 0,
+        "position_p_gain": DEFAULT_P_GAIN,
+        "feedforward_2nd_gain": 0,
+        "feedforward_1st_gain": 0,
+        "profile_acceleration": 0,
+        "profile_velocity": 0,
+    }
 
 
 class ServoSetup:
@@ -83,12 +75,12 @@ class ServoSetup:
         """Send the next instruction; return whether the servo confirmed it."""
         if self._must_check:
             return self._check(bus, tries)
-        setting = self._left[0]
-        item = self._servo.table[setting.name]
-        status = bus.write(self._servo.id, item.address, item.encode(setting.value), tries)
+        name, value = self._left[0]
+        item = self._servo.table[name]
+        status = bus.write(self._servo.id, item.address, item.encode(value), tries)
         if status is None or status.number:
             what = "silent" if status is None else f"error {status.number}"
-            self.failed = f"{setting.name} = {setting.value} is not confirmed ({what})"
+            self.failed = f"{name} = {value} is not confirmed ({what})"
             return False
         self.eeprom_writes += item.eeprom
         self.failed = ""
@@ -104,9 +96,9 @@ class ServoSetup:
 
     def _begin(self) -> None:
         self._left = [
-            Setting("torque_enable", 0),
-            *list_eeprom_settings(self._servo),
-            *list_ram_settings(self._servo.table),
+            ("torque_enable", 0),
+            *list_eeprom_settings(self._servo).items(),
+            *list_ram_settings(self._servo.table).items(),
         ]
 
     def _check(self, bus: DynamixelBus, tries: int) -> bool:

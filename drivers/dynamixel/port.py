@@ -13,7 +13,6 @@ import termios
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import serial
 
@@ -41,56 +40,19 @@ class PortLostError(PortError):
         super().__init__(path, "lost; is the adapter still plugged in?")
 
 
-class Port(Protocol):
-    """A serial line: half duplex, 8 data bits, no parity, 1 stop bit."""
+class SerialPort:
+    """A serial line over pyserial, locked against other programs.
 
-    path: str
-    """Device file."""
-    baud: int
-    """Baud rate [bit/s]; `set_baud` changes it."""
-
-    @property
-    def is_open(self) -> bool:
-        """Return whether the device is open."""
-        ...
-
-    def open(self) -> None:
-        """Open the device; harmless if it is open."""
-
-    def close(self) -> None:
-        """Close the device; harmless if it is closed."""
-
-    def set_baud(self, baud: int) -> None:
-        """Change the baud rate [bit/s], open or not; what was received before is dropped."""
-
-    def write(self, data: bytes) -> None:
-        """Hand bytes to the device, without waiting until they are sent."""
-
-    def read(self, deadline: float) -> bytes:
-        """Return received bytes; wait for one until a deadline of the monotonic clock [s].
-
-        Returns nothing at the deadline.
-        """
-        ...
-
-    def flush(self) -> int:
-        """Drop received bytes; return their number."""
-        ...
-
-
-MakePort = Callable[[str, int], Port]
-"""Makes a port of a path and a baud rate [bit/s]."""
-
-
-class SerialPort(Port):
-    """A port over pyserial, locked against other programs.
-
-    pyserial opens and configures the device; bytes bypass it, straight to the descriptor:
-    a read then waits in one `select` until a deadline, and a hung adapter cannot block.
+    Half duplex, 8 data bits, no parity, 1 stop bit. pyserial opens and configures the device;
+    bytes bypass it, straight to the descriptor: a read then waits in one `select` until a
+    deadline, and a hung adapter cannot block.
     """
 
     def __init__(self, path: str, baud: int) -> None:
-        self.path, self.baud = path, baud
+        self.path = path
+        """Device file."""
+        self.baud = baud
+        """Baud rate [bit/s]; `set_baud` changes it."""
         self._serial: serial.Serial | None = None
         self._fd = -1
 
@@ -155,6 +117,8 @@ class SerialPort(Port):
     def read(self, deadline: float) -> bytes:
         """Return received bytes; wait for one until a deadline of the monotonic clock [s].
 
+        Returns nothing at the deadline.
+
         Raises:
             PortLostError: if the device is gone.
         """
@@ -189,6 +153,10 @@ class SerialPort(Port):
 
     def _open_serial(self) -> serial.Serial:
         return serial.Serial(self.path, self.baud, timeout=0, exclusive=True)
+
+
+MakePort = Callable[[str, int], SerialPort]
+"""Makes a port of a path and a baud rate [bit/s]."""
 
 
 class SdkPort(SerialPort):

@@ -178,9 +178,6 @@ DAMAGE = (
 NEEDED = ("state", "asked", "sent")
 
 
-__all__ = ["Event", "FlightRecord", "Track"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class FlightRecord:
     """A flight log as arrays."""
@@ -217,11 +214,6 @@ class FlightRecord:
     def state(self) -> Track:
         """Return the measurements."""
         return self.tracks["state"]
-
-    @property
-    def asked(self) -> Track:
-        """Return the commands of the controller."""
-        return self.tracks["asked"]
 
     @property
     def sent(self) -> Track:

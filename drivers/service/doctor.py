@@ -219,9 +219,8 @@ def _check_settings(servos: Sequence[ServoFacts]) -> list[Finding]:
     """List the EEPROM items that the driver is going to set, equal ones together."""
     groups: dict[tuple[str, int, int], list[Joint]] = {}
     for servo in servos:
-        for setting in list_eeprom_settings(servo):
-            change = (setting.name, servo.registers[setting.name], setting.value)
-            groups.setdefault(change, []).append(servo.joint)
+        for name, value in list_eeprom_settings(servo).items():
+            groups.setdefault((name, servo.registers[name], value), []).append(servo.joint)
     return [
         Finding(
             Severity.WARNING,

@@ -11,7 +11,7 @@ from serial.tools import list_ports
 from drivers.dynamixel.bus import PING_DATA, BusStatistics, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.diagnostics import read_items
-from drivers.dynamixel.port import Port, PortError, PortLostError, read_latency_timer
+from drivers.dynamixel.port import PortError, PortLostError, SerialPort, read_latency_timer
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status
 from drivers.errors import DriverError
 from robots.robot import BAUD_RATES
@@ -103,7 +103,7 @@ def check_rate(baud: int) -> None:
         raise ValueError(f"baud is {baud} bit/s, expected {', '.join(map(str, BAUD_RATES))}")
 
 
-def scan_port(port: Port, rates: Sequence[int]) -> PortScan:
+def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
     """Find the devices on a port at some baud rates; the port is closed afterwards.
 
     Only pings and reads are sent: nothing changes.

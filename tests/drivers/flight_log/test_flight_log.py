@@ -119,7 +119,7 @@ def test_what_is_no_number_comes_back_as_nan(tmp_path, robot):
     state = replace(cycle.state, time=np.nan)
     write_flight(tmp_path / "f", robot, [replace(cycle, asked=asked, state=state)])
     record = FlightRecord.load(tmp_path / "f")
-    assert np.isnan(record.asked["joint_pos"]).all()
+    assert np.isnan(record.tracks["asked"]["joint_pos"]).all()
     assert np.isnan(record.time).all()
 
 
@@ -127,7 +127,7 @@ def test_a_command_of_the_wrong_length_is_recorded_and_spoils_no_other(tmp_path,
     cycles = flight[:2000]
     bad = replace(cycles[5].asked, joint_pos=np.zeros(7))
     write_flight(tmp_path / "f", robot, [*cycles[:5], replace(cycles[5], asked=bad), *cycles[6:]])
-    asked = FlightRecord.load(tmp_path / "f").asked["joint_pos"]
+    asked = FlightRecord.load(tmp_path / "f").tracks["asked"]["joint_pos"]
     assert len(asked[5]) == 7
     assert list(asked[4]) == cycles[4].asked.joint_pos.tolist()
     assert list(asked[-1]) == cycles[-1].asked.joint_pos.tolist()

@@ -56,9 +56,7 @@ class GuardLimits:
     def of(robot: Robot, torque_limit: float | None = None) -> GuardLimits:
         """Build the limits of a robot's joints and servos.
 
-        Args:
-            robot: Robot to protect.
-            torque_limit: Torque limit of every servo [N·m], where its own is not lower.
+        ``torque_limit`` holds for every servo [N·m] whose own is not lower.
         """
         if torque_limit is not None and not 0.0 <= torque_limit < np.inf:
             raise ValueError(f"torque limit is {torque_limit} N·m, expected a finite number >= 0")

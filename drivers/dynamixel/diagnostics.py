@@ -25,9 +25,6 @@ from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
 OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range without a warning
-# On the wire in a cycle: for each servo its id twice, its goal and a plain status; once the
-# frames around them, and the background read with its replies.
-SERVO_BYTES, CYCLE_BYTES = 26, 94
 SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
 """Baud rates at which to search for servos that are silent at the right one [bit/s]."""
 
@@ -306,11 +303,6 @@ def check_cycle_time(path: str, baud: int, duration: float, period: float) -> li
     )
     remedy = "set the servos and bus.baud in robot.toml to a higher baud rate"
     return [Finding.error(f"port {path}", text, remedy)]
-
-
-def estimate_cycle_time(bus: DynamixelBus, servos: int) -> float:
-    """Estimate how long the bytes of a cycle are on the wire [s]."""
-    return (CYCLE_BYTES + servos * SERVO_BYTES) * bus.byte_time
 
 
 def name_of(joint: Joint) -> str:

@@ -16,7 +16,6 @@ from drivers.dynamixel.diagnostics import (
     Finding,
     check_cycle_time,
     diagnose,
-    estimate_cycle_time,
     find_duplicate_ids,
     name_all,
 )
@@ -30,6 +29,9 @@ from robots import Joint, Robot
 SETUP_MARGIN = 0.03  # s that a reply may take where no cycle is waiting
 BOOT_TIME = 3.0  # s until servos reply after power-up or reboot; they take 0.3 s
 BOOT_MARGIN = 0.01  # s to wait for each reply meanwhile
+# On the wire in a cycle: for each servo its id twice, its goal and a plain status; once the
+# frames around them, and the background read with its replies.
+SERVO_BYTES, CYCLE_BYTES = 26, 94
 FIRST_READS = 10  # tries to read a first value of every joint
 
 
@@ -55,13 +57,13 @@ def open_ports(buses: Sequence[DynamixelBus]) -> None:
 @contextmanager
 def using_margin(buses: Iterable[DynamixelBus], margin: float) -> Iterator[None]:
     """Use another answer margin [s] on some buses inside the block."""
-    before = {id(bus): (bus, bus.answer_margin) for bus in buses}
-    for bus, _ in before.values():
+    before = [(bus, bus.answer_margin) for bus in buses]
+    for bus, _ in before:
         bus.answer_margin = margin
     try:
         yield
     finally:
-        for bus, own in before.values():
+        for bus, own in before:
             bus.answer_margin = own
 
 
@@ -83,7 +85,8 @@ def diagnose_robot(robot: Robot, chains: Sequence[ServoChain], period: float | N
     findings = find_duplicate_ids(robot)
     for chain in chains:
         if period is not None:
-            port, duration = chain.bus.port, estimate_cycle_time(chain.bus, len(chain.joints))
+            port, size = chain.bus.port, CYCLE_BYTES + len(chain.joints) * SERVO_BYTES
+            duration = size * chain.bus.byte_time
             findings += check_cycle_time(port.path, port.baud, duration, period)
     for chain in chains:
         found = check_board(chain.board) if chain.board else []

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,9 @@ class Content:
             if topic == EVENT:
                 self.events.append(Event(**message, cycle=record.sequence))
             else:
-                self._topics.setdefault(topic, _Columns()).add(record.sequence, message)
+                if topic not in self._topics:
+                    self._topics[topic] = _Columns(message)
+                self._topics[topic].add(record.sequence, message)
         elif isinstance(record, Channel):
             self._topic_of[record.id] = record.topic
         elif isinstance(record, Metadata) and record.name == METADATA:
@@ -122,18 +124,15 @@ def _records(data: bytes) -> Iterator[McapRecord]:
             raise
 
 
-@dataclass
 class _Columns:
     """Collects the messages of a topic as columns."""
 
-    cycles: list[int] = field(default_factory=list)
-    rows: dict[str, list[Any]] = field(default_factory=dict)
-    packs: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    def __init__(self, names: Iterable[str]) -> None:
+        self.cycles: list[int] = []
+        self.rows: dict[str, list[Any]] = {name: [] for name in names}
+        self.packs: dict[str, list[np.ndarray]] = {name: [] for name in self.rows}
 
     def add(self, cycle: int, message: dict[str, Any]) -> None:
-        if not self.cycles:
-            self.rows = {name: [] for name in message}
-            self.packs = {name: [] for name in message}
         if message.keys() != self.rows.keys():
             raise ValueError(f"cycle {cycle} has other fields than the first")
         self.cycles.append(cycle)
@@ -238,11 +237,7 @@ class FlightRecord:
 
     @classmethod
     def load(cls, path: Path, robot: Robot | None = None) -> FlightRecord:
-        """Load a flight log; of a truncated one, all whole records.
-
-        Args:
-            path: File written by `FlightLog`.
-            robot: Robot that it must belong to; ``None`` for any.
+        """Load a flight log of a robot, or of any; of a truncated one, all whole records.
 
         Raises:
             ValueError: one line with the file and its problem: it is not a flight log, is
@@ -334,9 +329,6 @@ def _parse_posture(text: str, joint_names: tuple[str, ...]) -> Posture | None:
     if not text:
         return None
     record = json.loads(text)
-    angles = [record["joint_pos"][name] for name in joint_names]
-    return Posture(
-        position=np.array(record["position"], dtype=float),
-        orientation=np.array(record["orientation"], dtype=float),
-        joint_pos=np.array(angles, dtype=float),
-    )
+    record["joint_pos"] = [record["joint_pos"][name] for name in joint_names]
+    parts = ("position", "orientation", "joint_pos")
+    return Posture(**{part: np.array(record[part], dtype=float) for part in parts})

@@ -22,7 +22,7 @@ from drivers.dynamixel.diagnostics import (
     check_cycle_time,
     name_all,
 )
-from drivers.dynamixel.opencr import ImuSample, OpenCr
+from drivers.dynamixel.opencr import ImuSample
 from drivers.dynamixel.port import read_latency_timer
 from drivers.dynamixel.requests import Request
 from drivers.orientation_filter import GRAVITY
@@ -113,7 +113,12 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     imu = bus.board.read_imu() if bus.board else None
     findings = [*diagnostics.findings, *_check_torque(torque), *_check_heat(servos)]
     findings += [f for port in ports for f in _check_port(port, robot.control_period)]
-    findings += [*_check_imu(imu), *_check_settings(servos), *_check_calibration(robot)]
+    findings += [*_check_imu(imu), *_check_settings(servos)]
+    is_calibrated = (robot.folder / CALIBRATION_FILE).exists()
+    if not is_calibrated:
+        text = "no calibration: zeros and signs are those of the description"
+        name, remedy = f"robot '{robot.name}'", "run getup calibrate"
+        findings.append(Finding(Severity.WARNING, name, text, remedy))
     return HealthCheck(
         robot=robot,
         servos=servos,
@@ -122,7 +127,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
         imu=imu,
         torque=torque,
         written=tuple(bus.written),
-        is_calibrated=_is_calibrated(robot),
+        is_calibrated=is_calibrated,
     )
 
 
@@ -132,8 +137,10 @@ def _examine_port(
     here = [servo for servo in servos if servo.joint in port.joints]
     wire, size, latency = port.bus.port, 0, None
     if here:
-        board = bus.board if bus.board and bus.board.bus is port.bus else None
-        background = _background_request(here, board)
+        board = bus.board
+        imu = {board.id: board.span(0)} if board and board.bus is port.bus else {}
+        supply = here[0].table.span("present_input_voltage", "present_temperature")
+        background = Request.group(imu | {here[0].id: supply})
         size = _count_cycle_bytes(here, background)
         latency = measure_latency(port.bus, here, background, rounds)
     return PortReport(
@@ -175,12 +182,6 @@ def measure_latency(
         lost=bus.statistics.lost - lost,
         damaged=bus.statistics.damaged - damaged,
     )
-
-
-def _background_request(servos: Sequence[ServoFacts], board: OpenCr | None) -> Request:
-    supply = servos[0].table.span("present_input_voltage", "present_temperature")
-    spans = {board.id: board.span(0)} if board is not None else {}
-    return Request.group(spans | {servos[0].id: supply})
 
 
 def _count_cycle_bytes(servos: Sequence[ServoFacts], background: Request) -> int:
@@ -286,14 +287,3 @@ def describe_timer_remedy(path: str) -> str:
     """Describe how to make a USB adapter deliver replies at once."""
     name = Path(path).resolve().name
     return f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer (docs, udev)"
-
-
-def _check_calibration(robot: Robot) -> list[Finding]:
-    if _is_calibrated(robot):
-        return []
-    text = "no calibration: zeros and signs are those of the description"
-    return [Finding(Severity.WARNING, f"robot '{robot.name}'", text, "run getup calibrate")]
-
-
-def _is_calibrated(robot: Robot) -> bool:
-    return (robot.folder / CALIBRATION_FILE).exists()

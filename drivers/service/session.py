@@ -126,12 +126,9 @@ class RobotBus:
 def open_robot_bus(
     robot: Robot, ports: Mapping[str, str], make_port: MakePort = SerialPort
 ) -> Iterator[RobotBus]:
-    """Open a robot's ports for service, and close them afterwards.
+    """Open the ports of a robot with a bus for service, and close them afterwards.
 
-    Args:
-        robot: Robot with a bus.
-        ports: Device of each port, by its name in the robot's description.
-        make_port: `SerialPort` or `SdkPort`.
+    ``ports`` names the device of each port, by its name in the robot's description.
 
     Raises:
         SetupError: if ports do not open, naming all of them.

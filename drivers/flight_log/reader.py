@@ -171,7 +171,7 @@ def _join(packs: list[np.ndarray]) -> np.ndarray:
 
 DAMAGE = (
     *(McapError, zstandard.ZstdError, struct.error, MemoryError, RecursionError),
-    *(ValueError, TypeError, KeyError, IndexError, OverflowError),
+    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError),
 )
 """Errors that reading a damaged log may raise."""
 NEEDED = ("state", "asked", "sent")

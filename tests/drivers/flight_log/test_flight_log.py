@@ -13,13 +13,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from paths import REPOSITORY, TINY
 from recording_backend import still_state
 
 from drivers import ClipCounts, Command, Cycle
 from drivers.control_loop import Timing
 from drivers.flight_log.reader import Event, FlightRecord
-from drivers.flight_log.writer import FlightLog
+from drivers.flight_log.writer import METADATA, FlightLog
 from robots import Posture, Robot, load_robot
 
 
@@ -338,3 +339,18 @@ def test_a_missing_file_is_told(tmp_path):
 def test_another_robots_log_is_refused(logged, op3):
     with pytest.raises(ValueError, match=r"it is of robot 'tiny', expected 'op3'"):
         FlightRecord.load(logged, op3)
+
+
+@pytest.mark.parametrize("message", [b"[]", b"3", b'"text"', b"null"])
+def test_a_message_that_is_no_object_is_refused_in_one_line(tmp_path, tiny, message):
+    path = tmp_path / "f"
+    log = FlightLog(path, tiny)
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata(METADATA, log._describe())
+        channel = writer.register_channel("/state", "json", 0)
+        writer.add_message(channel, 0, message, 0)
+        writer.finish()
+    with pytest.raises(ValueError, match=r"flight log .*f: damaged \("):
+        FlightRecord.load(path)

@@ -119,12 +119,9 @@ class FlightLog:
             self._flush()
 
     def event(self, time: float, kind: str, text: str) -> None:
-        """Record a rare event, and write it to disk at once.
+        """Record a rare event at a time on the backend's clock [s], and write it to disk at once.
 
-        Args:
-            time: On the backend's clock [s].
-            kind: One word: "fault", "alert", "phase"...
-            text: One line.
+        ``kind`` is one word: "fault", "alert", "phase"...; ``text`` is one line.
         """
         self._set_time(time)
         self._write(EVENT, {"time": float(time), "kind": _clean(kind), "text": _clean(text)})

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.serving.interfaces import InjectionTarget
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
+
+if TYPE_CHECKING:
+    from drivers.virtual_bus.serving.server import VirtualBus
 
 
 class FaultError(DriverError):
@@ -23,32 +25,29 @@ class FaultError(DriverError):
 
 
 class FaultInjector:
-    """Injects faults; thread-safe.
+    """Injects faults, between two instructions; thread-safe."""
 
-    Devices are changed between two instructions.
-    """
-
-    def __init__(self, target: InjectionTarget, rng: np.random.Generator) -> None:
+    def __init__(self, bus: VirtualBus, rng: np.random.Generator) -> None:
         """Inject faults into a bus; ``rng`` draws the random ones."""
         self.line = LineFaults(rng)
         self.silent = False
-        self._target = target
+        self._bus = bus
         self._counts: Counter[str] = Counter()
 
     @property
     def counts(self) -> Counter[str]:
         """Return how often each kind of fault was made; "silenced": requests to a silent bus."""
-        return self._target.call(lambda: +(self._counts + self.line.counts))
+        return self._bus.call(lambda: +(self._counts + self.line.counts))
 
     # Bytes on the wire ---------------------------------------------------------------------
 
     def set_rate(self, fault: LineFault, rate: float) -> None:
         """Apply a wire fault to a share of all replies, requests or bytes, 0 to 1."""
-        self._target.call(lambda: self.line.set_rate(fault, rate))
+        self._bus.call(lambda: self.line.set_rate(fault, rate))
 
     def strike_next(self, fault: LineFault, device: int | None = None, count: int = 1) -> None:
         """Apply a wire fault to the next replies (of one device, or of any) or requests."""
-        self._target.call(lambda: self.line.strike_next(fault, device, count))
+        self._bus.call(lambda: self.line.strike_next(fault, device, count))
 
     def set_times(self, *, late_by: float | None = None, split_pause: float | None = None) -> None:
         """Set how long late replies and the second parts of split ones are held back [s]."""
@@ -69,19 +68,19 @@ class FaultInjector:
 
     def kill(self, device: int) -> None:
         """Disconnect a device: it neither receives nor replies, and carries on as before."""
-        self._do("kill", lambda: self._set("kill", device, "alive", False))
+        self._do("kill", lambda: self._connect("kill", device, False))
 
     def revive(self, device: int) -> None:
         """Reconnect a device."""
-        self._do("revive", lambda: self._set("revive", device, "alive", True))
+        self._do("revive", lambda: self._connect("revive", device, True))
 
     def reboot(self, device: int) -> None:
         """Restart a servo: RAM at its defaults, torque off."""
-        self._do("reboot", lambda: self._call("reboot", device, "reboot"))
+        self._do("reboot", lambda: self._call("reboot", device))
 
     def trip(self, device: int, error: int) -> None:
         """Set hardware error bits of a servo (`HardwareError`)."""
-        self._do("trip", lambda: self._call("trip", device, "trip", error))
+        self._do("trip", lambda: self._call("trip", device, error))
 
     def heat(self, device: int, temperature: float) -> None:
         """Set the temperature of a servo [°C]; from there it follows the thermal model."""
@@ -95,50 +94,51 @@ class FaultInjector:
 
     def sag(self, voltage: float) -> None:
         """Set the battery voltage [V]."""
-        self._do("sag", lambda: self._target.physics.sag(voltage))
+        self._do("sag", lambda: self._bus.physics.sag(voltage))
 
     def unplug(self) -> None:
         """Unplug the adapter: the port disappears."""
-        self._do("unplug", self._target.unplug)
+        self._do("unplug", self._bus.unplug)
 
     def replug(self) -> None:
         """Plug the adapter in: a new port under the same path."""
-        self._do("replug", self._target.plug)
+        self._do("replug", self._bus.plug)
 
     def _do(self, name: str, action: Callable[[], object], *, counts: bool = True) -> None:
         def act() -> None:
             action()
             self._counts[name] += counts
 
-        self._target.call(act)
+        self._bus.call(act)
 
     def _find(self, fault: str, device: int) -> list[Any]:
-        devices = self._target.devices.devices
+        devices = self._bus.devices.devices
         found = [d for d in devices if d.id == device]  # all devices of one id
         if not found:
             ids = ", ".join(str(d.id) for d in devices)
             raise FaultError(fault, device, f"one of the ids {ids}")
         return found
 
-    def _set(self, fault: str, device: int, name: str, value: object) -> None:
+    def _connect(self, fault: str, device: int, alive: bool) -> None:
         for found in self._find(fault, device):
-            setattr(found, name, value)
+            found.alive = alive
 
-    def _call(self, fault: str, device: int, method: str, *arguments: object) -> None:
-        for found in self._find(fault, device):
+    def _call(self, method: str, device: int, *arguments: int) -> None:
+        """Call the method of a servo that a fault is named after."""
+        for found in self._find(method, device):
             if not hasattr(found, method):
-                raise FaultError(fault, device, "a servo")
+                raise FaultError(method, device, "a servo")
             getattr(found, method)(*arguments)
 
     def _heat(self, device: int, temperature: float) -> None:
         self._find("heat", device)
         try:
-            self._target.physics.heat(device, temperature)
+            self._bus.physics.heat(device, temperature)
         except ValueError as error:
             raise FaultError("heat", device, "a servo") from error
 
     def _freeze(self, frozen: bool) -> None:
-        boards: list[Any] = [d for d in self._target.devices.devices if hasattr(d, "frozen")]
+        boards: list[Any] = [d for d in self._bus.devices.devices if hasattr(d, "frozen")]
         if not boards:
             raise FaultError("freeze_imu", None, "a bus with an IMU")
         for board in boards:

@@ -52,8 +52,7 @@ class ScheduledFault:
 
 
 Action = Callable[[FaultInjector], None]
-Act = Callable[[FaultInjector, Any], None]
-"""Also takes the `ScheduledFault`; Any, because its kind decides which fields are not None."""
+Act = Callable[[ScheduledFault, FaultInjector], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +66,7 @@ class InjectableFault:
     takes: tuple[str, ...] = ()
 
 
-def _start_line_fault(faults: FaultInjector, fault: ScheduledFault) -> None:
+def _start_line_fault(fault: ScheduledFault, faults: FaultInjector) -> None:
     kind = LineFault(fault.kind)
     if kind is LineFault.LATE:
         faults.set_times(late_by=fault.seconds)
@@ -79,7 +78,7 @@ def _start_line_fault(faults: FaultInjector, fault: ScheduledFault) -> None:
         faults.set_rate(kind, fault.rate)
 
 
-def _end_line_fault(faults: FaultInjector, fault: ScheduledFault) -> None:
+def _end_line_fault(fault: ScheduledFault, faults: FaultInjector) -> None:
     if fault.rate is not None:
         faults.set_rate(LineFault(fault.kind), 0.0)
 
@@ -93,42 +92,39 @@ def _line_kind(fault: LineFault) -> InjectableFault:
     return InjectableFault(start=_start_line_fault, end=_end_line_fault, takes=takes)
 
 
+def _kind(
+    start: Callable[..., None], *needs: str, end: Callable[..., None] | None = None
+) -> InjectableFault:
+    """Describe a fault by functions of the injector and the values of the fields it needs."""
+
+    def act(function: Callable[..., None], fault: ScheduledFault, faults: FaultInjector) -> None:
+        function(faults, *(getattr(fault, name) for name in needs))
+
+    return InjectableFault(
+        start=partial(act, start),
+        end=partial(act, end) if end else None,
+        needs=needs,
+        takes=("for",) if end else (),
+    )
+
+
+def _trip(faults: FaultInjector, device: int, error: str) -> None:
+    faults.trip(device, HardwareError[error.upper()])
+
+
 KINDS: Mapping[str, InjectableFault] = {fault.value: _line_kind(fault) for fault in LineFault} | {
-    "kill": InjectableFault(
-        start=lambda faults, fault: faults.kill(fault.id),
-        end=lambda faults, fault: faults.revive(fault.id),
-        needs=("id",),
-        takes=("for",),
+    "kill": _kind(FaultInjector.kill, "id", end=FaultInjector.revive),
+    "revive": _kind(FaultInjector.revive, "id"),
+    "reboot": _kind(FaultInjector.reboot, "id"),
+    "trip": _kind(_trip, "id", "error"),
+    "heat": _kind(FaultInjector.heat, "id", "temperature"),
+    "sag": _kind(FaultInjector.sag, "voltage"),
+    "freeze_imu": _kind(
+        FaultInjector.freeze_imu, end=partial(FaultInjector.freeze_imu, frozen=False)
     ),
-    "revive": InjectableFault(start=lambda faults, fault: faults.revive(fault.id), needs=("id",)),
-    "reboot": InjectableFault(start=lambda faults, fault: faults.reboot(fault.id), needs=("id",)),
-    "trip": InjectableFault(
-        start=lambda faults, fault: faults.trip(fault.id, HardwareError[fault.error.upper()]),
-        needs=("id", "error"),
-    ),
-    "heat": InjectableFault(
-        start=lambda faults, fault: faults.heat(fault.id, fault.temperature),
-        needs=("id", "temperature"),
-    ),
-    "sag": InjectableFault(
-        start=lambda faults, fault: faults.sag(fault.voltage), needs=("voltage",)
-    ),
-    "freeze_imu": InjectableFault(
-        start=lambda faults, _: faults.freeze_imu(),
-        end=lambda faults, _: faults.freeze_imu(False),
-        takes=("for",),
-    ),
-    "silence": InjectableFault(
-        start=lambda faults, _: faults.silence(),
-        end=lambda faults, _: faults.silence(False),
-        takes=("for",),
-    ),
-    "unplug": InjectableFault(
-        start=lambda faults, _: faults.unplug(),
-        end=lambda faults, _: faults.replug(),
-        takes=("for",),
-    ),
-    "replug": InjectableFault(start=lambda faults, _: faults.replug()),
+    "silence": _kind(FaultInjector.silence, end=partial(FaultInjector.silence, silent=False)),
+    "unplug": _kind(FaultInjector.unplug, end=FaultInjector.replug),
+    "replug": _kind(FaultInjector.replug),
 }
 """Kinds of faults by their name in a file."""
 
@@ -182,14 +178,10 @@ class FaultSchedule:
         actions: list[tuple[float, Action]] = []
         for fault in self.faults:
             kind = KINDS[fault.kind]
-            actions.append((fault.at, partial(_act, kind.start, fault)))
+            actions.append((fault.at, partial(kind.start, fault)))
             if kind.end and fault.duration is not None:
-                actions.append((fault.at + fault.duration, partial(_act, kind.end, fault)))
+                actions.append((fault.at + fault.duration, partial(kind.end, fault)))
         return sorted(actions, key=lambda action: action[0])
-
-
-def _act(act: Act, fault: ScheduledFault, faults: FaultInjector) -> None:
-    act(faults, fault)
 
 
 def _read_entry(

@@ -1,15 +1,13 @@
-"""What serving a bus needs from devices, physics and the bus itself, and what it counts."""
+"""What serving a bus needs from devices and physics, and what it counts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from drivers.dynamixel.protocol2 import Damaged, Packet
 from drivers.virtual_bus.reply import Reply
-
-T = TypeVar("T")
 
 
 class Device(Protocol):
@@ -38,12 +36,7 @@ class Devices(Protocol):
         ...
 
     def handle(self, item: Packet | Damaged, *, baud: int | None = None) -> list[Reply]:
-        """Execute an instruction; return the replies in their order on the wire.
-
-        Args:
-            item: Instruction, or a frame whose CRC does not match.
-            baud: Rate at which it was sent [bit/s]; devices at another rate ignore it.
-        """
+        """Execute an instruction sent at a rate [bit/s]; return the replies in their order."""
         ...
 
     def advance(self, now: float) -> None:
@@ -93,23 +86,6 @@ class StillPhysics(Physics):
     def sag(self, voltage: float) -> None:
         """Refuse: there is no supply to set."""
         raise NotImplementedError("a bus without physics has no supply to change")
-
-
-class InjectionTarget(Protocol):
-    """A bus that faults are injected into."""
-
-    devices: Devices
-    physics: Physics
-
-    def call(self, action: Callable[[], T]) -> T:
-        """Run an action between two instructions; return its result."""
-        ...
-
-    def plug(self) -> None:
-        """Plug the port in."""
-
-    def unplug(self) -> None:
-        """Unplug the port."""
 
 
 @dataclass

@@ -24,14 +24,12 @@ class CallQueue:
         self._lock = threading.RLock()
         self._server: int | None = None
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
-        self._bell: tuple[int, int] | None = None
+        self._bell: int | None = None  # an eventfd
 
     def open(self) -> None:
         """Make the calling thread the serving one."""
         with self._lock:
-            self._bell = os.pipe()
-            for end in self._bell:
-                os.set_blocking(end, False)
+            self._bell = os.eventfd(0)
             self._server = threading.get_ident()
 
     def close(self) -> None:
@@ -39,8 +37,8 @@ class CallQueue:
         with self._lock:
             self._server = None
             self._do_waiting()
-            for end in self._bell or ():
-                os.close(end)
+            if self._bell is not None:
+                os.close(self._bell)
             self._bell = None
 
     def call(self, action: Callable[[], T]) -> T:
@@ -50,13 +48,14 @@ class CallQueue:
             future: Future[T] = Future()
             if not is_ours:
                 self._waiting.append((action, future))
-                self._ring()
+                self.ring()
         return action() if is_ours else future.result()
 
     def ring(self) -> None:
         """Wake the serving thread."""
         with self._lock:
-            self._ring()
+            if self._bell is not None:
+                os.eventfd_write(self._bell, 1)
 
     def wait(self, port: int, duration: float) -> bool:
         """Wait for bytes, running queued actions; return whether bytes are there.
@@ -65,12 +64,12 @@ class CallQueue:
             port: File descriptor of the bytes, -1 for none.
             duration: Longest wait [s]; below 0 for none.
         """
-        assert self._bell is not None
-        bell = self._bell[0]
+        bell = self._bell
+        assert bell is not None
         ends = (bell,) if port < 0 else (port, bell)
         ready = select.select(ends, (), (), max(duration, 0.0))[0]
         if bell in ready:
-            os.read(bell, 4096)
+            os.eventfd_read(bell)
             self._do_waiting()
         return port in ready
 
@@ -81,10 +80,3 @@ class CallQueue:
                 future.set_result(action())
             except BaseException as error:  # raised in the caller, not in the bus
                 future.set_exception(error)
-
-    def _ring(self) -> None:
-        if self._bell is not None:
-            try:
-                os.write(self._bell[1], b"!")
-            except BlockingIOError:
-                return  # a full pipe wakes the thread as well

@@ -1,12 +1,15 @@
-"""Passes one instruction to the devices and returns their replies, with faults injected."""
+"""What passes between a port and the devices behind it: instructions, replies, faults and time."""
 
 from __future__ import annotations
+
+from collections import deque
 
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
+from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.instruction_reader import ReceivedInstruction
-from drivers.virtual_bus.serving.interfaces import Devices, WireStatistics
+from drivers.virtual_bus.serving.interfaces import Devices, Physics, WireStatistics
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 GROUP_READS = (
@@ -18,20 +21,46 @@ GROUP_READS = (
 
 
 class Exchange:
-    """Passes instructions to devices, without any notion of time."""
+    """Passes instructions to devices, advances physics, and injects scheduled faults."""
 
     def __init__(
         self,
         devices: Devices,
+        physics: Physics,
         faults: FaultInjector,
-        statistics: WireStatistics,
+        schedule: FaultSchedule | None = None,
         *,
         strict_stuffing: bool = False,
+        advances_time: bool = True,
     ) -> None:
-        """Connect devices, fault injection and counters."""
-        self._devices, self._faults = devices, faults
-        self._strict_stuffing = strict_stuffing
-        self.statistics = statistics
+        """Connect devices and physics; the parameters are those of `VirtualBus`."""
+        self._devices, self._physics, self._faults = devices, physics, faults
+        self._scheduled = deque(schedule.plan_actions() if schedule else ())
+        self._strict_stuffing, self._advances_time = strict_stuffing, advances_time
+        self.statistics = WireStatistics()
+
+    @property
+    def time(self) -> float:
+        """Return the bus time that physics and devices have reached [s]."""
+        return self._physics.time
+
+    def pass_until(self, to: float) -> None:
+        """Advance to a bus time [s], or to the last physics step before it."""
+        if not self._advances_time:
+            return
+        while self._scheduled and self._scheduled[0][0] <= to:
+            at, act = self._scheduled.popleft()
+            self._physics.advance(at)
+            act(self._faults)
+        self._physics.advance(to)
+
+    def pass_period(self) -> None:
+        """Advance by one control period, then inject the faults that came due in it."""
+        if not self._advances_time:
+            return
+        self._physics.pass_period()
+        while self._scheduled and self._scheduled[0][0] <= self.time:
+            self._scheduled.popleft()[1](self._faults)
 
     def run(self, request: ReceivedInstruction) -> list[Reply]:
         """Execute an instruction; return what goes to the client, in its order on the wire."""

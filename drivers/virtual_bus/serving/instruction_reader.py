@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import HEADER, Damaged, FrameParser, Packet
 from drivers.virtual_bus.serving.interfaces import WireStatistics
 
@@ -45,23 +46,14 @@ class InstructionReader:
         self._last_byte = 0.0
         self._unclaimed = 0
 
-    def hear(
-        self, data: bytes, at: float, baud: int, byte_time: float
-    ) -> list[ReceivedInstruction]:
-        """Parse bytes; return the instructions that they complete.
-
-        Args:
-            data: Consecutive bytes.
-            at: Arrival time [s].
-            baud: Baud rate of the client [bit/s].
-            byte_time: Duration of one byte on the wire [s].
-        """
+    def hear(self, data: bytes, at: float, baud: int) -> list[ReceivedInstruction]:
+        """Parse bytes that arrive at a time [s] and a baud rate; return complete instructions."""
         parser, statistics = self._parser, self._statistics
         statistics.bytes_in += len(data)
         if parser.pending and self._breaks_off(data, at):
             parser.reset()
             statistics.broken_off += 1
-        self._last_byte = max(self._last_byte, at) + len(data) * byte_time
+        self._last_byte = max(self._last_byte, at) + len(data) * byte_time(baud)
         found: list[ReceivedInstruction] = []
         # A piece from one header to the next ends where its instruction does.
         for piece in _NEXT_FRAME.split(data):
@@ -92,3 +84,8 @@ class InstructionReader:
         unstuffed = _HEADER_RUN in item.params and size < len(item.encode())
         statistics.unstuffed += unstuffed
         return unstuffed
+
+
+def byte_time(baud: int) -> float:
+    """Return the duration of a byte on the wire [s], 0 without a baud rate."""
+    return BITS_PER_BYTE / baud if baud else 0.0

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet
 from drivers.virtual_bus.reply import Reply
-from drivers.virtual_bus.serving.bus_clock import BusClock
 from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
 from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
@@ -29,11 +28,9 @@ class LockStep:
     takes time. While the port is unplugged, time follows the wall clock.
     """
 
-    def __init__(
-        self, wire: PseudoTerminal, exchange: Exchange, time: BusClock, wait: Wait
-    ) -> None:
-        """Connect a port to its devices and its clock."""
-        self._wire, self._exchange, self._time, self._wait = wire, exchange, time, wait
+    def __init__(self, wire: PseudoTerminal, exchange: Exchange, wait: Wait) -> None:
+        """Connect a port to its devices."""
+        self._wire, self._exchange, self._wait = wire, exchange, wait
         self._reader = InstructionReader(exchange.statistics, timed=False)
         self._held: deque[tuple[float, bytes, int]] = deque()
 
@@ -41,11 +38,11 @@ class LockStep:
         """Wait for instructions and execute them."""
         wire = self._wire
         if self._wait(wire.fileno(), IDLE if wire.plugged else QUIET) and wire.plugged:
-            for request in self._reader.hear(wire.read(), 0.0, wire.baud, 0.0):
+            for request in self._reader.hear(wire.read(), 0.0, wire.baud):
                 self._run(request)
         elif not wire.plugged:
             self._held.clear()
-            self._time.pass_until(self._time.now + QUIET)
+            self._exchange.pass_until(self._exchange.time + QUIET)
         elif wire.tidy():
             self._held.clear()
 
@@ -58,15 +55,15 @@ class LockStep:
             data = b"".join([s.data for s in replies])
             self._exchange.hand_over(self._wire, data, request.baud)
         if ends_cycle(request.item):
-            self._time.pass_period()
+            self._exchange.pass_period()
         elif expects_reply(request.item) and (self._held or not replies):
-            self._time.pass_until(self._time.now + QUIET)
+            self._exchange.pass_until(self._exchange.time + QUIET)
         self._release()
 
     def _hand_over_or_hold(self, replies: list[Reply], baud: int) -> None:
         """Deliver up to the first reply that is held back; all after it wait with it."""
         for reply in replies:
-            until = self._time.now + reply.hold
+            until = self._exchange.time + reply.hold
             if self._held:
                 until = max(until, self._held[-1][0])
             if self._held or reply.hold:
@@ -75,7 +72,7 @@ class LockStep:
                 self._exchange.hand_over(self._wire, reply.data, baud)
 
     def _release(self) -> None:
-        while self._held and self._held[0][0] <= self._time.now:
+        while self._held and self._held[0][0] <= self._exchange.time:
             _, data, baud = self._held.popleft()
             self._exchange.hand_over(self._wire, data, baud)
 

@@ -8,12 +8,14 @@ from collections import deque
 from dataclasses import dataclass, replace
 from time import monotonic, sleep
 
-from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.virtual_bus.reply import Reply
-from drivers.virtual_bus.serving.bus_clock import BusClock
 from drivers.virtual_bus.serving.exchange import Exchange
-from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
+from drivers.virtual_bus.serving.instruction_reader import (
+    InstructionReader,
+    ReceivedInstruction,
+    byte_time,
+)
 from drivers.virtual_bus.serving.lock_step import IDLE, Wait
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
@@ -50,16 +52,10 @@ class RealTime:
     """
 
     def __init__(
-        self,
-        wire: PseudoTerminal,
-        exchange: Exchange,
-        time: BusClock,
-        wait: Wait,
-        *,
-        adapter_latency: float = 0.0,
+        self, wire: PseudoTerminal, exchange: Exchange, wait: Wait, adapter_latency: float
     ) -> None:
         """Connect a port to its devices; time continues from the physics' own."""
-        self._wire, self._exchange, self._time, self._wait = wire, exchange, time, wait
+        self._wire, self._exchange, self._wait = wire, exchange, wait
         self._adapter_latency = adapter_latency
         self._statistics = exchange.statistics
         self._reader = InstructionReader(exchange.statistics, timed=True)
@@ -70,7 +66,7 @@ class RealTime:
         self._batches: deque[Batch] = deque()
         self._delivered_at = 0.0  # when the last of them is delivered
         self._last_activity = 0.0
-        self._start = monotonic() - time.now  # physics may have run before
+        self._start = monotonic() - exchange.time  # physics may have run before
         _sleep_precisely()
 
     @property
@@ -108,7 +104,7 @@ class RealTime:
             sleep(0.0)  # lets clients in the same process run
 
     def _pass_idle(self, now: float) -> None:
-        self._time.pass_until(now)
+        self._exchange.pass_until(now)
         if now - self._last_activity > IDLE and not self._batches:
             self._wire.tidy()
             self._last_activity = now
@@ -119,7 +115,7 @@ class RealTime:
         if not wire.plugged:
             return
         baud = wire.baud
-        requests = self._reader.hear(wire.read(), now, baud, _byte_time(baud))
+        requests = self._reader.hear(wire.read(), now, baud)
         if requests and now < self._free_at:
             self._statistics.talked_over += 1
         self._requests += requests
@@ -132,10 +128,10 @@ class RealTime:
         if self._requests and self._complete_at == math.inf:
             request = self._requests[0]
             begin = max(request.arrival, self._free_at)
-            self._complete_at = begin + request.size * _byte_time(request.baud)
+            self._complete_at = begin + request.size * byte_time(request.baud)
             # Nothing reaches the devices before that, so physics can run ahead and the reply
             # need not wait for it.
-            self._time.pass_until(self._complete_at)
+            self._exchange.pass_until(self._complete_at)
 
     def _run_instruction(self) -> None:
         request, self._free_at = self._requests.popleft(), self._complete_at
@@ -148,10 +144,10 @@ class RealTime:
 
     def _plan(self, replies: list[Reply], baud: int) -> None:
         """Schedule the delivery of replies; those close together are delivered at once."""
-        first, byte_time = -math.inf, _byte_time(baud)
+        first = -math.inf
         for reply in replies:
             begin = self._free_at + reply.delay
-            self._free_at = begin + len(reply.data) * byte_time
+            self._free_at = begin + len(reply.data) * byte_time(baud)
             at = max(self._tick(self._free_at) + reply.hold, self._delivered_at)
             self._delivered_at = at
             if at - first < MICROFRAME:
@@ -167,7 +163,7 @@ class RealTime:
         while self._batches and self._batches[-1].begin > now:
             self._batches.pop()
         last = self._batches[-1] if self._batches else None
-        end = last.begin + len(last.data) * _byte_time(last.baud) if last else now
+        end = last.begin + len(last.data) * byte_time(last.baud) if last else now
         self._free_at = min(self._free_at, max(end, now))
         self._delivered_at = last.at if last else now
 
@@ -188,10 +184,6 @@ class RealTime:
 def _is_broadcast_ping(item: Packet | Damaged) -> bool:
     is_ping = isinstance(item, Packet) and item.instruction == Instruction.PING
     return is_ping and item.id == BROADCAST
-
-
-def _byte_time(baud: int) -> float:
-    return BITS_PER_BYTE / baud if baud else 0.0
 
 
 def _sleep_precisely() -> None:

@@ -12,7 +12,6 @@ from typing import TypeVar
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.serving.bus_clock import BusClock
 from drivers.virtual_bus.serving.call_queue import CallQueue
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
@@ -81,10 +80,13 @@ class VirtualBus:
         self.physics: Physics = physics or StillPhysics(devices)
         self.time_mode = time_mode
         self.faults = FaultInjector(self, rng or np.random.default_rng(0))
-        self._time = BusClock(self.physics, self.faults, schedule, advances_time=advances_time)
-        self._statistics = WireStatistics()
         self._exchange = Exchange(
-            devices, self.faults, self._statistics, strict_stuffing=strict_stuffing
+            devices,
+            self.physics,
+            self.faults,
+            schedule,
+            strict_stuffing=strict_stuffing,
+            advances_time=advances_time,
         )
         self._link, self._adapter_latency = link, adapter_latency
         self._calls = CallQueue()
@@ -154,12 +156,12 @@ class VirtualBus:
     @property
     def time(self) -> float:
         """Return the bus time that devices and physics have reached [s]."""
-        return self._time.now
+        return self._exchange.time
 
     @property
     def statistics(self) -> WireStatistics:
         """Return a copy of the counters."""
-        return self.call(lambda: replace(self._statistics))
+        return self.call(lambda: replace(self._exchange.statistics))
 
     def call(self, action: Callable[[], T]) -> T:
         """Run an action between two instructions; return its result.
@@ -201,7 +203,6 @@ class VirtualBus:
             ready.set()
 
     def _make_served(self, wire: PseudoTerminal) -> RealTime | LockStep:
-        wait, time, exchange = self._calls.wait, self._time, self._exchange
         if self.time_mode is TimeMode.LOCK_STEP:
-            return LockStep(wire, exchange, time, wait)
-        return RealTime(wire, exchange, time, wait, adapter_latency=self._adapter_latency)
+            return LockStep(wire, self._exchange, self._calls.wait)
+        return RealTime(wire, self._exchange, self._calls.wait, self._adapter_latency)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from drivers.dynamixel.control_table import table_named
 from drivers.virtual_bus.devices.device import VirtualDevice
+from drivers.virtual_bus.devices.maintenance import reset_ram
 from drivers.virtual_bus.devices.quirks import Quirks
 
 AXES = ("x", "y", "z")
@@ -60,9 +61,7 @@ class VirtualBoard(VirtualDevice):
         self._reset_ram()
 
     def _reset_ram(self) -> None:
-        for item in self.table:
-            if not item.eeprom and item.default is not None:
-                self.registers[item.name] = item.default
+        reset_ram(self.registers)
         self._switch_power(0)
 
     def _switch_power(self, value: int) -> None:

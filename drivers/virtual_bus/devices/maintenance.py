@@ -10,6 +10,9 @@ from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset
 from drivers.virtual_bus.devices.device import Addressing, Handler
 from drivers.virtual_bus.devices.registers import Registers
 
+if TYPE_CHECKING:
+    from drivers.virtual_bus.devices.servo import VirtualServo
+
 GAINS = (
     "velocity_i_gain",
     "velocity_p_gain",
@@ -25,6 +28,9 @@ KEPT = {
     Reset.ALL_BUT_ID: ("id",),
     Reset.ALL_BUT_ID_AND_BAUD: ("id", "baud_rate"),
 }
+CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
+STORE_BACKUP, RESTORE_BACKUP = b"\x01CTRL", b"\x02CTRL"
+CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
 
 
 class Backup:
@@ -43,50 +49,29 @@ class Backup:
         items = (item for item in registers.table if _is_backed_up(item))
         self._values = {item.name: registers[item.name] for item in items}
 
-    def restore_eeprom(self, registers: Registers) -> None:
-        """Restore the EEPROM."""
-        self._restore(registers, eeprom=True)
-
-    def restore_ram(self, registers: Registers) -> None:
-        """Restore gains, profile and indirect addresses."""
-        self._restore(registers, eeprom=False)
-
-    def _restore(self, registers: Registers, *, eeprom: bool) -> None:
+    def restore(self, registers: Registers, *, eeprom: bool) -> None:
+        """Restore the EEPROM, or else gains, profile and indirect addresses."""
         for name, value in self._values.items():
             if registers.table[name].eeprom == eeprom:
                 registers[name] = value
 
 
-def reset_eeprom(registers: Registers, kept: Reset) -> None:
-    """Reset EEPROM to factory defaults, except what is kept."""
-    items = (item for item in registers.table if item.eeprom and item.writable)
-    reset(registers, (item for item in items if item.name not in KEPT[kept]))
-
-
-def reset_ram(registers: Registers) -> None:
-    """Reset RAM to its power-up values; measured items stay."""
-    reset(registers, (item for item in registers.table if not item.eeprom))
-
-
 def reset(registers: Registers, items: Iterable[Item]) -> None:
-    """Reset items to their defaults."""
+    """Reset items to their defaults; measured ones stay."""
     for item in items:
         if item.default is not None:
             registers[item.name] = item.default
+
+
+def reset_ram(registers: Registers) -> None:
+    """Reset RAM to its power-up values."""
+    reset(registers, (item for item in registers.table if not item.eeprom))
 
 
 def _is_backed_up(item: Item) -> bool:
     if item.eeprom:
         return item.writable
     return item.name in GAINS + PROFILE or item.name.startswith("indirect_address_")
-
-
-if TYPE_CHECKING:
-    from drivers.virtual_bus.devices.servo import VirtualServo
-
-CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
-STORE_BACKUP, RESTORE_BACKUP = b"\x01CTRL", b"\x02CTRL"
-CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
 
 
 class Maintenance:
@@ -122,17 +107,18 @@ class Maintenance:
             return ErrorNumber.DATA_LENGTH
         if params[0] not in set(Reset):
             return ErrorNumber.DATA_RANGE
-        kept = Reset(params[0])
+        kept, servo = Reset(params[0]), self._servo
         if addressing is Addressing.SECONDARY:
             return ErrorNumber.ACCESS
         if (
             addressing is Addressing.BROADCAST
             and kept is Reset.ALL
-            and self._servo.firmware >= CLEAR_FIRMWARE
+            and servo.firmware >= CLEAR_FIRMWARE
         ):
             return ErrorNumber.RESULT_FAIL  # every id would become 1
-        reset_eeprom(self._servo.registers, kept)
-        self._servo.reboot()
+        items = (item for item in servo.table if item.eeprom and item.writable)
+        reset(servo.registers, (item for item in items if item.name not in KEPT[kept]))
+        servo.reboot()
         return ErrorNumber.NONE
 
     def _store_or_restore(self, params: bytes, addressing: Addressing) -> int:
@@ -151,6 +137,6 @@ class Maintenance:
             return ErrorNumber.ACCESS
         if not self._backup.is_ready:
             return ErrorNumber.RESULT_FAIL
-        self._backup.restore_eeprom(servo.registers)
+        self._backup.restore(servo.registers, eeprom=True)
         servo.reboot(restore=True)
         return ErrorNumber.NONE

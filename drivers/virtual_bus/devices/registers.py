@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from functools import lru_cache
 
 from drivers.dynamixel.control_table import ControlTable, Item
 from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.virtual_bus.devices.quirks import UndefinedRegisters
 
 MAX_PLANS = 256  # cached; clients use a handful, a fuzzer many
-_Plan = TypeVar("_Plan")
 _POINTER, _TARGET = "indirect_address_", "indirect_data_"
 MAX_COUNTS = 0x7FFFFFFF  # of a signed four-byte register
 
@@ -63,8 +61,9 @@ class Registers:
                 number = item.name.removeprefix(_TARGET)
                 self._pointers[item.address] = table[_POINTER + number].address
                 self._redirected[item.address] = 1
-        self._reads: dict[tuple[int, int], list[int]] = {}
-        self._writes: dict[tuple[int, int], WritePlan] = {}
+        self._resolve = lru_cache(MAX_PLANS)(self._resolve_indirect)
+        self.plan_write = lru_cache(MAX_PLANS)(self._plan_write)
+        """Returns what a write to an address range (address, length) sets."""
 
     def __getitem__(self, name: str) -> int:
         return self._codecs[name].unpack_from(self.memory, self._addresses[name])[0]
@@ -96,27 +95,15 @@ class Registers:
             return ErrorNumber.ACCESS, b""
         if self._redirected.find(1, address, end) < 0:
             return 0, bytes(self.memory[address:end])
-        addresses = self._reads.get((address, length))
-        if addresses is None:
-            addresses = self._resolve(address, length)
-            _cache(self._reads, (address, length), addresses)
         memory = self.memory
-        return 0, bytes([memory[a] for a in addresses])
-
-    def plan_write(self, address: int, length: int) -> WritePlan:
-        """Return what a write to an address range sets."""
-        plan = self._writes.get((address, length))
-        if plan is None:
-            plan = self._plan_write(address, length)
-            _cache(self._writes, (address, length), plan)
-        return plan
+        return 0, bytes([memory[a] for a in self._resolve(address, length)])
 
     def clear_plans(self) -> None:
         """Clear the cache after a change of indirect addresses."""
-        self._reads.clear()
-        self._writes.clear()
+        self._resolve.cache_clear()
+        self.plan_write.cache_clear()
 
-    def _resolve(self, address: int, length: int) -> list[int]:
+    def _resolve_indirect(self, address: int, length: int) -> list[int]:
         # Indirect data that points to indirect data reads plain memory there.
         pointers, memory = self._pointers, self.memory
         return [
@@ -142,7 +129,7 @@ class Registers:
                 continue
             if not item.writable:
                 return WritePlan(ErrorNumber.ACCESS)
-            if not _covers(addresses, offset, item):
+            if addresses[offset : offset + item.size] != list(range(item.address, item.end)):
                 return WritePlan(ErrorNumber.DATA_LENGTH)
             fields.append(_field_of(item, offset, self._codecs[item.name]))
             eeprom |= item.eeprom
@@ -162,20 +149,9 @@ def codec_of(item: Item) -> struct.Struct:
     return struct.Struct("<" + (letter if item.signed else letter.upper()))
 
 
-def _covers(addresses: Sequence[int], offset: int, item: Item) -> bool:
-    whole = range(item.address, item.address + item.size)
-    return list(addresses[offset : offset + item.size]) == list(whole)
-
-
 def _field_of(item: Item, offset: int, codec: struct.Struct) -> Field:
     bits = 8 * item.size
     least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if item.signed else (0, (1 << bits) - 1)
     lower = least if item.lower is None else item.lower
     upper = most if item.upper is None else item.upper
     return Field(item.name, offset, item.address, codec, lower, upper)
-
-
-def _cache(plans: dict[tuple[int, int], _Plan], span: tuple[int, int], plan: _Plan) -> None:
-    if len(plans) >= MAX_PLANS:
-        plans.clear()
-    plans[span] = plan

@@ -136,7 +136,7 @@ class VirtualServo(VirtualDevice):
         """Restart with RAM at its defaults, or restored from the backup."""
         self._boot()
         if restore:
-            self._backup.restore_ram(self.registers)
+            self._backup.restore(self.registers, eeprom=False)
             self._reload()
 
     def clear_turns(self) -> None:
@@ -356,7 +356,7 @@ class VirtualServo(VirtualDevice):
         if "backup_ready" in registers:
             registers["backup_ready"] = int(self._backup.is_ready)
         if startup & RESTORE_AT_BOOT:
-            self._backup.restore_ram(registers)
+            self._backup.restore(registers, eeprom=False)
         self._is_booting, self._boot_start = True, max(self._booted_at, self.now)
         self._hardware_error, self._is_shut_down = 0, False
         self._torque_on, self._heard = False, self.now

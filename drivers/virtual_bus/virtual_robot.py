@@ -16,7 +16,7 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 from drivers.virtual_bus.servo_physics import ServoPhysics
-from robots import Posture
+from robots import PortSettings, Posture
 
 FIRMWARE = 46
 
@@ -58,38 +58,37 @@ class VirtualRobot:
             )
             for joint in self.robot.joints
         ]
-        self.board = self._build_board()
-        if self.board is not None and self.bus.board is not None:
-            if powered:
-                self.board.poke("dynamixel_power", 1)
-            elif self.bus.board.powers_servos:
-                self._switch_power(False)
+        self.board = self._build_board(powered)
         axes = self.bus.board.imu_axes if self.bus.board else (1, 1, 1)
         self.physics = ServoPhysics(simulation, self.servos, self.board, axes)
-        self.chains = {port.name: self._build_chain(port.name) for port in self.bus.ports}
+        self.chains = {port.name: self._build_chain(port) for port in self.bus.ports}
 
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
         self.physics.place(posture)
 
-    def _build_board(self) -> VirtualBoard | None:
+    def _build_board(self, powered: bool) -> VirtualBoard | None:
         settings = self.bus.board
         if settings is None:
             return None
         on_power = self._switch_power if settings.powers_servos else None
-        return VirtualBoard(settings.id, baud=self.bus.baud, on_power=on_power, quirks=self.quirks)
+        board = VirtualBoard(settings.id, baud=self.bus.baud, on_power=on_power, quirks=self.quirks)
+        if powered:
+            board.poke("dynamixel_power", 1)
+        elif settings.powers_servos:
+            self._switch_power(False)
+        return board
 
     def _switch_power(self, on: bool) -> None:
         for servo in self.servos:
             servo.powered = on
 
-    def _build_chain(self, name: str) -> Chain:
-        port = next(port for port in self.bus.ports if port.name == name)
+    def _build_chain(self, port: PortSettings) -> Chain:
         names = self.robot.joint_names
         devices: list[VirtualServo | VirtualBoard] = [
             self.servos[names.index(joint)] for joint in port.joints
         ]
-        if self.board is not None and self.bus.board is not None and self.bus.board.port == name:
+        if self.board and self.bus.board and self.bus.board.port == port.name:
             devices.append(self.board)
         return Chain(devices, self.quirks)
 
@@ -111,25 +110,24 @@ class VirtualPorts:
         schedule: FaultSchedule | None = None,
         adapter_latency: float = 0.0,
     ) -> None:
-        """Prepare the ports.
+        """Prepare the ports, each with the settings of a `VirtualBus`.
 
-        Args:
-            robot: Robot to serve.
-            time_mode: How time advances.
-            link: Path of the port; with several ports, each gets ``-NAME`` appended.
-            rng: Random source of faults.
-            schedule: Faults to come, on the last port.
-            adapter_latency: Latency timer of the USB adapter [s].
+        With several ports, each gets ``-NAME`` appended to its link, and the schedule is for the
+        last one.
         """
-        names = list(robot.chains)
+        *_, main = robot.chains
         self.buses: dict[str, VirtualBus] = {}
-        for name in names:
-            is_main = name == names[-1]
+        for name, chain in robot.chains.items():
+            is_main = name == main
+            if link is not None and len(robot.chains) > 1:
+                own_link = link.with_name(f"{link.name}-{name}")
+            else:
+                own_link = link
             self.buses[name] = VirtualBus(
-                robot.chains[name],
+                chain,
                 robot.physics,
                 time_mode=time_mode,
-                link=_link(link, name, len(names)),
+                link=own_link,
                 rng=rng.spawn(1)[0] if rng else None,
                 schedule=schedule if is_main else None,
                 adapter_latency=adapter_latency,
@@ -157,9 +155,3 @@ class VirtualPorts:
 
     def __exit__(self, *error: object) -> None:
         self._open.close()
-
-
-def _link(link: Path | None, name: str, count: int) -> Path | None:
-    if link is None or count == 1:
-        return link
-    return link.with_name(f"{link.name}-{name}")

@@ -24,17 +24,8 @@ class VirtualBoard(VirtualDevice):
         on_power: Callable[[bool], None] | None = None,
         quirks: Quirks | None = None,
     ) -> None:
-        """Build a board with the servos' power off.
-
-        Args:
-            board_id: Its id on the bus.
-            firmware: Its firmware version.
-            baud: Its speed on the bus [bit/s].
-            on_power: Called when the servos' power is switched on or off.
-            quirks: Behavior that the manual leaves open; None for the defaults.
-        """
-        table = table_named("OpenCR")
-        super().__init__(table, board_id, firmware, baud, quirks or Quirks())
+        """Build a board with the servos' power off, as a `VirtualDevice`."""
+        super().__init__(table_named("OpenCR"), board_id, firmware, baud, quirks or Quirks())
         self.frozen = False
         """True while the IMU repeats its last values."""
         self.on_power = on_power

@@ -27,7 +27,7 @@ class Protection:
 
     def __init__(self, registers: Registers, quirks: Quirks) -> None:
         self._registers = registers
-        self._overload = OverloadModel(STALL_CURRENTS[registers.table.model], quirks)
+        self.overload = OverloadModel(STALL_CURRENTS[registers.table.model], quirks)
         self.reload()
 
     def reload(self) -> None:
@@ -37,10 +37,6 @@ class Protection:
         self._lowest = registers["min_voltage_limit"]
         self._highest = registers["max_voltage_limit"]
 
-    def restart(self) -> None:
-        """Reset the overload model."""
-        self._overload.heat = 0.0
-
     def check(self, voltage: float, temperature: float) -> int:
         """Return the `HardwareError` bits for a supply [V] and a temperature [°C]."""
         bits = 0
@@ -49,10 +45,6 @@ class Protection:
         if temperature > self._hottest:
             bits |= HardwareError.OVERHEATING.value
         return bits
-
-    def advance(self, current: float, duration: float) -> bool:
-        """Apply a current [A] for a duration [s]; return whether it overloads the servo."""
-        return self._overload.advance(current, duration)
 
 
 class OverloadModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, HardwareError, OperatingMode, table_named
 from drivers.dynamixel.protocol2 import ALERT, MAX_ID
@@ -42,12 +43,7 @@ class VirtualServo(VirtualDevice):
     ) -> None:
         """Build a servo at factory defaults, its horn in the middle of the turn.
 
-        Args:
-            servo_id: Its id on the bus.
-            model: Name of its control table.
-            firmware: Its firmware version.
-            baud: Its baud rate [bit/s].
-            quirks: Behavior that the manual leaves open; None for the defaults.
+        ``model`` names its control table; the rest is as in `VirtualDevice`.
         """
         quirks, table = quirks or Quirks(), table_named(model, firmware)
         super().__init__(table, servo_id, firmware, baud, quirks)
@@ -77,8 +73,8 @@ class VirtualServo(VirtualDevice):
             "bus_watchdog": self._set_watchdog,
             "goal_position": self._set_position_goal,
             "goal_velocity": self._set_velocity_goal,
-            "goal_current": self._take_current,
-            "goal_pwm": self._take_pwm,
+            "goal_current": partial(self._take_goal, OperatingMode.CURRENT),
+            "goal_pwm": partial(self._take_goal, OperatingMode.PWM),
         }
 
     # For bus and physics ------------------------------------------------------------------------
@@ -161,7 +157,7 @@ class VirtualServo(VirtualDevice):
                 self._control.advance(now, duration)
                 self._motor_command = None
                 self._sensors.write_flags()
-        if self._protection.advance(self._sensors.measured.current, duration):
+        if self._protection.overload.advance(self._sensors.measured.current, duration):
             self.trip(HardwareError.OVERLOAD)
 
     def _compute_motor_command(self) -> MotorCommand:
@@ -275,16 +271,10 @@ class VirtualServo(VirtualDevice):
             self._control.aim_speed(goal * self.table["goal_velocity"].scale)
             self._sensors.write_flags()
 
-    def _take_current(self, goal: int) -> None:
+    def _take_goal(self, mode: OperatingMode, goal: int) -> None:
         del goal
         self._motor_command = None
-        if self._mode == OperatingMode.CURRENT:
-            self._takes_goals()
-
-    def _take_pwm(self, goal: int) -> None:
-        del goal
-        self._motor_command = None
-        if self._mode == OperatingMode.PWM:
+        if self._mode == mode:
             self._takes_goals()
 
     def _takes_goals(self) -> bool:
@@ -360,7 +350,7 @@ class VirtualServo(VirtualDevice):
         self._is_booting, self._boot_start = True, max(self._booted_at, self.now)
         self._hardware_error, self._is_shut_down = 0, False
         self._torque_on, self._heard = False, self.now
-        self._protection.restart()
+        self._protection.overload.heat = 0.0
         self._free_goals()
         self._reload()
         self.clear_turns()

@@ -9,7 +9,7 @@ from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.model_checks import find_model_problems
 from robots.posture import Posture
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
-from robots.schema import Description, JointRow, RobotTable, read_description
+from robots.schema import JointRow, RobotTable, read_description
 from robots.servo import Servo, servo_models
 from robots.validation import load_toml, shown
 
@@ -25,20 +25,20 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     folder = _find_folder(name_or_folder)
     file = folder / "robot.toml"
     try:
-        description, problems = read_description(load_toml(file))
+        table, problems = read_description(load_toml(file))
     except ValueError as error:
         raise RobotError(f"{file}: {error}") from error
     model = None
-    if description.table.model:
+    if table.model:
         try:
-            model = _load_model(folder / description.table.model)
-            problems += find_model_problems(description.table, model)
+            model = _load_model(folder / table.model)
+            problems += find_model_problems(table, model)
         except RobotError as error:
             problems.append(f"model {error}")
     if problems or model is None:
         raise RobotError(f"{file}: {'; '.join(problems)}")
     try:
-        robot = _build_robot(folder, description, model)
+        robot = _build_robot(folder, table, model)
         robot.spec().compile()
         calibration = folder / CALIBRATION_FILE
         return Calibration.load(calibration, robot).apply(robot) if calibration.exists() else robot
@@ -74,9 +74,8 @@ def _in_one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _build_robot(folder: Path, description: Description, model: mujoco.MjModel) -> Robot:
-    table, rows = description.table, description.table.joints
-    names = [row.name for row in rows]
+def _build_robot(folder: Path, table: RobotTable, model: mujoco.MjModel) -> Robot:
+    rows, names = table.joints, [row.name for row in table.joints]
     standing, neck_height = _stand(table, model)
     return Robot(
         name=table.name,
@@ -93,9 +92,9 @@ def _build_robot(folder: Path, description: Description, model: mujoco.MjModel) 
         mirror_index=np.array([names.index(row.mirror) for row in rows]),
         mirror_sign=np.array([float(row.mirror_sign) for row in rows]),
         model_file=folder / table.model,
-        bus=description.bus,
-        rising_joints=description.rising_joints,
-        spreading_joints=description.spreading_joints,
+        bus=table.bus,
+        rising_joints=table.rising_joints or (),
+        spreading_joints=table.spreading_joints,
     )
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import mujoco
 import numpy as np
@@ -14,14 +14,17 @@ from msgspec import Meta
 from robots.posture import Posture
 from robots.quaternion import Array
 from robots.servo import Servo, round_pwm
-from robots.validation import Sign, whole
+from robots.validation import Names, Sign, positive, whole
 
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
 
 
-BaudRate = Literal[9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000]
-BAUD_RATES: tuple[int, ...] = get_args(BaudRate)
+BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """What X-series servos can be set to [bit/s] (e-manual, Baud Rate)."""
+if TYPE_CHECKING:
+    BaudRate = int  # of which a type checker cannot see that it is one of these
+else:
+    BaudRate = Literal[BAUD_RATES]
 MAX_WATCHDOG = 2.54  # s, 127 steps of 20 ms (e-manual, Bus Watchdog)
 
 
@@ -41,23 +44,18 @@ class BoardSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PortSettings:
-    """One serial port and the joints on it."""
-
-    name: str
-    joints: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class BusSettings:
     """How a robot's servos are reached."""
 
-    baud: int
+    baud: BaudRate
     """[bit/s]"""
-    watchdog: float
+    watchdog: Annotated[float, positive(MAX_WATCHDOG, "s")] = WATCHDOG
     """Silence after which servos under torque stop by themselves [s]."""
-    ports: tuple[PortSettings, ...]
-    board: BoardSettings | None
+    ports: Annotated[
+        dict[str, Names], Meta(description="a table of port names and joints", min_length=1)
+    ] = field(default_factory=dict)
+    """Names of the joints on each serial port; in a robot.toml one for all if left out."""
+    board: BoardSettings | None = None
 
 
 ROBOTS_FOLDER = Path(__file__).parent

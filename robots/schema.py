@@ -8,14 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from msgspec import Meta
 
-from robots.robot import (
-    MAX_WATCHDOG,
-    WATCHDOG,
-    BaudRate,
-    BoardSettings,
-    BusSettings,
-    PortSettings,
-)
+from robots.robot import BusSettings
 from robots.servo import MAX_TICKS, servo_models
 from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole
 
@@ -44,18 +37,6 @@ class JointRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BusTable:
-    """The bus of a robot.toml."""
-
-    baud: BaudRate
-    watchdog: Annotated[float, positive(MAX_WATCHDOG, "s")] = WATCHDOG
-    ports: (
-        Annotated[dict[str, Names], Meta(description="a table of port names and joints")] | None
-    ) = None
-    board: BoardSettings | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class RobotTable:
     """A robot.toml as it is written."""
 
@@ -74,77 +55,58 @@ class RobotTable:
         dict[str, Angle], Meta(description="a table of joint names and angles in rad")
     ]
     """Angles by joint name [rad]; the joints not named stand at 0."""
-    bus: BusTable | None = None
+    bus: BusSettings | None = None
     rising_joints: Names | None = None
-    spreading_joints: Names | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Description:
-    """A robot.toml with its defaults filled in; values with problems are blank."""
-
-    table: RobotTable
-    bus: BusSettings | None
-    """None for a robot without a servo bus."""
-    rising_joints: tuple[str, ...]
-    """One joint of each mirrored pair that a learned rise moves."""
-    spreading_joints: tuple[str, ...]
+    """One joint of each mirrored pair that a learned rise moves; those of all limbs if left out."""
+    spreading_joints: Names = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
 
 
-def read_description(toml: dict[str, Any]) -> tuple[Description, list[str]]:
-    """Read the table of a robot.toml; return it and all its problems."""
+def read_description(toml: dict[str, Any]) -> tuple[RobotTable, list[str]]:
+    """Read the table of a robot.toml; return it and all its problems.
+
+    Defaults are filled in; values with problems are blank.
+    """
     problems: list[str] = []
     table = read_table(RobotTable, toml, "", problems)
     problems += _wrong_servos(table.joints)
-    bus = _read_bus(table, problems)
+    if table.bus is not None:
+        table = replace(table, bus=_complete_bus(table.bus, table.joints, problems))
     mirror = {row.name: row.mirror for row in table.joints}
     rising = _choose_rising_joints(table, mirror, problems)
-    spreading = table.spreading_joints or ()
-    problems += _wrong_pairs("spreading_joints", spreading, mirror)
+    problems += _wrong_pairs("spreading_joints", table.spreading_joints, mirror)
     problems += [
         f"spreading_joints: {shown(name)} is one of rising_joints, expected others"
-        for name in spreading
+        for name in table.spreading_joints
         if name in rising or mirror.get(name) in rising
     ]
     problems += _board_takes_an_id(table)
     problems += _repeated(table.joints)
     problems += _wrong_mirrors(table.joints)
     problems += _wrong_supply(table)
-    description = Description(
-        table=table, bus=bus, rising_joints=rising, spreading_joints=spreading
-    )
-    return description, problems
+    return replace(table, rising_joints=rising), problems
 
 
-def _read_bus(table: RobotTable, problems: list[str]) -> BusSettings | None:
-    if table.bus is None:
-        return None
-    joints, bus = tuple(row.name for row in table.joints), table.bus
-    if bus.ports == {}:
-        problems.append("bus.ports is {}, expected a table of port names and joints")
-    elif bus.ports is not None:
-        listed = [joint for names in bus.ports.values() for joint in names]
+def _complete_bus(bus: BusSettings, rows: tuple[JointRow, ...], problems: list[str]) -> BusSettings:
+    """Check the ports of a bus and fill in those that a robot.toml may leave out."""
+    joints = tuple(row.name for row in rows)
+    ports = bus.ports or {MAIN_PORT: joints}
+    listed = [joint for names in ports.values() for joint in names]
+    if bus.ports:
         problems += [f"bus.ports: unknown joint {shown(j)}" for j in listed if j not in joints]
         problems += [
             f"bus.ports: joint {shown(joint)} is on {listed.count(joint)} ports, expected one"
             for joint in joints
             if listed.count(joint) != 1
         ]
-    ports = {MAIN_PORT: joints} if bus.ports is None else bus.ports
     board = bus.board
     if board is not None:
         if board.port and board.port not in ports:
             problems.append(
                 f"bus.board.port is {shown(board.port)}, expected {', '.join(map(shown, ports))}"
             )
-        board = replace(board, port=board.port or next(iter(ports), ""))
-    return BusSettings(
-        baud=bus.baud,
-        watchdog=bus.watchdog,
-        ports=tuple(PortSettings(name=name, joints=names) for name, names in ports.items()),
-        board=board,
-    )
+        board = replace(board, port=board.port or next(iter(ports)))
+    return replace(bus, ports=ports, board=board)
 
 
 def _choose_rising_joints(

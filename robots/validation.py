@@ -136,11 +136,15 @@ def name_unknown_joints(unknown: Sequence[str], expected: Sequence[str]) -> list
 
 
 def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
-    base, _ = _split(hint)
+    base, meta = _split(hint)
     item = _item_type(base)
     if is_dataclass(base) and isinstance(value, dict):
         return read_table(base, value, f"{place}.", problems)  # type: ignore[arg-type]
-    if get_origin(base) is dict and isinstance(value, dict):
+    if (
+        get_origin(base) is dict
+        and isinstance(value, dict)
+        and len(value) >= (meta.min_length or 0)
+    ):
         return {
             key: _read(item, content, f"{place}.{_as_key(key)}", problems)
             for key, content in value.items()

@@ -119,8 +119,8 @@ class DynamixelBackend(Backend):
     @property
     def statistics(self) -> Mapping[str, BusStatistics]:
         """Return the traffic of each bus, by port name."""
-        names = [port.name for port in self._bus_settings.ports]
-        return {n: chain.bus.statistics for n, chain in zip(names, self.chains, strict=True)}
+        ports = zip(self._bus_settings.ports, self.chains, strict=True)
+        return {name: chain.bus.statistics for name, chain in ports}
 
     @property
     def cycle_bytes(self) -> int:
@@ -299,15 +299,15 @@ class DynamixelBackend(Backend):
     def _build_chains(self, ports: Mapping[str, str], make_port: MakePort) -> list[ServoChain]:
         settings, chains = self._bus_settings, []
         names = self.robot.joint_names
-        for port in settings.ports:
+        for port, joints in settings.ports.items():
             bus = DynamixelBus(
-                make_port(ports[port.name], settings.baud),
+                make_port(ports[port], settings.baud),
                 answer_margin=self._margin,
                 sleeps=self._clock.is_real,
             )
             board = settings.board
-            here = OpenCr(bus, board) if board and board.port == port.name else None
-            rows = np.sort([names.index(joint) for joint in port.joints])
+            here = OpenCr(bus, board) if board and board.port == port else None
+            rows = np.sort([names.index(joint) for joint in joints])
             chains.append(ServoChain(bus, self.robot, rows, self._watchdog, here))
         return chains
 
@@ -324,7 +324,7 @@ def _check_robot(robot: Robot, ports: Mapping[str, str]) -> BusSettings:
         raise SetupError(
             f"robot '{robot.name}' has no IMU on its bus: add a [bus.board] table to its robot.toml"
         )
-    wanted = [port.name for port in bus.ports]
+    wanted = list(bus.ports)
     if sorted(ports) != sorted(wanted):
         raise SetupError(
             f"robot '{robot.name}' has the ports {', '.join(wanted)}; "

@@ -138,11 +138,11 @@ def open_robot_bus(
     joints = {joint.name: joint for joint in robot.joints}
     opened = tuple(
         BusPort(
-            port.name,
-            DynamixelBus(make_port(ports[port.name], settings.baud), answer_margin=SETUP_MARGIN),
-            tuple(joints[name] for name in port.joints),
+            port,
+            DynamixelBus(make_port(ports[port], settings.baud), answer_margin=SETUP_MARGIN),
+            tuple(joints[name] for name in names),
         )
-        for port in settings.ports
+        for port, names in settings.ports.items()
     )
     try:
         open_ports([port.bus for port in opened])

@@ -16,7 +16,7 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 from drivers.virtual_bus.servo_physics import ServoPhysics
-from robots import PortSettings, Posture
+from robots import Posture
 
 FIRMWARE = 46
 
@@ -61,7 +61,7 @@ class VirtualRobot:
         self.board = self._build_board(powered)
         axes = self.bus.board.imu_axes if self.bus.board else (1, 1, 1)
         self.physics = ServoPhysics(simulation, self.servos, self.board, axes)
-        self.chains = {port.name: self._build_chain(port) for port in self.bus.ports}
+        self.chains = {port: self._build_chain(port) for port in self.bus.ports}
 
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
@@ -83,12 +83,12 @@ class VirtualRobot:
         for servo in self.servos:
             servo.powered = on
 
-    def _build_chain(self, port: PortSettings) -> Chain:
+    def _build_chain(self, port: str) -> Chain:
         names = self.robot.joint_names
         devices: list[VirtualServo | VirtualBoard] = [
-            self.servos[names.index(joint)] for joint in port.joints
+            self.servos[names.index(joint)] for joint in self.bus.ports[port]
         ]
-        if self.board and self.bus.board and self.bus.board.port == port.name:
+        if self.board and self.bus.board and self.bus.board.port == port:
             devices.append(self.board)
         return Chain(devices, self.quirks)
 

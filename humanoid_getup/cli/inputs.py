@@ -65,7 +65,7 @@ def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
     Raises:
         BadInputError: naming the ports that the robot has.
     """
-    wanted = [port.name for port in robot.bus.ports] if robot.bus else []
+    wanted = list(robot.bus.ports) if robot.bus else []
     if len(wanted) == 1 and len(ports) == 1 and "=" not in ports[0]:
         return {wanted[0]: ports[0]}
     named = dict(port.split("=", 1) for port in ports if "=" in port)

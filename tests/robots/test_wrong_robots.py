@@ -195,6 +195,13 @@ def test_a_wrong_bus_is_told_with_what_is_expected(own_robot, old, new, words):
     assert words in complaint(own_robot)
 
 
+@pytest.mark.parametrize("ports", ["3", "{}"])
+def test_wrong_ports_are_told_once(own_robot, ports):
+    spoil(own_robot, "baud = 1_000_000", f"baud = 57600\nports = {ports}")
+    told = f"bus.ports is {ports}, expected a table of port names and joints"
+    assert complaint(own_robot) == told
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

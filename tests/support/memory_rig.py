@@ -13,7 +13,7 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from robots import PortSettings, Robot
+from robots import Robot
 
 
 class Rig:
@@ -33,7 +33,7 @@ class Rig:
         prepare(self.virtual)
         self.ports: dict[str, MemoryPort] = {}
         self.clock = settings.pop("clock", None) or CycleClock()
-        names = [port.name for port in robot.bus.ports]
+        names = list(robot.bus.ports)
         self.backend = DynamixelBackend(
             robot,
             {name: name for name in names},
@@ -43,7 +43,7 @@ class Rig:
         )
 
     def _make_port(self, path: str, baud: int) -> MemoryPort:
-        last = [port.name for port in self.robot.bus.ports][-1]
+        last = list(self.robot.bus.ports)[-1]
         # As on the virtual bus: time passes with the last port's traffic.
         body = self.virtual.physics if path == last else Still()
         self.ports[path] = MemoryPort(self.virtual.chains[path], baud, body)
@@ -105,9 +105,6 @@ class Still:
 def split(robot: Robot) -> Robot:
     """Give a robot two ports, its joints shared out between them in turn."""
     names = robot.joint_names
-    ports = (
-        PortSettings(name="left", joints=names[::2]),
-        PortSettings(name="right", joints=names[1::2]),
-    )
+    ports = {"left": names[::2], "right": names[1::2]}
     board = replace(robot.bus.board, port="right")
     return replace(robot, bus=replace(robot.bus, ports=ports, board=board))

@@ -16,7 +16,7 @@ from drivers.errors import NoBusError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from robots import PortSettings, Posture, Robot
+from robots import Posture, Robot
 from robots.servo import RAD_PER_TICK
 
 IN_THE_AIR = Posture(
@@ -149,9 +149,9 @@ def test_a_profile_leads_a_servo_slowly_to_its_goal(floating: VirtualRobot):
 
 def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     assert tiny.bus is not None
-    ports = tuple(PortSettings(name=joint, joints=(joint,)) for joint in tiny.joint_names)
+    ports = {joint: (joint,) for joint in tiny.joint_names}
     assert tiny.bus.board is not None
-    board = replace(tiny.bus.board, port=ports[0].name)
+    board = replace(tiny.bus.board, port=tiny.joint_names[0])
     robot = replace(tiny, bus=replace(tiny.bus, ports=ports, board=board))
     virtual = VirtualRobot(Simulation(robot))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as served:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,20 +43,13 @@ class Calibration:
 
     def apply(self, robot: Robot) -> Robot:
         """Return the robot with its servos as they were measured."""
-        joints = tuple(
-            replace(
-                joint,
-                servo=replace(
-                    joint.servo,
-                    zero_ticks=self.joints[joint.name].zero_ticks,
-                    sign=self.joints[joint.name].sign,
-                ),
-            )
+        joints = (
+            replace(joint, servo=replace(joint.servo, **asdict(self.joints[joint.name])))
             if joint.name in self.joints
             else joint
             for joint in robot.joints
         )
-        return replace(robot, joints=joints)
+        return replace(robot, joints=tuple(joints))
 
     def save(self, path: Path) -> None:
         """Write the file."""

@@ -99,15 +99,17 @@ def _build_robot(folder: Path, table: RobotTable, model: mujoco.MjModel) -> Robo
 
 
 def _build_joint(row: JointRow, model: mujoco.MjModel) -> Joint:
-    motor = servo_models()[row.servo]
     lower, upper = model.joint(row.name).range
     return Joint(
         name=row.name,
         lower=float(lower),
         upper=float(upper),
-        max_velocity=motor.no_load_speed,
-        max_torque=motor.stall_torque,
-        servo=Servo(id=row.id, model=motor, sign=row.sign, zero_ticks=row.zero_ticks),
+        servo=Servo(
+            id=row.id,
+            model=servo_models()[row.servo],
+            sign=row.sign,
+            zero_ticks=row.zero_ticks,
+        ),
         segment=row.segment,
     )
 

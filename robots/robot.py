@@ -77,10 +77,6 @@ class Joint:
     """[rad]"""
     upper: float
     """[rad]"""
-    max_velocity: float
-    """No-load speed of the servo at its nominal voltage [rad/s]."""
-    max_torque: float
-    """Stall torque of the servo at its nominal voltage [N·m]."""
     servo: Servo
     segment: str
     """Class that weighs the joint in the posture metric: head, foot, other..."""
@@ -165,13 +161,13 @@ class Robot:
 
     @cached_property
     def max_torque(self) -> Array:
-        """Return the stall torques [N·m], (n,)."""
-        return np.array([joint.max_torque for joint in self.joints])
+        """Return the servos' stall torques at their nominal voltage [N·m], (n,)."""
+        return np.array([joint.servo.model.stall_torque for joint in self.joints])
 
     @cached_property
     def max_velocity(self) -> Array:
-        """Return the no-load speeds [rad/s], (n,)."""
-        return np.array([joint.max_velocity for joint in self.joints])
+        """Return the servos' no-load speeds at their nominal voltage [rad/s], (n,)."""
+        return np.array([joint.servo.model.no_load_speed for joint in self.joints])
 
     @cached_property
     def position_gain(self) -> Array:
@@ -208,13 +204,10 @@ class Robot:
         )
 
     def pwm_limit(self, torque_limit: Array | float) -> Array:
-        """Compute the share of the supply that limits torques, in whole counts, (..., n).
+        """Compute the share of the supply that limits torques [N·m], in whole counts, (..., n).
 
         Position mode limits the motor's voltage, not its torque: at standstill the servo then
         has the requested torque, rounded down, and less the faster it turns.
-
-        Args:
-            torque_limit: Largest torque [N·m], shape (..., n) or a number.
         """
         return round_pwm(torque_limit / self.max_torque)
 
@@ -226,8 +219,8 @@ class Robot:
     ) -> Array:
         """Compute the servos' ``actuator_gainprm`` at a supply voltage, (..., n, 10).
 
-        Position mode sets a share of the supply, so stiffness and largest drive
-        voltage both follow it.
+        Position mode sets a share of the supply, so stiffness and largest drive voltage both
+        follow it.
 
         Args:
             voltage: Supply [V], shape (...).

@@ -22,7 +22,6 @@ from typing import (
     Annotated,
     Any,
     Literal,
-    TypeGuard,
     TypeVar,
     Union,
     get_args,
@@ -149,7 +148,8 @@ def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
             key: _read(item, content, f"{place}.{_as_key(key)}", problems)
             for key, content in value.items()
         }
-    if _is_vector(base) and isinstance(value, list) and len(value) == len(get_args(base)):
+    is_vector = get_origin(base) is tuple and get_args(base)[-1] is not ...
+    if is_vector and isinstance(value, list) and len(value) == len(get_args(base)):
         elements = zip(get_args(base), value, strict=True)
         return tuple(
             _read(element, x, f"{place}[{i}]", problems) for i, (element, x) in enumerate(elements)
@@ -221,10 +221,6 @@ def _item_type(base: Any) -> Any:
     return arguments[0] if get_origin(base) is tuple and arguments[1:] == (...,) else None
 
 
-def _is_vector(base: Any) -> bool:
-    return get_origin(base) is tuple and get_args(base)[-1] is not ...
-
-
 def _row_place(place: str, row: dict[str, Any], number: int) -> str:
     owner, name = place.removesuffix("s"), row.get("name")
     return f"{owner} {shown(name)}: " if isinstance(name, str) else f"{owner} number {number}: "
@@ -236,7 +232,9 @@ def _as_key(key: str) -> str:
 
 def _show_with_unit(hint: Any, value: Any) -> str:
     unit = (_split(hint)[1].extra or {}).get("unit", "")
-    return f"{shown(value)} {unit if is_number(value) else ''}".rstrip()
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    is_finite = is_number and abs(value) <= sys.float_info.max
+    return f"{shown(value)} {unit if is_finite else ''}".rstrip()
 
 
 def _describe(hint: Any) -> str:
@@ -288,13 +286,6 @@ _SHOWN.maxstring = 60
 def shown(value: Any) -> str:
     """Write any value of a file in a few characters on one line."""
     return _SHOWN.repr(value)
-
-
-def is_number(value: Any) -> TypeGuard[float]:
-    """Check for a finite number, of a size that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return abs(value) <= sys.float_info.max
 
 
 def outside(value: float, lower: float, upper: float, unit: str) -> str:

@@ -44,15 +44,10 @@ class Twin(Backend):
         """Build a twin, torque off.
 
         Args:
-            world: World to simulate, in a copy of its model; a robot alone is put on a plane.
+            world, voltage, supply_resistance, period, noise, rng: As in `Simulation`.
             start: Where the robot is, at rest; ``None`` for its standing posture.
-            voltage: Supply without load [V]; ``None`` for the robot's nominal one.
-            supply_resistance: Resistance of battery and wires [ohm]; the supply sags by it.
             pwm_limited: Limit torques by PWM, as servos in position mode do, and not at the
                 torque itself.
-            period: Control period [s]; ``None`` for the robot's own.
-            noise: Sensor noise; ``None`` for resolution alone.
-            rng: Source of the noise.
         """
         self.simulation = Simulation(
             world,

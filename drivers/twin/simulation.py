@@ -119,18 +119,13 @@ class Simulation:
         return self._windings.temperature
 
     @property
-    def voltage(self) -> float:
-        """Return the supply at the servos [V]."""
-        return self._voltage
-
-    @property
     def supply(self) -> float:
         """Return the supply without load [V]; set it to let a battery sag."""
         return self._supply
 
     @supply.setter
     def supply(self, voltage: float) -> None:
-        self._supply = self._voltage = voltage
+        self._supply = self.voltage = voltage
         self._supply_varies = True
 
     def place(self, posture: Posture) -> None:
@@ -140,7 +135,8 @@ class Simulation:
         data.qpos[:] = place(self.robot, self.model, posture)
         self._windings.cool()
         self._current = np.zeros(self.robot.n)
-        self._voltage = self._supply
+        self.voltage = self._supply
+        """Supply at the servos [V]."""
         self._command: Command | None = None
         self.drive(replace(Command.limp(self.robot.n), joint_pos=posture.joint_pos))
         mujoco.mj_step1(self.model, data)
@@ -162,7 +158,7 @@ class Simulation:
             or not np.array_equal(last.gain_scale, command.gain_scale)
             or not np.array_equal(last.pwm_limit, command.pwm_limit)
         ):
-            gains = self.robot.drive_gains(self._voltage, command.gain_scale, command.pwm_limit)
+            gains = self.robot.drive_gains(self.voltage, command.gain_scale, command.pwm_limit)
             self.model.actuator_gainprm[self._actuators] = gains
 
     def release(self) -> None:
@@ -178,11 +174,7 @@ class Simulation:
             mujoco.mj_step1(self.model, self.data)
 
     def update_sensors(self, duration: float) -> None:
-        """Update currents, heat, supply and IMU.
-
-        Args:
-            duration: Time since the last update [s].
-        """
+        """Update currents, heat, supply and IMU, ``duration`` seconds after the last update."""
         torque = self.data.actuator_force[self._actuators]
         self._current = self._windings.compute_current(torque)
         self._windings.heat(self._current, duration)
@@ -191,7 +183,7 @@ class Simulation:
         if self._supply_resistance:
             velocity = self.data.qvel[self._layout.dof]
             power = self._windings.compute_power(self._current, torque, velocity)
-            self._voltage = self._supply - self._supply_resistance * power / self._voltage
+            self.voltage = self._supply - self._supply_resistance * power / self.voltage
         for callback in self.on_sensor_update:
             callback()
 
@@ -227,11 +219,9 @@ def _count_steps(period: float, timestep: float) -> int:
 
 
 def _find_actuators(robot: Robot, model: mujoco.MjModel) -> np.ndarray:
-    missing = [
-        name
-        for name in robot.joint_names
-        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) < 0
-    ]
-    if missing:
-        raise ModelError(f"the model has no servo for: {', '.join(missing)}")
-    return np.array([model.actuator(name).id for name in robot.joint_names])
+    kind, names = mujoco.mjtObj.mjOBJ_ACTUATOR, robot.joint_names
+    ids = np.array([mujoco.mj_name2id(model, kind, name) for name in names])
+    if np.any(ids < 0):
+        missing = ", ".join(name for name, i in zip(names, ids, strict=True) if i < 0)
+        raise ModelError(f"the model has no servo for: {missing}")
+    return ids

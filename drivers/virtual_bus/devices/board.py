@@ -24,7 +24,7 @@ class VirtualBoard(VirtualDevice):
         on_power: Callable[[bool], None] | None = None,
         quirks: Quirks | None = None,
     ) -> None:
-        """Build a board with the servos' power off, as a `VirtualDevice`."""
+        """Build a board with the servos' power off; ``baud`` is in bit/s."""
         super().__init__(table_named("OpenCR"), board_id, firmware, baud, quirks or Quirks())
         self.frozen = False
         """True while the IMU repeats its last values."""

@@ -34,15 +34,7 @@ class VirtualDevice:
     def __init__(
         self, table: ControlTable, device_id: int, firmware: int, baud: int, quirks: Quirks
     ) -> None:
-        """Build a device with its registers at factory defaults.
-
-        Args:
-            table: Its registers.
-            device_id: Its id on the bus.
-            firmware: Its firmware version.
-            baud: Its baud rate [bit/s].
-            quirks: Behavior that the manual leaves open.
-        """
+        """Build a device with its registers at factory defaults, its speed in bit/s."""
         self.table, self.quirks, self.firmware = table, quirks, firmware
         self.registers = Registers(table, quirks.undefined)
         self.alive = True

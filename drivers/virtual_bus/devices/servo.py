@@ -22,7 +22,7 @@ from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import Measured, Sensors
-from drivers.virtual_bus.devices.write_rules import TRIPPED, WriteRules
+from drivers.virtual_bus.devices.write_rules import TRIPPED, make_checks
 from robots.servo import PWM_FULL_SCALE
 
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
@@ -43,7 +43,7 @@ class VirtualServo(VirtualDevice):
     ) -> None:
         """Build a servo at factory defaults, its horn in the middle of the turn.
 
-        ``model`` names its control table; the rest is as in `VirtualDevice`.
+        ``model`` names its control table; ``baud`` is in bit/s.
         """
         quirks, table = quirks or Quirks(), table_named(model, firmware)
         super().__init__(table, servo_id, firmware, baud, quirks)
@@ -59,7 +59,7 @@ class VirtualServo(VirtualDevice):
 
     def _connect_rules(self) -> None:
         self._handlers |= Maintenance(self, self._backup).handlers
-        self._checks |= WriteRules(self.registers, self.quirks).checks
+        self._checks |= make_checks(self.registers, self.quirks)
         self._checks["torque_enable"] = self._check_torque
         configuration = ("homing_offset", "moving_threshold", *GAINS)
         limits = ("temperature_limit", "min_voltage_limit", "max_voltage_limit")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber
@@ -13,56 +14,38 @@ TRIPPED = -1  # value of bus_watchdog after it stopped the servo
 LONGEST_PROFILE = 32737  # ms, of a time-based profile (e-manual)
 
 
-class WriteRules:
-    """Checks values against other registers; each check returns an `ErrorNumber`."""
+def make_checks(registers: Registers, quirks: Quirks) -> dict[str, Callable[[int], int]]:
+    """Make the check of each item's values; it returns an `ErrorNumber`."""
+    drive_bits = registers.table["drive_mode"].upper or 0  # the mask of the model's bits
 
-    def __init__(self, registers: Registers, quirks: Quirks) -> None:
-        self._registers, self._quirks = registers, quirks
-        self._drive_bits = registers.table["drive_mode"].upper or 0
-        self.checks: Mapping[str, Callable[[int], int]] = {
-            "operating_mode": self._check_mode,
-            "drive_mode": self._check_drive_mode,
-            "bus_watchdog": self._check_watchdog,
-            "profile_velocity": self._check_profile,
-            "profile_acceleration": self._check_profile,
-            "goal_position": self._check_goal_position,
-            "goal_pwm": self._check_by("pwm_limit"),
-            "goal_current": self._check_by("current_limit"),
-            "goal_velocity": self._check_by("velocity_limit"),
-        }
+    def check_range(accepts: Callable[[int], object], value: int) -> int:
+        return ErrorNumber.NONE if accepts(value) else ErrorNumber.DATA_RANGE
 
-    def _check_mode(self, mode: int) -> int:
-        known = mode in self._registers.table.modes
-        return ErrorNumber.NONE if known else ErrorNumber.DATA_RANGE
+    def fits_profile(value: int) -> bool:
+        return value <= LONGEST_PROFILE or not registers["drive_mode"] & DriveMode.TIME_BASED
 
-    def _check_drive_mode(self, bits: int) -> int:
-        # The upper end of its range is the mask of the model's bits.
-        return ErrorNumber.DATA_RANGE if bits & ~self._drive_bits else ErrorNumber.NONE
-
-    def _check_watchdog(self, value: int) -> int:
-        stays = value and self._registers["bus_watchdog"] == TRIPPED
-        return ErrorNumber.DATA_RANGE if stays else ErrorNumber.NONE
-
-    def _check_profile(self, value: int) -> int:
-        too_long = value > LONGEST_PROFILE and self._registers["drive_mode"] & DriveMode.TIME_BASED
-        return ErrorNumber.DATA_RANGE if too_long else ErrorNumber.NONE
-
-    def _check_goal_position(self, goal: int) -> int:
-        registers = self._registers
+    def check_position(goal: int) -> int:
         if registers["bus_watchdog"] == TRIPPED:
             return ErrorNumber.DATA_RANGE
-        if registers["operating_mode"] != OperatingMode.POSITION:
-            return ErrorNumber.NONE
-        if registers["min_position_limit"] <= goal <= registers["max_position_limit"]:
-            return ErrorNumber.NONE
-        return self._quirks.limit_error
+        lower, upper = registers["min_position_limit"], registers["max_position_limit"]
+        is_free = registers["operating_mode"] != OperatingMode.POSITION
+        return ErrorNumber.NONE if is_free or lower <= goal <= upper else quirks.limit_error
 
-    def _check_by(self, limit: str) -> Callable[[int], int]:
-        registers, quirks = self._registers, self._quirks
+    def check_by(limit: str, goal: int) -> int:
+        if registers["bus_watchdog"] == TRIPPED:
+            return ErrorNumber.DATA_RANGE
+        return quirks.limit_error if abs(goal) > registers[limit] else ErrorNumber.NONE
 
-        def check(goal: int) -> int:
-            if registers["bus_watchdog"] == TRIPPED:
-                return ErrorNumber.DATA_RANGE
-            return quirks.limit_error if abs(goal) > registers[limit] else ErrorNumber.NONE
-
-        return check
+    ranges: dict[str, Callable[[int], object]] = {
+        "operating_mode": lambda mode: mode in registers.table.modes,
+        "drive_mode": lambda bits: not bits & ~drive_bits,
+        "bus_watchdog": lambda value: not value or registers["bus_watchdog"] != TRIPPED,
+        "profile_velocity": fits_profile,
+        "profile_acceleration": fits_profile,
+    }
+    return {name: partial(check_range, accepts) for name, accepts in ranges.items()} | {
+        "goal_position": check_position,
+        "goal_pwm": partial(check_by, "pwm_limit"),
+        "goal_current": partial(check_by, "current_limit"),
+        "goal_velocity": partial(check_by, "velocity_limit"),
+    }

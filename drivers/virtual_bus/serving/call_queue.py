@@ -58,11 +58,9 @@ class CallQueue:
                 os.eventfd_write(self._bell, 1)
 
     def wait(self, port: int, duration: float) -> bool:
-        """Wait for bytes, running queued actions; return whether bytes are there.
+        """Wait for bytes on a file descriptor, -1 for none; return whether bytes are there.
 
-        Args:
-            port: File descriptor of the bytes, -1 for none.
-            duration: Longest wait [s]; below 0 for none.
+        Runs queued actions. Waits for ``duration`` seconds at most, below 0 not at all.
         """
         bell = self._bell
         assert bell is not None

@@ -36,10 +36,7 @@ class InstructionReader:
     def __init__(self, statistics: WireStatistics, *, timed: bool) -> None:
         """Start with an empty buffer.
 
-        Args:
-            statistics: Counters to update.
-            timed: Whether a gap inside an instruction drops it. Otherwise it is dropped when
-                the next one begins.
+        If ``timed``, a gap inside an instruction drops it, else the beginning of the next one.
         """
         self._statistics, self._timed = statistics, timed
         self._parser = FrameParser()

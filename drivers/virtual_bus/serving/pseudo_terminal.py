@@ -41,10 +41,7 @@ class PseudoTerminal:
     """
 
     def __init__(self, link: Path | str | None = None) -> None:
-        """Plug the port in.
-
-        Args:
-            link: Path for clients; None for one in a temporary folder.
+        """Plug the port in: under a path, or under one in a temporary folder.
 
         Raises:
             PortLinkError: if the link cannot be created.
@@ -82,7 +79,12 @@ class PseudoTerminal:
         os.set_blocking(self._master, False)
         tty.setraw(self._slave)  # before a client opens it, or the kernel echoes its bytes
         self._device = os.ttyname(self._slave)
-        self._publish()
+        try:
+            self.link.symlink_to(self._device)
+        except OSError as error:
+            raise PortLinkError(
+                self.link, f"{error.strerror}, name a path you may write"
+            ) from error
 
     def unplug(self) -> None:
         """Remove port and path; clients get errors."""
@@ -154,15 +156,6 @@ class PseudoTerminal:
         if exclusive:
             fcntl.ioctl(self._slave, termios.TIOCEXCL)
         return unused
-
-    def _publish(self) -> None:
-        """Create the link to the terminal."""
-        try:
-            self.link.symlink_to(self._device)
-        except OSError as error:
-            raise PortLinkError(
-                self.link, f"{error.strerror}, name a path you may write"
-            ) from error
 
     def _clear_link(self) -> None:
         """Make room for the link: only one that a dead virtual bus left behind is removed."""

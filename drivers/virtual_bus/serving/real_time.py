@@ -79,7 +79,8 @@ class RealTime:
         self._process_due()
         now, coming = self.now, self._next_event
         if coming - now <= SPIN:
-            self._spin(coming)
+            while self.now < coming:
+                sleep(0.0)  # lets clients in the same process run
             return
         until = coming - SPIN
         if coming - now > SHORT:
@@ -98,10 +99,6 @@ class RealTime:
                 self._send(self._batches.popleft())
             else:
                 self._run_instruction()
-
-    def _spin(self, until: float) -> None:
-        while self.now < until:
-            sleep(0.0)  # lets clients in the same process run
 
     def _pass_idle(self, now: float) -> None:
         self._exchange.pass_until(now)

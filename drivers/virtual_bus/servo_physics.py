@@ -64,11 +64,6 @@ class ServoPhysics:
         """Called after each run of physics steps, in the thread that advances time."""
         self._sense()
 
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return self.simulation.period
-
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off; the bus time is kept."""
         with self._lock:
@@ -80,7 +75,7 @@ class ServoPhysics:
 
     def pass_period(self) -> None:
         """Advance by one control period."""
-        self.advance(self.time + self.period)
+        self.advance(self.time + self.simulation.period)
 
     def advance(self, to: float) -> None:
         """Advance by whole physics steps, at most up to a bus time [s]."""
@@ -91,9 +86,10 @@ class ServoPhysics:
                 left -= self._run_steps(left, step)
 
     def heat(self, servo_id: int, temperature: float) -> None:
-        """Set the temperature of a servo [°C]."""
+        """Set the temperature of a servo [°C]; raises ValueError if there is no such servo."""
         with self._lock:
-            self.simulation.temperature[self._find(servo_id)] = temperature
+            joint = [servo.id for servo in self._servos].index(servo_id)
+            self.simulation.temperature[joint] = temperature
             self._sense()
 
     def sag(self, voltage: float) -> None:
@@ -101,9 +97,6 @@ class ServoPhysics:
         with self._lock:
             self.simulation.supply = voltage
             self._sense()
-
-    def _find(self, servo_id: int) -> int:
-        return [servo.id for servo in self._servos].index(servo_id)
 
     def _run_steps(self, left: int, step: float) -> int:
         """Run as many steps as need no new motor commands or sensor update; return how many."""
@@ -114,7 +107,7 @@ class ServoPhysics:
         until_sensing = simulation.steps_per_period - self._steps_since_sensing
         steps = 1 if moving else min(left, until_sensing)
         if moving or self._driven is None or not _are_the_same(commands, self._last_commands):
-            self._driven, self._last_commands = self._convert(commands, plain, step), commands
+            self._driven, self._last_commands = self._convert(commands, step), commands
         simulation.drive(self._driven)
         simulation.step(steps)
         self.time += steps * step
@@ -131,18 +124,17 @@ class ServoPhysics:
             callback()
         return steps
 
-    def _convert(self, commands: list[MotorCommand], plain: bool, step: float) -> Command:
+    def _convert(self, commands: list[MotorCommand], step: float) -> Command:
         robot = self.simulation.robot
         on = np.array([d.torque_on for d in commands])
         target = self._units.to_rad(np.array([d.target_ticks for d in commands]))
         gain = np.array([d.p_gain for d in commands]) / DEFAULT_P_GAIN
         pwm_limit = np.array([d.pwm_limit for d in commands])
-        if not plain:
-            for i, command in enumerate(commands):
-                if command.torque_on and command.mode not in POSITION_LOOP_MODES:
-                    # The position loop only transmits the torque here: at its default gain.
-                    gain[i] = 1.0
-                    target[i] = self._find_target(i, command, step)
+        for i, command in enumerate(commands):
+            if command.torque_on and command.mode not in POSITION_LOOP_MODES:
+                # The position loop only transmits the torque here: at its default gain.
+                gain[i] = 1.0
+                target[i] = self._find_target(i, command, step)
         return Command(
             joint_pos=target,
             gain_scale=gain,
@@ -154,14 +146,9 @@ class ServoPhysics:
         """Compute the target [rad] at which the position loop produces another mode's torque."""
         simulation, robot = self.simulation, self.simulation.robot
         position, velocity = simulation.joint_pos[i], simulation.joint_vel[i]
-        stiffness = (
-            robot.position_gain[i]
-            * simulation.voltage
-            / robot.joints[i].servo.model.nominal_voltage
-        )
-        back_emf = (
-            robot.torque_speed_slope[i] * velocity
-        )  # torque that the loop loses to back-EMF [N·m]
+        nominal = robot.joints[i].servo.model.nominal_voltage
+        stiffness = robot.position_gain[i] * simulation.voltage / nominal
+        back_emf = robot.torque_speed_slope[i] * velocity  # N·m that the loop loses to it
         if command.mode == OperatingMode.PWM:
             torque = command.goal_pwm * self._sign[i] * robot.max_torque[i]
         elif command.mode == OperatingMode.VELOCITY:
@@ -169,9 +156,7 @@ class ServoPhysics:
         else:
             current = command.goal_current * self._sign[i]
             if command.mode == OperatingMode.CURRENT_BASED_POSITION:
-                target = (
-                    float(self._sign[i] * (command.target_ticks - self._zero[i])) * RAD_PER_TICK
-                )
+                target = self._sign[i] * (command.target_ticks - self._zero[i]) * RAD_PER_TICK
                 current = command.p_gain / DEFAULT_P_GAIN * robot.position_gain[i]
                 current *= (target - position) / self._torque_per_ampere[i]
             limit = command.current_limit
@@ -194,19 +179,13 @@ class ServoPhysics:
         ticks = self._zero + self._sign * simulation.joint_pos / RAD_PER_TICK
         velocity = self._sign * simulation.joint_vel
         current = self._sign * simulation.joint_current
-        temperature, voltage = simulation.temperature, simulation.voltage
-        for i, servo in enumerate(self._servos):
+        rows = np.column_stack((ticks, velocity, current, simulation.temperature)).tolist()
+        for servo, (position, speed, amperes, degrees) in zip(self._servos, rows, strict=True):
             servo.sense(
-                Measured(
-                    ticks=float(ticks[i]),
-                    velocity=float(velocity[i]),
-                    current=float(current[i]),
-                    voltage=voltage,
-                    temperature=float(temperature[i]),
-                )
+                Measured(position, speed, amperes, voltage=simulation.voltage, temperature=degrees)
             )
         if self._board is not None:
-            self._board.sense_voltage(voltage)
+            self._board.sense_voltage(simulation.voltage)
             self._board.sense_imu(
                 self._counts(simulation.imu.gyro, GYRO_STEP),
                 self._counts(simulation.imu.accelerometer, ACCELEROMETER_STEP),

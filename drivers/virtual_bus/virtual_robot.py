@@ -32,11 +32,9 @@ class VirtualRobot:
         powered: bool = False,
         quirks: Quirks | None = None,
     ) -> None:
-        """Build the devices of a simulated robot and couple them to its simulation.
+        """Build the devices of a simulated robot, with a firmware version for all servos.
 
         Args:
-            simulation: Physics of the robot.
-            firmware: Firmware version of all servos.
             powered: Whether servos have power from the start, not only once the board switches it.
             quirks: Device behavior that the manual leaves open; None for the defaults.
 

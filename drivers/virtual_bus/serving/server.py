@@ -173,13 +173,11 @@ class VirtualBus:
 
     def plug(self) -> None:
         """Plug in a new port under the same path."""
-        wire = self._running_wire()
-        self.call(wire.plug)
+        self.call(self._running_wire().plug)
 
     def unplug(self) -> None:
         """Unplug the port while clients may use it."""
-        wire = self._running_wire()
-        self.call(wire.unplug)
+        self.call(self._running_wire().unplug)
 
     def _running_wire(self) -> PseudoTerminal:
         if self._wire is None or not self.running:

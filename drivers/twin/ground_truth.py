@@ -43,11 +43,11 @@ class GroundTruth:
     @property
     def posture(self) -> Posture:
         """Return root position, root orientation and joint angles."""
-        root = self._layout.root_qpos
+        qpos, layout = self.data.qpos, self._layout
         return Posture(
-            position=self.data.qpos[root : root + 3].copy(),
-            orientation=self.data.qpos[root + 3 : root + 7].copy(),
-            joint_pos=self.data.qpos[self._layout.qpos],
+            position=qpos[layout.root_position].copy(),
+            orientation=qpos[layout.root_orientation].copy(),
+            joint_pos=qpos[layout.qpos],
         )
 
     @property

@@ -14,9 +14,8 @@ from drivers.state import Command
 from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.motor_command import MotorCommand
 from drivers.virtual_bus.devices.sensors import Measured
-from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.devices.servo import MotorCommand, VirtualServo
 from robots import Posture
 from robots.quaternion import Array
 from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, RAD_PER_TICK

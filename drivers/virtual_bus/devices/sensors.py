@@ -12,12 +12,16 @@ from typing import NamedTuple
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
-from drivers.virtual_bus.devices.motor_command import POSITION_MODES
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import MAX_COUNTS, Registers, clamp
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
+POSITION_MODES = (
+    OperatingMode.POSITION,
+    OperatingMode.EXTENDED_POSITION,
+    OperatingMode.CURRENT_BASED_POSITION,
+)
 MAX_HOMING_IN_ONE_TURN = 1024  # ticks; larger offsets are ignored in mode 3 (e-manual)
 NOMINAL_VOLTAGE = 12.0  # V, or the middle of the model's range
 _SIDE_BY_SIDE = struct.Struct("<hhii")  # PWM, load, velocity, position: so in every servo's table

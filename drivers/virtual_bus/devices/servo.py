@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, HardwareError, OperatingMode, table_named
@@ -16,17 +17,41 @@ from drivers.virtual_bus.devices.maintenance import (
     reset,
     reset_ram,
 )
-from drivers.virtual_bus.devices.motor_command import POSITION_MODES, MotorCommand
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
-from drivers.virtual_bus.devices.sensors import Measured, Sensors
+from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured, Sensors
 from drivers.virtual_bus.devices.write_rules import TRIPPED, make_checks
 from robots.servo import PWM_FULL_SCALE
 
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
 WATCHDOG_UNIT = 0.02  # s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorCommand:
+    """Command to the motor, in the horn's own direction."""
+
+    torque_on: bool
+    mode: OperatingMode
+    target_ticks: float
+    """Target of the position loop, turns included, without homing offset."""
+    p_gain: int
+    """Register value of the position loop's gain."""
+    velocity_p_gain: int
+    """Register value of the velocity loop's gain, as is the next."""
+    velocity_i_gain: int
+    pwm_limit: float
+    """Largest share of the supply, 0 to 1."""
+    current_limit: float
+    """[A]; infinite for a model without current limit."""
+    goal_current: float
+    """For current mode [A]."""
+    goal_velocity: float
+    """For velocity mode, after its ramp [rad/s]."""
+    goal_pwm: float
+    """For PWM mode, share of the supply, -1 to 1."""
 
 
 class VirtualServo(VirtualDevice):

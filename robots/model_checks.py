@@ -1,5 +1,7 @@
 """Checks of a robot.toml against the model that it names."""
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
 
@@ -27,8 +29,7 @@ def _torso_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
         return []
     torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, table.torso)
     if torso < 0:
-        is_free = np.isin(np.arange(model.nbody), model.jnt_bodyid[model.jnt_type == FREE])
-        bodies = _names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody, is_free)
+        bodies = _names(model, mujoco.mjtObj.mjOBJ_BODY, model.jnt_bodyid[model.jnt_type == FREE])
         return [f"torso: unknown body {shown(table.torso)}, expected {bodies}"]
     joint = model.body_jntadr[torso]
     if joint < 0 or model.jnt_type[joint] != FREE:
@@ -42,7 +43,7 @@ def _torso_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 def _site_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     wanted = [("neck_site", table.neck_site), ("imu_site", table.imu_site)]
     wanted += [("sole_sites", site) for site in table.sole_sites]
-    sites = _names(model, mujoco.mjtObj.mjOBJ_SITE, model.nsite)
+    sites = _names(model, mujoco.mjtObj.mjOBJ_SITE, range(model.nsite))
     return [
         f"{key}: unknown site {shown(site)}, expected {sites}"
         for key, site in wanted
@@ -55,7 +56,8 @@ def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     for name in dict.fromkeys(row.name for row in table.joints if row.name):
         joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
         if joint < 0:
-            hinges = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt, model.jnt_type == HINGE)
+            ids = np.flatnonzero(model.jnt_type == HINGE)
+            hinges = _names(model, mujoco.mjtObj.mjOBJ_JOINT, ids)
             problems.append(f"joint {shown(name)} is not in {table.model}, expected {hinges}")
         elif model.jnt_type[joint] != HINGE:
             kind = JOINT_KINDS[int(model.jnt_type[joint])]
@@ -112,17 +114,14 @@ def _standing_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 def _actuator_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     if not model.nu:
         return []
-    names = _names(model, mujoco.mjtObj.mjOBJ_ACTUATOR, model.nu)
+    names = _names(model, mujoco.mjtObj.mjOBJ_ACTUATOR, range(model.nu))
     return [
         f"{table.model} has actuators ({names}), expected none: "
         "the servos come from the rows of joints"
     ]
 
 
-def _names(
-    model: mujoco.MjModel, kind: mujoco.mjtObj, count: int, chosen: np.ndarray | None = None
-) -> str:
+def _names(model: mujoco.MjModel, kind: mujoco.mjtObj, ids: Iterable[int]) -> str:
     """List the names of the model's objects of a kind."""
-    ids = range(count) if chosen is None else np.flatnonzero(chosen)
     names = [mujoco.mj_id2name(model, kind, int(i)) for i in ids]
     return ", ".join(name for name in names if name) or "none: it has none with a name"

@@ -118,13 +118,8 @@ class Simulation:
         """Return the servos' temperatures [°C], (n,); it may be written to."""
         return self._windings.temperature
 
-    @property
-    def supply(self) -> float:
-        """Return the supply without load [V]; set it to let a battery sag."""
-        return self._supply
-
-    @supply.setter
-    def supply(self, voltage: float) -> None:
+    def sag(self, voltage: float) -> None:
+        """Set the supply without load [V]."""
         self._supply = self.voltage = voltage
         self._supply_varies = True
 

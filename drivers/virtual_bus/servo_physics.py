@@ -94,7 +94,7 @@ class ServoPhysics:
     def sag(self, voltage: float) -> None:
         """Set the supply voltage [V]."""
         with self._lock:
-            self.simulation.supply = voltage
+            self.simulation.sag(voltage)
             self._sense()
 
     def _run_steps(self, left: int, step: float) -> int:

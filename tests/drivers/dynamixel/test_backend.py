@@ -256,7 +256,7 @@ def test_slow_values_of_every_servo_are_fresh_within_half_a_second(op3_rig):
     rig.turn(Command.limp(20))
     for servo, temperature in zip(rig.virtual.servos, range(31, 51), strict=True):
         rig.virtual.simulation.temperature[servo.id - 1] = temperature
-    rig.virtual.simulation.supply = 11.2
+    rig.virtual.simulation.sag(11.2)
     cycles = int(0.5 / rig.robot.control_period)
     state = rig.turn(Command.limp(20), cycles)
     assert state.temperature == pytest.approx(np.arange(31, 51), abs=1.0)

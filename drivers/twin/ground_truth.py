@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +22,6 @@ class GroundTruth:
         self._actuators = np.array([model.actuator(name).id for name in robot.joint_names])
         # Bodies that are welded to the world are scenery.
         self._is_world = model.body_weldid[model.geom_bodyid] == WORLD
-
-    @property
-    def time(self) -> float:
-        """Return the simulation's clock [s]."""
-        return self.data.time
 
     @property
     def qpos(self) -> Array:
@@ -59,11 +52,6 @@ class GroundTruth:
     def joint_torque(self) -> Array:
         """Return the servo torques of the last physics step [N·m], (n,)."""
         return self.data.actuator_force[self._actuators]
-
-    @property
-    def tilt(self) -> float:
-        """Return the angle between the torso's z axis and the vertical [rad]."""
-        return math.acos(min(max(self.data.xmat[self._layout.torso, 8], -1.0), 1.0))
 
     @property
     def touching_bodies(self) -> NDArray[np.integer]:

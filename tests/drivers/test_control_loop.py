@@ -258,7 +258,7 @@ def test_a_bare_backend_is_refused_before_it_moves(op3):
     twin = Twin(op3)
     with pytest.raises(TypeError, match="SafetyGuard"):
         run(_Never(), twin, max_time=1.0)  # type: ignore[arg-type]
-    assert twin.truth.time == 0.0
+    assert twin.simulation.time == 0.0
 
 
 class _Never:

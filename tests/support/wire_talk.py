@@ -20,6 +20,11 @@ def request(frame: bytes) -> Packet:
     return item
 
 
+def find_device(chain: Chain, device_id: int) -> VirtualDevice:
+    """Find the first device of an id."""
+    return next(device for device in chain.devices if device.id == device_id)
+
+
 def talk(chain: Chain, frame: bytes) -> bytes:
     """Send a frame; return all bytes that come back."""
     return b"".join(answer.data for answer in chain.handle(request(frame)))

@@ -53,18 +53,6 @@ class Chain:
         self._members: dict[int, list[VirtualDevice]] = {}
         self._seconds: dict[int, list[VirtualDevice]] = {}
 
-    def device(self, device_id: int) -> VirtualDevice:
-        """Find the first device of an id.
-
-        Raises:
-            LookupError: if there is none.
-        """
-        for device in self.devices:
-            if device.id == device_id:
-                return device
-        there = ", ".join(str(device.id) for device in self.devices)
-        raise LookupError(f"no device of id {device_id} on the bus, only {there}")
-
     def advance(self, now: float) -> None:
         """Advance all devices to a bus time [s]."""
         for device in self.devices:

@@ -37,7 +37,7 @@ def test_a_standing_op3_stands(op3):
             twin.read()
             twin.write(command)
             assert set(names(twin.truth)) == {"l_ank_roll_link", "r_ank_roll_link"}
-    assert math.degrees(twin.truth.tilt) < 5.0
+    assert math.degrees(quaternion.tilt(twin.truth.posture.orientation)) < 5.0
     # The facts' own simulation of this stance settles with the hips at 0.256 m.
     assert twin.truth.posture.position[2] == pytest.approx(0.256, abs=2e-3)
     assert twin.truth.self_penetration == 0.0
@@ -46,7 +46,7 @@ def test_a_standing_op3_stands(op3):
 
 def test_a_lying_op3_touches_with_more_than_its_feet(op3):
     truth = place(Twin(op3), 0.095, SUPINE)
-    assert truth.tilt == pytest.approx(math.pi / 2)
+    assert quaternion.tilt(truth.posture.orientation) == pytest.approx(math.pi / 2)
     assert op3.torso in names(truth)
 
 

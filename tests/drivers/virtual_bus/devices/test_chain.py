@@ -2,7 +2,7 @@
 
 import instructions
 import pytest
-from wire_talk import read, read_answers, request, sense, talk
+from wire_talk import find_device, read, read_answers, request, sense, talk
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import (
@@ -34,7 +34,7 @@ def servos(*ids: int, quirks: Quirks | None = None, **settings: int) -> Chain:
 
 
 def servo(chain: Chain, servo_id: int) -> VirtualServo:
-    device = chain.device(servo_id)
+    device = find_device(chain, servo_id)
     assert isinstance(device, VirtualServo)
     return device
 
@@ -65,14 +65,14 @@ def test_read_and_write_as_in_the_manual():
     )
     frame = bytes.fromhex("FFFFFD00 01 0900 03 7400 00020000 CA89")
     assert talk(chain, frame) == OK_FROM_1
-    assert read(chain.device(1), "goal_position") == 512
+    assert read(find_device(chain, 1), "goal_position") == 512
 
 
 def test_reg_write_and_action_as_in_the_manual():
     chain = servos(1)
     assert talk(chain, bytes.fromhex("FFFFFD00 01 0900 04 6800 C8000000 AE8E")) == OK_FROM_1
     assert talk(chain, bytes.fromhex("FFFFFD00 01 0300 05 02CE")) == OK_FROM_1
-    assert read(chain.device(1), "goal_velocity") == 200
+    assert read(find_device(chain, 1), "goal_velocity") == 200
 
 
 @pytest.mark.parametrize(
@@ -114,8 +114,8 @@ def test_bulk_read_and_write_as_in_the_manual():
     assert back == Status(1, 0, b"\x77\0").encode() + Status(2, 0, b"\x24").encode()
     frame = "FFFFFD00 FE 1000 93 0120000200 A000 021F000100 50 B768"
     assert talk(chain, bytes.fromhex(frame)) == b""
-    assert read(chain.device(1), "max_voltage_limit") == 160
-    assert read(chain.device(2), "temperature_limit") == 80
+    assert read(find_device(chain, 1), "max_voltage_limit") == 160
+    assert read(find_device(chain, 2), "temperature_limit") == 80
 
 
 def test_fast_sync_read_as_in_the_manual():
@@ -142,7 +142,8 @@ def test_a_stuffed_write_is_understood():
     chain = servos(1)
     frame = bytes.fromhex("FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074")
     assert talk(chain, frame) == OK_FROM_1
-    assert (read(chain.device(1), "goal_pwm"), read(chain.device(1), "goal_current")) == (-1, -3)
+    first = find_device(chain, 1)
+    assert (read(first, "goal_pwm"), read(first, "goal_current")) == (-1, -3)
 
 
 # Order and time -----------------------------------------------------------------------------
@@ -267,8 +268,8 @@ def test_in_group_writes_an_id_counts_once_and_a_cut_row_not_at_all():
 def test_a_secondary_id_gathers_servos_for_silent_writes():
     chain = servos(1, 2, 3)
     for servo_id in (1, 2):
-        chain.device(servo_id).poke("secondary_id", 50)
-    chain.device(3).poke("secondary_id", 1)
+        find_device(chain, servo_id).poke("secondary_id", 50)
+    find_device(chain, 3).poke("secondary_id", 1)
     assert chain.handle(request(protocol2.write(50, 65, b"\1"))) == []
     assert [read(device, "led") for device in chain.devices] == [1, 1, 0]
     (answer,) = chain.handle(request(protocol2.write(1, 68, b"\2")))
@@ -327,11 +328,11 @@ def test_a_fast_read_longer_than_any_frame_is_not_answered():
 DEAD = pytest.mark.parametrize(
     "die",
     [
-        lambda chain: setattr(chain.device(2), "alive", False),
-        lambda chain: setattr(chain.device(2), "powered", False),
-        lambda chain: chain.device(2).reboot(),
-        lambda chain: chain.device(2).poke("status_return_level", 0),
-        lambda chain: chain.device(2).poke("id", 99),
+        lambda chain: setattr(find_device(chain, 2), "alive", False),
+        lambda chain: setattr(find_device(chain, 2), "powered", False),
+        lambda chain: find_device(chain, 2).reboot(),
+        lambda chain: find_device(chain, 2).poke("status_return_level", 0),
+        lambda chain: find_device(chain, 2).poke("id", 99),
     ],
     ids=["cable", "power", "reboot", "return level", "id"],
 )
@@ -438,8 +439,8 @@ def test_what_feeds_a_watchdog_is_a_quirk():
         for i in range(1, 20):
             chain.advance(0.05 * i)
             chain.handle(request(protocol2.sync_read([1], POSITION)))
-        assert chain.device(1).peek("bus_watchdog") == 5
-        assert (chain.device(2).peek("bus_watchdog") == -1) == trips
+        assert find_device(chain, 1).peek("bus_watchdog") == 5
+        assert (find_device(chain, 2).peek("bus_watchdog") == -1) == trips
 
 
 def test_a_cut_cable_trips_the_watchdog_behind_it():
@@ -452,8 +453,3 @@ def test_a_cut_cable_trips_the_watchdog_behind_it():
         chain.advance(0.05 * i)
         chain.handle(request(protocol2.ping()))
     assert [device.peek("bus_watchdog") for device in chain.devices] == [5, -1]
-
-
-def test_a_device_that_is_not_there_is_named_with_those_that_are():
-    with pytest.raises(LookupError, match=r"no device of id 7 on the bus, only 1, 2"):
-        servos(1, 2).device(7)

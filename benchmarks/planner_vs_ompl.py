@@ -53,8 +53,7 @@ class Attempt:
 
 def search_blossom(problem: PostureProblem, seed: int) -> list[Array]:
     """Search with this package: strictly, then from loose to strict."""
-    found, _ = find_path(problem, np.random.default_rng(seed), PathOptions())
-    return found.path
+    return find_path(problem, np.random.default_rng(seed), PathOptions()).path
 
 
 class SameEdges(ob.MotionValidator):

@@ -9,8 +9,8 @@ import numpy as np
 from humanoid_getup.evaluation.standing import HOLD_TIME, Stance, is_upright, judge, measure_stance
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
+from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import Connection
-from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.rollout import Feedback, Rollout, Trace

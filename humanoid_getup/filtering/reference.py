@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.motions.motion import Motion, join
+from humanoid_getup.motions.motion import Motion, Trajectory, join
 from humanoid_getup.motions.posture_metric import best_yaw
-from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import center_of_mass
@@ -81,7 +80,7 @@ def compose(
     speed = np.gradient(path.joint_pos, period, axis=0) if len(path.time) > 1 else 0.0
     lag = robot.torque_speed_slope / robot.position_gain
     approach = path.joint_pos + lag * speed
-    position, orientation = align_motion(motion, frame, path.end)
+    position, orientation = align_motion(motion, frame, path.posture(-1))
     joined = join(motion, frame, path.joint_pos[-1], period)
     rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
     model = world.model

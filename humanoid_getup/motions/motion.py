@@ -33,15 +33,9 @@ KEYS = TEXTS + ARRAYS
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
-    """Postures over time, ready to be played."""
+class Trajectory:
+    """Postures over time."""
 
-    name: str
-    robot: str
-    """Name of the robot it was made for."""
-    start_class: StartClass
-    strategy: str
-    """Kind of rise in terms of biomechanics, such as "sit-up"."""
     time: Array
     """Sample times from the start [s], shape (T,), strictly increasing."""
     position: Array
@@ -50,6 +44,26 @@ class Motion:
     """Root orientation in the world, unit quaternions w x y z, shape (T, 4)."""
     joint_pos: Array
     """Joint angles [rad], shape (T, n), in the robot's joint order."""
+
+    def posture(self, frame: int) -> Posture:
+        """Return the posture at a frame."""
+        return Posture(
+            position=self.position[frame],
+            orientation=self.orientation[frame],
+            joint_pos=self.joint_pos[frame],
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion(Trajectory):
+    """Postures over time, ready to be played."""
+
+    name: str
+    robot: str
+    """Name of the robot it was made for."""
+    start_class: StartClass
+    strategy: str
+    """Kind of rise in terms of biomechanics, such as "sit-up"."""
     joint_target: Array
     """Target angles of the servos [rad], shape (T, n). They differ from ``joint_pos`` by the
     load on the joints: a position servo produces its torque from the difference."""
@@ -90,14 +104,6 @@ class Motion:
             orientation=np.array([p.orientation for p in postures]),
             joint_pos=np.array([p.joint_pos for p in postures]),
             **fields,
-        )
-
-    def posture(self, frame: int) -> Posture:
-        """Return the posture at a frame."""
-        return Posture(
-            position=self.position[frame],
-            orientation=self.orientation[frame],
-            joint_pos=self.joint_pos[frame],
         )
 
     @property

@@ -129,16 +129,6 @@ class CollisionChecker:
         slack = self._allowed[contact.geom[:, 0], contact.geom[:, 1]] + 1e-9
         return bool(np.all(contact.dist + slack >= 0.0))
 
-    def lowest_point(self, posture: Posture) -> float:
-        """Compute the height of the robot's lowest point above the ground [m]."""
-        deep = _to_configuration(posture)
-        drop = 2.0 * self.robot.standing_neck_height + abs(posture.position[2])
-        deep[2] -= drop
-        self._place(deep)
-        contact = self._data.contact
-        grounded = np.any(contact.geom == self._ground, axis=1)
-        return drop + float(np.min(contact.dist[grounded]))
-
     def _place(self, configuration: Array) -> None:
         self._qpos[self._address] = configuration
         mujoco.mj_kinematics(self._model, self._data)

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.posture_metric import PostureMetric, align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.posture_space import PositionProblem, PostureProblem
 from humanoid_getup.planning.refinement import refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchResult, SearchStatus, search
 from humanoid_getup.planning.shortcut import shorten
-from humanoid_getup.planning.smoothing import SpeedLimits, Trajectory, smooth_free
-from robots import Posture, Robot
+from humanoid_getup.planning.smoothing import SpeedLimits, smooth_free
+from robots import Posture
 from robots.quaternion import Array
 
+SPEED_SHARE = 0.75  # of the servos' no-load speed
 REPAIRS = 3  # times that a path is checked twice as finely
 GRAZE = 0.001  # looseness, a fraction of a millimeter: by which a curve may exceed a tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathOptions:
-    """Effort of the path planner, and speed of the path."""
+    """Effort of the path planner."""
 
     search: SearchOptions = field(default_factory=SearchOptions)
     strides: tuple[float, ...] = (1.0, 0.5, 0.2)
@@ -33,21 +34,6 @@ class PathOptions:
     """Edges that the refinement from loose to strict may try."""
     shortcuts: int = 40
     """Pairs of points between which a shortcut is tried."""
-    speed: float = 0.75
-    """Joint speed as a share of the servos' no-load speed."""
-    turn_rate: float = 4.0
-    """Largest angular speed of the root [rad/s]."""
-    ease: float = 0.15
-    """Time of acceleration and of deceleration [s]."""
-
-    def speed_limits(self, robot: Robot) -> SpeedLimits:
-        """Return the speed limits of a robot."""
-        return SpeedLimits(
-            joint_speed=self.speed * robot.max_velocity,
-            turn_rate=self.turn_rate,
-            ease=self.ease,
-            period=robot.control_period,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,19 +45,11 @@ class PathResult:
     """Why there is no path; empty when solved."""
     goal: Posture
     """The goal, turned and shifted over the ground to the start."""
-    path: list[Posture] = field(default_factory=list)
-    """Control postures from start to goal; empty unless solved."""
     trajectory: Trajectory | None = None
-    """Smooth motion along the path; None unless solved."""
-    refined: bool = False
-    """Whether the strict search failed and refinement from loose to strict solved it."""
-    colliding: int = 0
-    """Samples of the trajectory that collide after all repairs."""
+    """Smooth motion from start to goal, at rest at both ends, sampled at the control period;
+    None unless solved."""
     nodes: int = 0
     """Postures in the search trees."""
-    checks: int = 0
-    """Postures checked for collisions."""
-    time_s: float = 0.0
 
 
 def plan_path(
@@ -86,18 +64,7 @@ def plan_path(
     The goal, anywhere on the ground, is first turned and shifted to the start. The same state
     of ``rng`` gives the same result.
     """
-    began, checks = time.perf_counter(), checker.checks
-    result = _plan(start, align(goal, start), checker, rng, options or PathOptions())
-    return replace(result, checks=checker.checks - checks, time_s=time.perf_counter() - began)
-
-
-def _plan(
-    start: Posture,
-    goal: Posture,
-    checker: CollisionChecker,
-    rng: np.random.Generator,
-    options: PathOptions,
-) -> PathResult:
+    options, goal = options or PathOptions(), align(goal, start)
     checker.reset()
     for posture, status in ((start, SearchStatus.START_INVALID), (goal, SearchStatus.GOAL_INVALID)):
         if problems := checker.allow(posture):
@@ -110,37 +77,37 @@ def _plan(
         return PathResult(status=root.status, reason=reason, goal=goal, nodes=root.nodes)
     metric = PostureMetric.of(checker.robot)
     problem = PostureProblem(checker, metric, start, goal, np.array(root.path))
-    found, refined = find_path(problem, rng, options)
+    found = find_path(problem, rng, options)
     if found.status is SearchStatus.SOLVED:
-        return _finish(problem, found, refined, goal, rng, options)
+        return _finish(problem, found, goal, rng, options)
     return PathResult(status=found.status, reason=found.reason, goal=goal, nodes=found.nodes)
 
 
 def find_path(
     problem: PostureProblem, rng: np.random.Generator, options: PathOptions
-) -> tuple[SearchResult, bool]:
+) -> SearchResult:
     """Search under the strict constraints; if that fails, refine from loose to strict."""
     nodes = 0
     for problem.stride in options.strides:
         found = search(problem, problem.start, problem.goal, rng, options.search)
         nodes += found.nodes
         if found.status is SearchStatus.SOLVED:
-            return replace(found, nodes=nodes), False
+            return replace(found, nodes=nodes)
     problem.stride = 1.0
     found = refine(problem, rng, replace(options.search, max_edges=options.refine_edges))
-    return replace(found, nodes=nodes + found.nodes), True
+    return replace(found, nodes=nodes + found.nodes)
 
 
 def _finish(
     problem: PostureProblem,
     found: SearchResult,
-    refined: bool,
     goal: Posture,
     rng: np.random.Generator,
     options: PathOptions,
 ) -> PathResult:
     """Shorten and smooth a path; repair what collides between the postures checked so far."""
-    limits = options.speed_limits(problem.checker.robot)
+    robot = problem.checker.robot
+    limits = SpeedLimits(joint_speed=SPEED_SHARE * robot.max_velocity, period=robot.control_period)
     path = shorten(problem, found.path, rng, options.shortcuts)
     times, nodes, colliding = _smooth(problem, path, limits)
     for _ in range(REPAIRS):
@@ -156,7 +123,6 @@ def _finish(
             reason=f"{colliding} samples of the smoothed path still collide",
             goal=goal,
             nodes=found.nodes,
-            colliding=colliding,
         )
     configurations = problem.configurations(nodes)
     lift = np.array([problem.checker.lift(c) for c in configurations])
@@ -167,12 +133,7 @@ def _finish(
         joint_pos=nodes[:, 4:],
     )
     return PathResult(
-        status=SearchStatus.SOLVED,
-        goal=goal,
-        path=[problem.posture(node) for node in path],
-        trajectory=trajectory,
-        refined=refined,
-        nodes=found.nodes,
+        status=SearchStatus.SOLVED, goal=goal, trajectory=trajectory, nodes=found.nodes
     )
 
 

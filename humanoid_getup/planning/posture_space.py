@@ -184,14 +184,6 @@ class PostureProblem:
         before, after = self._positions[leg - 1], self._positions[leg]
         return np.concatenate([before + share[:, None] * (after - before), nodes], axis=1)
 
-    def posture(self, node: Array) -> Posture:
-        """Return the posture of a node, lifted onto the ground."""
-        configuration = self.configurations(node[None])[0]
-        configuration[2] += self.checker.lift(configuration)
-        return Posture(
-            position=configuration[:3], orientation=configuration[3:7], joint_pos=configuration[7:]
-        )
-
     def _bend(self, v1: Array, v2: Array) -> Array:
         apart = (v1 - v2) * self.scale
         return np.sqrt(np.einsum("...n,...n->...", apart, apart))

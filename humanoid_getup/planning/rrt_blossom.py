@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
@@ -58,8 +57,6 @@ class SearchOptions:
 
     max_edges: int = 4000
     """Edges tried, in both trees together."""
-    max_time: float = float("inf")
-    """[s]; with infinity, the result is the same on every machine."""
     controls: int = 3
     """Edges that an expansion tries: straight ahead and blossoms around it."""
     edges_per_node: int = 200
@@ -118,7 +115,6 @@ class _Search:
         self.problem, self.rng, self.options = problem, rng, options
         self.trees = (Tree(start, options.edges_per_node), Tree(goal, options.edges_per_node))
         self.edges = 0
-        self.deadline = time.perf_counter() + options.max_time
         self.meeting: tuple[int, int] | None = None
 
     def run(self) -> SearchResult:
@@ -207,8 +203,6 @@ class _Search:
         """Return why the search ends without a path; empty while it may continue."""
         if self.edges >= self.options.max_edges:
             return f"{self.edges} edges tried, the budget is {self.options.max_edges}"
-        if time.perf_counter() > self.deadline:
-            return f"{self.options.max_time:.3f} s have passed"
         for tree, name in zip(self.trees, ("start", "goal"), strict=True):
             if not tree.is_viable:
                 return f"every edge around the {name} is dead"

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from robots import Posture, quaternion
+from robots import quaternion
 from robots.quaternion import Array
 
 SAMPLES = 24  # of each piece of the curve
@@ -29,34 +29,6 @@ class SpeedLimits:
     """Time of acceleration at the start and of deceleration at the end [s]."""
     period: float
     """Sample time [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trajectory:
-    """Postures over time, at rest at both ends."""
-
-    time: Array
-    """[s], shape (T,), from 0, evenly spaced by the control period."""
-    position: Array
-    """Root position in the world [m], shape (T, 3)."""
-    orientation: Array
-    """Root orientation in the world, unit quaternions w x y z, shape (T, 4)."""
-    joint_pos: Array
-    """[rad], shape (T, n)."""
-
-    @property
-    def duration(self) -> float:
-        """Return the time from start to end [s]."""
-        return float(self.time[-1])
-
-    @property
-    def end(self) -> Posture:
-        """Return the last posture."""
-        return Posture(
-            position=self.position[-1],
-            orientation=self.orientation[-1],
-            joint_pos=self.joint_pos[-1],
-        )
 
 
 @dataclass(frozen=True)

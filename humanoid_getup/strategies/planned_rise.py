@@ -10,12 +10,11 @@ import numpy as np
 
 from humanoid_getup.filtering.dynamics_filter import Candidate, CandidateRollout, DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.path_planner import plan_path
-from humanoid_getup.planning.smoothing import Trajectory
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseOptions, RisePlan, RiseStatus
 from robots import Posture, TorqueLimit, quaternion

@@ -12,9 +12,8 @@ from humanoid_getup.filtering.reference import (
     resample,
     straight_path,
 )
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.planning.smoothing import Trajectory
 from robots import Posture, quaternion
 from robots.kinematics import center_of_mass
 
@@ -116,7 +115,7 @@ def test_the_center_of_mass_goes_on_where_the_path_ends(world, op3, path, motion
     row = reference.joined
     on_path = center_of_mass(op3, world.model, path.position, path.orientation, path.joint_pos)
     np.testing.assert_allclose(reference.com[:row], on_path)
-    position, orientation = align_motion(motion, frame, path.end)
+    position, orientation = align_motion(motion, frame, path.posture(-1))
     for ahead in (0, 5):
         at = frame + ahead
         here = center_of_mass(
@@ -132,7 +131,7 @@ def test_the_center_of_mass_goes_on_where_the_path_ends(world, op3, path, motion
 
 
 def test_a_posture_of_a_path_is_its_row(path):
-    posture = path.end
+    posture = path.posture(-1)
     np.testing.assert_allclose(posture.position, [0.4, -0.3, 0.2])
     np.testing.assert_array_equal(posture.joint_pos, path.joint_pos[-1])
     np.testing.assert_array_equal(posture.orientation, path.orientation[-1])

@@ -8,9 +8,11 @@ import pytest
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.simulation.scene import Obstacle, Scene, load_scene
 from robots import Posture, load_robot, quaternion
+from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
 
 ROBOT = load_robot("op3")
+MODEL = load_scene("flat").compile(ROBOT)
 ON_ITS_BACK = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -np.pi / 2)
 
 
@@ -19,14 +21,18 @@ def checker() -> CollisionChecker:
     return CollisionChecker(ROBOT, load_scene("flat"))
 
 
-def lying(checker: CollisionChecker, depth: float = 0.0) -> Posture:
+def height_of(posture: Posture) -> float:
+    return lowest_point(MODEL, place(ROBOT, MODEL, posture))
+
+
+def lying(depth: float = 0.0) -> Posture:
     """Lay the robot on its back, sunk into the ground by ``depth``."""
     posture = Posture(
         position=np.array([0.0, 0.0, 0.3]),
         orientation=ON_ITS_BACK,
         joint_pos=ROBOT.standing.joint_pos,
     )
-    return lowered(posture, checker.lowest_point(posture) + depth)
+    return lowered(posture, height_of(posture) + depth)
 
 
 def lowered(posture: Posture, by: float) -> Posture:
@@ -37,22 +43,17 @@ def row(posture: Posture) -> Array:
     return np.concatenate([posture.position, posture.orientation, posture.joint_pos])
 
 
-def test_the_lowest_point_of_the_standing_robot_is_its_soles(checker: CollisionChecker):
-    assert checker.lowest_point(ROBOT.standing) == pytest.approx(0.0, abs=1e-4)
-    assert checker.lowest_point(lowered(ROBOT.standing, -2.0)) == pytest.approx(2.0, abs=1e-4)
-
-
 def test_the_ground_lifts_a_robot_as_far_as_it_is_too_deep(checker: CollisionChecker):
     tolerances = checker.tolerances
     for depth in (-0.1, 0.0, 0.002, 0.02, 0.09, 0.102, 0.104, 0.3):
-        configuration = row(lying(checker, depth))
+        configuration = row(lying(depth))
         expected = max(0.0, depth - tolerances.ground)
         assert checker.lift(configuration) == pytest.approx(expected, abs=1e-6)
         assert checker.is_free(configuration) == (expected <= tolerances.max_lift)
 
 
 def test_a_leg_through_the_other_is_a_collision(checker: CollisionChecker):
-    posture = lowered(lying(checker), -1.0)
+    posture = lowered(lying(), -1.0)
     assert checker.is_free(row(posture))
     joint_pos = posture.joint_pos.copy()
     joint_pos[ROBOT.joint_names.index("l_hip_roll")] = ROBOT.upper[
@@ -64,7 +65,7 @@ def test_a_leg_through_the_other_is_a_collision(checker: CollisionChecker):
 def test_what_a_resting_robot_does_itself_is_allowed_from_then_on(checker: CollisionChecker):
     strict = replace(checker.tolerances, max_lift=0.0)
     checker = CollisionChecker(ROBOT, load_scene("flat"), strict)
-    posture = lying(checker, depth=0.005)
+    posture = lying(depth=0.005)
     assert not checker.is_free(row(posture))
     assert checker.allow(posture) == ""
     assert checker.is_free(row(posture))
@@ -74,9 +75,9 @@ def test_what_a_resting_robot_does_itself_is_allowed_from_then_on(checker: Colli
 
 
 def test_a_start_inside_the_ground_or_beyond_a_limit_is_named(checker: CollisionChecker):
-    fault = checker.allow(lying(checker, depth=0.02))
+    fault = checker.allow(lying(depth=0.02))
     assert "'body_1' is 20.0 mm inside 'ground', expected at most 6.0 mm" in fault
-    posture = lying(checker)
+    posture = lying()
     joint_pos = posture.joint_pos.copy()
     joint_pos[ROBOT.joint_names.index("l_knee")] = 9.0
     fault = checker.allow(replace(posture, joint_pos=joint_pos))
@@ -84,7 +85,7 @@ def test_a_start_inside_the_ground_or_beyond_a_limit_is_named(checker: Collision
 
 
 def test_loosening_gives_way_step_by_step_until_nothing_hinders(checker: CollisionChecker):
-    deep = row(lying(checker, depth=0.2))
+    deep = row(lying(depth=0.2))
     answers = []
     for looseness in np.linspace(0.0, 1.0, 11):
         checker.loosen(looseness)
@@ -98,7 +99,7 @@ def test_an_obstacle_is_hit_and_shrinks_when_loosened():
     above = np.array([0.0, 0.0, 0.25])
     ball = Obstacle(name="ball", start=above, end=above, radius=0.15)
     checker = CollisionChecker(ROBOT, Scene(name="ball", obstacles=(ball,)))
-    posture = row(lying(checker))
+    posture = row(lying())
     assert not checker.is_free(posture)
     checker.loosen(0.9)
     assert checker.is_free(posture)
@@ -114,6 +115,6 @@ def test_a_robot_lifted_by_the_ground_must_not_hit_what_is_above_it():
     under_roof = CollisionChecker(ROBOT, Scene(name="roof", obstacles=(roof,)), high)
     # The robot's top is 0.02 m high at its planned height and 0.17 m on the ground; the
     # roof begins at 0.12 m.
-    deep = row(lying(open_air, depth=0.15))
+    deep = row(lying(depth=0.15))
     assert open_air.is_free(deep)
     assert not under_roof.is_free(deep)

@@ -15,6 +15,7 @@ from humanoid_getup.planning.posture_space import (
 )
 from humanoid_getup.simulation.scene import Obstacle, load_scene
 from robots import Posture, load_robot, quaternion
+from robots.kinematics import lowest_point, place_postures
 
 ROBOT = load_robot("op3")
 FLAT = load_scene("flat")
@@ -159,10 +160,13 @@ def test_a_posture_below_the_ground_is_lifted_onto_it():
     checker = CollisionChecker(ROBOT, FLAT)
     low = PATH - np.array([0.0, 0.0, 0.05])
     sunk = PostureProblem(checker, METRIC, START, GOAL, low)
-    posture = sunk.posture(sunk.start)
-    assert posture.position[2] > 0.255
-    assert checker.lowest_point(posture) == pytest.approx(0.0, abs=0.004)
-    np.testing.assert_array_equal(posture.orientation, quaternion.IDENTITY)
+    configuration = sunk.configurations(sunk.start[None])[0]
+    configuration[2] += checker.lift(configuration)
+    assert configuration[2] > 0.255
+    model = FLAT.compile(ROBOT)
+    qpos = place_postures(ROBOT, model, *np.split(configuration, [3, 7]))
+    assert lowest_point(model, qpos) == pytest.approx(0.0, abs=0.004)
+    np.testing.assert_array_equal(configuration[3:7], quaternion.IDENTITY)
 
 
 def test_a_step_leads_no_further_than_its_target(problem):
@@ -301,7 +305,9 @@ def test_positions_are_a_step_apart_at_five_centimeters(positions):
 
 def test_a_node_is_orientation_and_angles_in_a_row(problem):
     assert to_node(GOAL).tolist() == [*QUARTER, *GOAL.joint_pos]
-    posture = problem.posture(problem.start)
-    np.testing.assert_array_equal(posture.joint_pos, START.joint_pos)
-    np.testing.assert_array_equal(posture.orientation, START.orientation)
-    np.testing.assert_allclose(posture.position[:2], START.position[:2], atol=1e-9)
+    position, orientation, joint_pos = np.split(
+        problem.configurations(problem.start[None])[0], [3, 7]
+    )
+    np.testing.assert_array_equal(joint_pos, START.joint_pos)
+    np.testing.assert_array_equal(orientation, START.orientation)
+    np.testing.assert_allclose(position[:2], START.position[:2], atol=1e-9)

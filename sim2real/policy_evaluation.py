@@ -99,7 +99,9 @@ def roll_out_policy(
         on_step(step)
         observation = observe(robot, sensed, target, last_action, share)
         last_action = np.clip(policy(observation).astype(float), -1.0, 1.0)
-        following = next_target(action, target, sensed.joint_pos, sensed.gravity, last_action)
+        following = next_target(
+            robot, action, target, sensed.joint_pos, sensed.gravity, last_action
+        )
         records.append(sim.follow_recorded(target, following))
         diverged |= sim.diverged
         target = following

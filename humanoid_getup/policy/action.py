@@ -24,6 +24,7 @@ EAGERNESS = 2.0  # half an action already commands full speed, for bold explorat
 # rad of tilt, and rad of a joint from home, from which on rates are not scaled down
 CALM_TILT, CALM_AWAY = 0.5, 0.5
 CALMEST = 0.15  # scale of a rate for a standing robot: enough to balance, too slow to shake
+APART_SHARE = 0.5  # of the scale, for numbers that move both sides oppositely
 HOMING_SHARE = 0.4  # of the servo's speed, for joints that return home by themselves
 
 
@@ -70,8 +71,8 @@ Matrix = Annotated[Array, on_axes(2)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ActionTerms:
-    """Meaning of a policy's actions, numbers from -1 to 1, as stated in its file."""
+class ActionSpec:
+    """How a policy's actions, numbers from -1 to 1, become joint targets once a policy step."""
 
     mode: str
     """An `ActionMode`."""
@@ -101,16 +102,6 @@ class ActionTerms:
         """Return how many numbers an action has."""
         return len(self.names)
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ActionSpec(ActionTerms):
-    """How numbers from -1 to 1 become joint targets on a robot, once a policy step."""
-
-    lower: Array
-    """Lower joint limits [rad], shape (n,)."""
-    upper: Array
-    """Upper joint limits [rad], shape (n,)."""
-
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
         """Return which joints actions move, shape (n,)."""
@@ -136,7 +127,6 @@ def build_action_spec(
     together: tuple[str, ...],
     apart: tuple[str, ...] = (),
     homing: tuple[str, ...] = (),
-    apart_share: float = 0.5,
     pwm_limit: float = 1.0,
 ) -> ActionSpec:
     """Build rate actions in which mirrored joints move together, and apart.
@@ -150,14 +140,12 @@ def build_action_spec(
         together: One joint of each mirrored pair with a number that moves both sides alike.
         apart: One joint of each pair with a number that moves both sides oppositely.
         homing: One joint of each pair that returns home by itself although a number moves it.
-        apart_share: Share of the scale that an opposite number moves.
         pwm_limit: Largest share of the supply that the motors get.
     """
-    names = [f"{name} together" for name in together] + [f"{name} apart" for name in apart]
-    signs = [1.0] * len(together) + [-1.0] * len(apart)
-    shares = [1.0] * len(together) + [apart_share] * len(apart)
-    directions = np.zeros((len(names), robot.n))
-    for row, name, sign, share in zip(directions, (*together, *apart), signs, shares, strict=True):
+    moves = [(name, "together", 1.0, 1.0) for name in together]
+    moves += [(name, "apart", APART_SHARE, -1.0) for name in apart]
+    directions = np.zeros((len(moves), robot.n))
+    for row, (name, _, share, sign) in zip(directions, moves, strict=True):
         joint = robot.joint_names.index(name)
         # Entry j of a mirrored vector is the sign of j times the entry of its mirror joint.
         other = int(robot.mirror_index[joint])
@@ -170,7 +158,7 @@ def build_action_spec(
         held[[joint, robot.mirror_index[joint]]] = False
     return ActionSpec(
         mode=ActionMode.RATE,
-        names=tuple(names),
+        names=tuple(f"{name} {how}" for name, how, _, _ in moves),
         directions=directions,
         scale=EAGERNESS * reach,
         reach=reach,
@@ -179,8 +167,6 @@ def build_action_spec(
         home=robot.standing.joint_pos,
         homing=np.where(held, 0.0, HOMING_SHARE * reach),
         calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
-        lower=robot.lower,
-        upper=robot.upper,
     )
 
 
@@ -197,16 +183,12 @@ def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSp
 
 
 def next_target(
-    spec: ActionSpec, target: Array, measured: Array, gravity: Array, action: Array
+    robot: Robot, spec: ActionSpec, target: Array, measured: Array, gravity: Array, action: Array
 ) -> Array:
     """Compute the joint targets at the end of a policy step [rad], (..., n).
 
-    Args:
-        spec: Action space.
-        target: Last targets [rad], (..., n).
-        measured: Measured angles [rad], (..., n).
-        gravity: Direction of gravity in the torso, (..., 3).
-        action: Numbers, clipped to [-1, 1], (..., k).
+    They follow from the last targets and the measured angles [rad], (..., n), the direction of
+    gravity in the torso, (..., 3), and the action's numbers, clipped to [-1, 1], (..., k).
     """
     share = _clip(_clip(action, -1.0, 1.0) @ spec.directions, -1.0, 1.0)
     if spec.mode == ActionMode.RATE:
@@ -219,7 +201,7 @@ def next_target(
     }[ActionMode(spec.mode)]
     wanted = np.where(spec.moved, origin + share * spec.scale, towards_home)
     wanted = _clip(wanted, measured - spec.lead, measured + spec.lead)
-    wanted = _clip(wanted, spec.lower, spec.upper)
+    wanted = _clip(wanted, robot.lower, robot.upper)
     return target + _clip(wanted - target, -spec.reach, spec.reach)
 
 
@@ -229,12 +211,9 @@ def _clip(values: Array, lower: Array | float, upper: Array | float) -> Array:
 
 
 def between(target: Array, following: Array, cycle: int | NDArray[np.int_], cycles: int) -> Array:
-    """Compute the targets of a control cycle of a policy step, or of several [rad].
+    """Compute the targets of a control cycle of a policy step [rad].
 
-    Args:
-        target: Targets at the beginning of the policy step [rad].
-        following: Targets at its end [rad].
-        cycle: Which control cycle, counted from 0; an array of them is broadcast.
-        cycles: How many a policy step has.
+    In ``cycles`` cycles, counted from 0, they move from those at its beginning to those at its
+    end; an array of cycles is broadcast.
     """
     return target + (cycle + 1) / cycles * (following - target)

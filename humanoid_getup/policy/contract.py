@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
-from humanoid_getup.policy.action import ActionMode, ActionSpec, ActionTerms, Vector
+from humanoid_getup.policy.action import ActionMode, ActionSpec, Vector
 from humanoid_getup.policy.observation import Term, list_terms
 from robots import Robot
 from robots.quaternion import Array
@@ -43,7 +43,7 @@ class PolicyContract:
     """Names in the order of every vector of joints."""
     observation: tuple[Term, ...]
     """Parts of the observation, in their order."""
-    action: ActionTerms
+    action: ActionSpec
     control_period: Annotated[float, positive(1.0, "s")]
     """[s]"""
     rate_hz: Annotated[float, positive(10_000.0, "Hz")]
@@ -62,12 +62,11 @@ class PolicyContract:
         robot: Robot, action: ActionSpec, period: float, provenance: Mapping[str, Fact]
     ) -> PolicyContract:
         """Build the contract of a policy from its robot, actions and control period [s]."""
-        terms = {field.name: getattr(action, field.name) for field in fields(ActionTerms)}
         return PolicyContract(
             robot=robot.name,
             joints=robot.joint_names,
             observation=list_terms(robot, action),
-            action=ActionTerms(**terms),
+            action=action,
             control_period=period,
             rate_hz=1.0 / (period * action.cycles),
             position_gain=robot.position_gain,
@@ -80,10 +79,6 @@ class PolicyContract:
     def observation_size(self) -> int:
         """Return how many numbers the policy observes."""
         return sum(term.size for term in self.observation)
-
-    def action_spec(self, robot: Robot) -> ActionSpec:
-        """Return the action space on a robot that fits the contract."""
-        return ActionSpec(**vars(self.action), lower=robot.lower, upper=robot.upper)
 
     def find_mismatches(self, robot: Robot, period: float) -> list[str]:
         """List every mismatch with a robot and its control period [s]."""

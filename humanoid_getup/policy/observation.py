@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.policy.action import ActionSpec, ActionTerms
+from humanoid_getup.policy.action import ActionSpec
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import whole
@@ -50,7 +50,7 @@ class Term:
     size: Annotated[int, whole(1, 10_000)]
 
 
-def list_terms(robot: Robot, action: ActionTerms) -> tuple[Term, ...]:
+def list_terms(robot: Robot, action: ActionSpec) -> tuple[Term, ...]:
     """List the parts of the observation, in their order."""
     return (
         Term("gravity", 3),

@@ -109,7 +109,7 @@ class OnnxPolicy:
     ) -> None:
         """Prepare to run a policy that fits the robot; :meth:`load` checks it."""
         self.robot, self.contract, self.longest = robot, contract, longest
-        self.action = contract.action_spec(robot)
+        self.action = contract.action
         self.fault: str | None = None
         """Why it failed, if it did."""
         self._network, self.torque_limit = network, torque_limit
@@ -218,7 +218,12 @@ class OnnxPolicy:
             return
         self._last_action = np.clip(action, -1.0, 1.0)
         self._following = next_target(
-            self.action, self._target, sensed.joint_pos, sensed.gravity, self._last_action
+            self.robot,
+            self.action,
+            self._target,
+            sensed.joint_pos,
+            sensed.gravity,
+            self._last_action,
         )
         moved = float(np.abs(self._following - self._target).max())
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)

@@ -213,7 +213,7 @@ class GetUpEnv(VectorEnv):
         requested = np.asarray(actions, dtype=float)
         action = np.clip(requested, -1.0, 1.0)
         measured, gravity = self._sensed.joint_pos, self._sensed.gravity
-        following = next_target(self.action, self._target, measured, gravity, action)
+        following = next_target(self.robot, self.action, self._target, measured, gravity, action)
         self.sim.follow(self._target, following)
         self._target = following
         state = self.sim.measure_privileged_state()

@@ -28,8 +28,8 @@ def test_a_contract_survives_the_trip_through_json_to_the_last_bit():
     back = PolicyContract.from_json(CONTRACT.to_json())
     assert back.to_json() == CONTRACT.to_json()
     assert back.provenance == {"recipe": "quick", "seed": 3, "hours": 0.25}
-    spec = back.action_spec(OP3)
-    for name in ("directions", "scale", "reach", "home", "homing", "lower", "upper"):
+    spec = back.action
+    for name in ("directions", "scale", "reach", "home", "homing"):
         np.testing.assert_array_equal(getattr(spec, name), getattr(ACTION, name))
     assert (spec.mode, spec.names) == (ActionMode.RATE, ACTION.names)
     assert (spec.lead, spec.pwm_limit) == (ACTION.lead, ACTION.pwm_limit)

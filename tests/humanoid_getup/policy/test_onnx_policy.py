@@ -197,7 +197,7 @@ def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_pat
     for step in range(2):
         sensed = sim.sense()
         measured = sensed.joint_pos
-        following = next_target(action, target, measured, sensed.gravity, np.float32(bias))
+        following = next_target(op3, action, target, measured, sensed.gravity, np.float32(bias))
         told = sim.follow(target, following, record=("ctrl",))["ctrl"]
         target = following
         for cycle in range(action.cycles):

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from humanoid_getup.policy.action import ActionSpec, next_target
+from humanoid_getup.policy.action import ActionSpec, choose_actions, next_target
 from humanoid_getup.policy.observation import (
     Floats,
     Mirror,
@@ -22,17 +22,18 @@ from humanoid_getup.policy.observation import (
     observe,
 )
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.simulation.world import World
-from robots import Robot
+from robots import Robot, load_robot
 from robots.quaternion import Array
-from sim2real.environment.critic_observation import (
-    CriticInputs,
-    list_critic_terms,
-    observe_privileged,
+from sim2real.environment.initial_states import (
+    StartPool,
+    list_motion_starts,
+    make_pool,
+    pool_rng,
+    sample_stands,
 )
-from sim2real.environment.initial_states import StartPool, list_motion_starts, sample_stands
-from sim2real.environment.randomization import DomainRandomization
-from sim2real.environment.rewards import QUICK, Reward, RewardInputs, score
+from sim2real.environment.privileged_state import SAME, list_critic_terms, observe_privileged
+from sim2real.environment.randomization import RANDOMIZATIONS, DomainRandomization
+from sim2real.environment.rewards import QUICK, REWARDS, Reward, RewardInputs, score
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
@@ -115,12 +116,6 @@ class _AssistiveForce:
         self.ended = self.stood = 0
 
 
-def make_world(robot: Robot, scene: str, delays: bool, physics_step: float = PHYSICS_STEP) -> World:
-    """Compile the world of training."""
-    longest = LONGEST_DELAY if delays else 0.0
-    return build_training_world(robot, load_scene(scene), physics_step, longest)
-
-
 class GetUpEnv(VectorEnv):
     """Fallen robots that are rewarded for standing up, as a Gymnasium vector environment.
 
@@ -135,18 +130,16 @@ class GetUpEnv(VectorEnv):
     def __init__(
         self, robot: Robot, action: ActionSpec, pool: StartPool, options: EnvOptions
     ) -> None:
-        """Build the robots.
-
-        Args:
-            robot: Robot.
-            action: Action space.
-            pool: Settled falls, as MuJoCo positions of ``make_world``'s model.
-            options: Number of robots, randomization, rewards.
-        """
+        """Build the robots; the pool holds settled falls in a training world of theirs."""
         self.robot, self.action, self.options, self.pool = robot, action, options, pool
         randomization = options.randomization
-        delays = randomization is not None and randomization.delay[1] > 0.0
-        world = make_world(robot, options.scene, delays, options.physics_step)
+        has_delays = randomization is not None and randomization.delay[1] > 0.0
+        world = build_training_world(
+            robot,
+            load_scene(options.scene),
+            options.physics_step,
+            LONGEST_DELAY if has_delays else 0.0,
+        )
         noise = randomization.noise if randomization else None
         n = self.num_envs = options.robots
         self.sim = TrainingSim(
@@ -218,8 +211,12 @@ class GetUpEnv(VectorEnv):
         self._target = following
         state = self.sim.measure_privileged_state()
         self._sensed = self.sim.sense(self._rng if self.options.randomization else None)
-        inputs = RewardInputs.of(
-            self.robot, state, self._sensed.joint_pos, requested, self._last_action
+        inputs = RewardInputs(
+            **vars(state),
+            requested=requested,
+            action=action,
+            last_action=self._last_action,
+            away=self._sensed.joint_pos - self.robot.standing.joint_pos,
         )
         self._last_action = action
         reward, parts = score(self.options.rewards, inputs, self._force.cost_share)
@@ -294,7 +291,7 @@ class GetUpEnv(VectorEnv):
         """Return how left and right are exchanged in the critic's observation."""
         seen = mirror_of_observation(self.robot, self.action)
         privileged = (term.mirror for term in self._critic_terms)
-        return Mirror.of_parts(((seen.index, seen.sign), *privileged))
+        return Mirror.of_parts(((seen.index, seen.sign), *privileged, SAME))
 
     def save_state(self) -> dict[str, Any]:
         """Return the complete state, for :meth:`restore_state`."""
@@ -320,9 +317,48 @@ class GetUpEnv(VectorEnv):
         self._episodes = copy.deepcopy(state["episodes"])
 
     def _observe_privileged(self, observation: Floats) -> Floats:
-        inputs = CriticInputs(
-            state=self.sim.measure_privileged_state(),
-            parameters=self.sim.parameters,
-            held=self._episodes.held * self.step_time,
-        )
-        return observe_privileged(self._critic_terms, observation, inputs)
+        state, held = self.sim.measure_privileged_state(), self._episodes.held * self.step_time
+        return observe_privileged(self._critic_terms, observation, state, self.sim.parameters, held)
+
+
+def make_get_up(
+    num_envs: int = 512,
+    *,
+    robot: str = "op3",
+    rewards: str = "robust",
+    randomization: str = "all",
+    wide: bool = True,
+    falls: int = 128,
+    seed: int = 0,
+    threads: int = 0,
+) -> GetUpEnv:
+    """Build a training environment from names and numbers.
+
+    Args:
+        num_envs: Number of robots side by side.
+        robot: Name of a robot, or a folder with a robot.toml.
+        rewards: Name of the rewards.
+        randomization: Name of the domain randomization.
+        wide: Whether mirrored joints may also move in opposite directions, and limbs spread.
+        falls: Number of settled falls in the pool; their mirror images double it.
+        seed: Seed of the falls; that of the episodes goes to ``reset``.
+        threads: Threads that step physics; 0 for one per processor.
+
+    Raises:
+        ValueError: if there is no such robot, reward or randomization.
+    """
+    if rewards not in REWARDS:
+        raise ValueError(f"unknown rewards '{rewards}', expected {', '.join(REWARDS)}")
+    if randomization not in RANDOMIZATIONS:
+        expected = ", ".join(RANDOMIZATIONS)
+        raise ValueError(f"unknown randomization '{randomization}', expected {expected}")
+    loaded = load_robot(robot)
+    options = EnvOptions(
+        robots=num_envs,
+        randomization=RANDOMIZATIONS[randomization],
+        rewards=REWARDS[rewards],
+        threads=threads,
+    )
+    world = build_training_world(loaded, load_scene("flat"), PHYSICS_STEP)
+    pool = make_pool(world, falls, pool_rng(seed))
+    return GetUpEnv(loaded, choose_actions(loaded, wide), pool, options)

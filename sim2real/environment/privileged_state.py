@@ -1,30 +1,99 @@
-"""Privileged state: quantities that only a simulation can measure."""
+"""Privileged state: what only a simulation can measure, for rewards and for the critic."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from humanoid_getup.evaluation.standing import Stance
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.policy.observation import ROTATION, VECTOR, Floats, MirrorPart
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from robots import Robot
 from robots.quaternion import Array
+from sim2real.environment.randomization import MOST_DELAY
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PrivilegedState:
-    """Quantities of N robots that only a simulation can measure, for rewards and critics."""
+    """Quantities of N robots that only a simulation can measure.
 
-    stance: Stance
-    """(N,)"""
+    Lengths are in standing neck heights, unless they have a unit.
+    """
+
+    height: Array
+    """Height of the neck over the ground, (N,)."""
+    stretch: Array
+    """Height of the neck over the mean of the soles, (N,)."""
     sole_height: Array
-    """Height of each sole over the ground [m], (N, soles)."""
+    """Mean height of the soles, (N,)."""
+    sole_heights: Array
+    """Height of each sole over the ground, (N, soles)."""
     sole_distance: Array
-    """Horizontal distance of the soles' center from the neck [m], (N,)."""
+    """Horizontal distance of the soles' center from the neck, (N,)."""
     upright: Array
     """Cosine of the torso's tilt, (N,)."""
-    head_fall: Array
-    """Downward speed of the head [m/s]; 0 without a head, (N,)."""
+    standing: NDArray[np.bool_]
+    """Whether the standing condition holds, (N,)."""
+    non_foot_contact: NDArray[np.bool_]
+    """Whether anything but the feet touches the world, (N,)."""
     root_vel: Array
     """Linear (world) and angular (torso) velocity of the torso [m/s, rad/s], (N, 6)."""
-    joint_vel: Array
-    """[rad/s], (N, n)"""
+    joint_speed: Array
+    """Fraction of the servos' no-load speed, (N, n)."""
     torque: Array
-    """Servo torques [N·m], (N, n)."""
+    """Fraction of the servos' stall torque, (N, n)."""
+    fall_speed: Array
+    """Downward speed of the torso [1/s], (N,)."""
+    head_fall: Array
+    """Downward speed of the head [1/s]; 0 without a head, (N,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class CriticTerm:
+    """A part of the critic's observation, with its mirror image."""
+
+    read: Callable[[PrivilegedState, DomainParameters], NDArray[Any]]
+    """Computes the values, (N, size) or (N,)."""
+    mirror: MirrorPart
+
+
+SAME: MirrorPart = (np.arange(1), np.ones(1))
+
+
+def list_critic_terms(robot: Robot) -> tuple[CriticTerm, ...]:
+    """List the terms that follow the policy's observation, in order."""
+    soles = len(robot.sole_sites)
+    swapped = (np.arange(soles)[::-1], np.ones(soles))
+    joints = (robot.mirror_index, robot.mirror_sign)
+    return (
+        CriticTerm(lambda s, _: s.height, SAME),
+        CriticTerm(lambda s, _: s.sole_heights, swapped),
+        CriticTerm(lambda s, _: s.sole_distance, SAME),
+        CriticTerm(lambda s, _: s.upright, SAME),
+        CriticTerm(lambda s, _: s.non_foot_contact, SAME),
+        CriticTerm(lambda s, _: s.root_vel[:, :3], VECTOR),
+        CriticTerm(lambda s, _: s.root_vel[:, 3:], ROTATION),
+        CriticTerm(lambda s, _: s.torque, joints),
+        CriticTerm(lambda _, p: p.friction, SAME),
+        CriticTerm(lambda _, p: p.voltage / robot.supply_voltage, SAME),
+        CriticTerm(lambda _, p: p.mass.mean(axis=1), SAME),
+        CriticTerm(lambda _, p: p.action_delay / MOST_DELAY, SAME),
+        CriticTerm(lambda _, p: p.sensor_delay / MOST_DELAY, SAME),
+    )
+
+
+def observe_privileged(
+    terms: Sequence[CriticTerm],
+    observation: Floats,
+    state: PrivilegedState,
+    parameters: DomainParameters,
+    held: NDArray[np.floating[Any]],
+) -> Floats:
+    """Concatenate the policy's observation, each term and the time of standing [s], (N, size)."""
+    n = len(observation)
+    parts = (*(term.read(state, parameters) for term in terms), held)
+    columns = (part.reshape(n, -1) for part in parts)
+    return np.concatenate((observation, *columns), axis=1, dtype=np.float32, casting="same_kind")

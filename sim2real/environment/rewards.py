@@ -6,10 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.standing import is_upright
-from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.privileged_state import PrivilegedState
 
@@ -21,29 +18,9 @@ NECK_LOW = 0.4  # fraction of the standing neck height, below which the head may
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RewardInputs:
-    """Inputs of the reward terms for N robots; lengths are in standing neck heights."""
+class RewardInputs(PrivilegedState):
+    """Inputs of the reward terms for N robots."""
 
-    height: Array
-    """Height of the neck over the ground, (N,)."""
-    stretch: Array
-    """Height of the neck over the mean of the soles, (N,)."""
-    sole_height: Array
-    """Mean height of the soles, (N,)."""
-    sole_distance: Array
-    """Horizontal distance of the soles' center from the neck, (N,)."""
-    upright: Array
-    """Cosine of the torso's tilt, (N,)."""
-    standing: NDArray[np.bool_]
-    """Whether the standing condition holds, (N,)."""
-    joint_speed: Array
-    """Fraction of the servos' no-load speed, (N, n)."""
-    torque: Array
-    """Fraction of the servos' stall torque, (N, n)."""
-    fall_speed: Array
-    """Downward speed of the torso [1/s], (N,)."""
-    head_fall: Array
-    """Downward speed of the head [1/s], (N,)."""
     requested: Array
     """Actions of the policy before clipping, (N, k)."""
     action: Array
@@ -52,30 +29,6 @@ class RewardInputs:
     """Clipped actions of the last policy step, (N, k)."""
     away: Array
     """Angle of each joint from standing [rad], (N, n)."""
-
-    @staticmethod
-    def of(
-        robot: Robot, state: PrivilegedState, joint_pos: Array, requested: Array, last_action: Array
-    ) -> RewardInputs:
-        """Normalize the privileged state."""
-        size = robot.standing_neck_height
-        soles, neck_height = state.sole_height.mean(axis=1), state.stance.neck_height
-        return RewardInputs(
-            height=neck_height / size,
-            stretch=(neck_height - soles) / size,
-            sole_height=soles / size,
-            sole_distance=state.sole_distance / size,
-            upright=state.upright,
-            standing=is_upright(state.stance, robot),
-            joint_speed=state.joint_vel / robot.max_velocity,
-            torque=state.torque / robot.max_torque,
-            fall_speed=np.maximum(-state.root_vel[:, 2], 0.0) / size,
-            head_fall=state.head_fall / size,
-            requested=requested,
-            action=np.clip(requested, -1.0, 1.0),
-            last_action=last_action,
-            away=joint_pos - robot.standing.joint_pos,
-        )
 
 
 def way_up(m: RewardInputs) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.standing import Stance, StanceMeter
+from humanoid_getup.evaluation.standing import Stance, StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -181,20 +181,29 @@ class TrainingSim(VecSim):
         """Measure the quantities that the robot's sensors cannot."""
         layout, sites, sensors = self._layout, self.read("site_xpos"), self.read("sensordata")
         qpos, qvel = self.read("qpos"), self.read("qvel")
+        size = self.robot.standing_neck_height
         soles = sites[:, self._soles]  # (N, soles, 3)
+        sole_height = soles[..., 2].mean(axis=1)
         from_neck = soles[..., :2].mean(axis=1) - sites[:, self._neck, :2]
         root = qpos[:, layout.root_qpos + 3 : layout.root_qpos + 7]
         head_velocity = sensors[:, self._addresses.head_velocity]
         contact = self.world.find_non_foot_contact(sensors)
+        stance = self._meter.measure(qpos, sites, contact)
+        root_vel = qvel[:, layout.root_dof : layout.root_dof + 6]
         return PrivilegedState(
-            stance=self._meter.measure(qpos, sites, contact),
-            sole_height=soles[..., 2],
-            sole_distance=np.linalg.norm(from_neck, axis=-1),
+            height=stance.neck_height / size,
+            stretch=(stance.neck_height - sole_height) / size,
+            sole_height=sole_height / size,
+            sole_heights=soles[..., 2] / size,
+            sole_distance=np.linalg.norm(from_neck, axis=-1) / size,
             upright=-quaternion.gravity_in_body(root)[:, 2],
-            head_fall=np.maximum(-head_velocity[:, 2:].sum(axis=1), 0.0),
-            root_vel=qvel[:, layout.root_dof : layout.root_dof + 6],
-            joint_vel=qvel[:, layout.dof],
-            torque=self.torque,
+            standing=is_upright(stance, self.robot),
+            non_foot_contact=contact,
+            root_vel=root_vel,
+            joint_speed=qvel[:, layout.dof] / self.robot.max_velocity,
+            torque=self.torque / self.robot.max_torque,
+            fall_speed=np.maximum(-root_vel[:, 2], 0.0) / size,
+            head_fall=np.maximum(-head_velocity[:, 2:].sum(axis=1), 0.0) / size,
         )
 
     def save_state(self) -> dict[str, Any]:

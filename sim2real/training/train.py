@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 import torch
 
+from humanoid_getup.simulation.scene import load_scene
 from robots import Robot
-from sim2real.environment.get_up_env import EnvOptions, GetUpEnv, make_world
+from sim2real.environment.get_up_env import PHYSICS_STEP, EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool, make_pool, pool_rng
 from sim2real.environment.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import REWARDS
+from sim2real.environment.training_world import build_training_world
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import (
     RECIPE,
@@ -150,7 +152,7 @@ def load_pool(robot: Robot, recipe: Recipe, seed: int, file: Path) -> StartPool:
         FallError: if too few falls settle.
         ValueError: if the file does not hold falls of this robot.
     """
-    world = make_world(robot, "flat", False)
+    world = build_training_world(robot, load_scene("flat"), PHYSICS_STEP)
     if not file.exists():
         make_pool(world, recipe.falls, pool_rng(seed)).save(file, robot)
     return StartPool.load(file, robot, world.model.nq)

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.standing import Stance
+from robots.kinematics import place
+from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
+from sim2real.environment.initial_states import StartPool
 from sim2real.environment.rewards import (
     MOST_REQUESTED,
     NECK_LOW,
@@ -35,9 +37,12 @@ STANDING = RewardInputs(
     height=np.array([1.0]),
     stretch=np.array([1.0]),
     sole_height=np.array([0.0]),
+    sole_heights=np.zeros((1, 2)),
     sole_distance=np.array([0.0]),
     upright=np.array([1.0]),
     standing=np.array([True]),
+    non_foot_contact=np.array([False]),
+    root_vel=np.zeros((1, 6)),
     joint_speed=np.zeros((1, 2)),
     torque=np.zeros((1, 2)),
     fall_speed=np.zeros(1),
@@ -150,31 +155,30 @@ def test_the_parts_of_a_score_are_named_and_sum_up():
     assert {name: part.item() for name, part in parts.items()} == {"stands": 0.5, "way_up": 0.25}
 
 
-def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
-    sim = TrainingSim(world, 1, cycles=6, threads=1)
-    sim.place(np.array([0]), falls[:1])
-    state, size = sim.measure_privileged_state(), op3.standing_neck_height
-    tall = Stance(
-        neck_height=np.array([0.9 * size]),
-        tilt=np.array([0.0]),
-        non_foot_contact=np.array([False]),
-    )
-    velocity = np.array([[0.0, 0.0, -0.3, 0.0, 0.0, 0.0]])
-    state = replace(state, stance=tall, upright=np.array([1.0]), root_vel=velocity)
-    state = replace(state, sole_height=np.full((1, 2), 0.1 * size))
-    state = replace(state, head_fall=np.array([0.6]))
-    state = replace(state, joint_vel=np.tile(op3.max_velocity, (1, 1)))
-    moment = RewardInputs.of(
-        op3, state, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1))
-    )
-    assert moment.height == pytest.approx([0.9])
-    assert moment.stretch == pytest.approx([0.8])
-    assert moment.sole_height == pytest.approx([0.1])
-    assert moment.standing.tolist() == [True]
-    assert moment.fall_speed == pytest.approx([0.3 / size])
-    assert moment.head_fall == pytest.approx([0.6 / size])
-    assert moment.joint_speed == pytest.approx(np.ones((1, op3.n)))
-    assert moment.away == pytest.approx(np.zeros((1, op3.n)))
+def place_one(op3, world, qpos: np.ndarray, **qvel: float | np.ndarray) -> TrainingSim:
+    """Place a robot that moves: its torso upwards by ``up``, its joints by ``joints``."""
+    sim, layout = TrainingSim(world, 1, cycles=6, threads=1), op3.layout(world.model)
+    moving = np.zeros((1, world.model.nv))
+    moving[:, layout.root_dof + 2] = qvel.get("up", 0.0)
+    moving[:, layout.dof] = qvel.get("joints", 0.0)
+    sim.place(np.array([0]), qpos[None], moving)
+    return sim
+
+
+def test_a_moment_is_counted_in_the_robots_own_measures(op3, world):
+    size, standing = op3.standing_neck_height, place(op3, world.model, op3.standing)
+    standing[2] += 0.1 * size
+    state = place_one(op3, world, standing, up=-0.3).measure_privileged_state()
+    assert state.height == pytest.approx([1.1], abs=0.01)
+    assert state.stretch == pytest.approx([1.0], abs=0.01)
+    assert state.sole_height == pytest.approx([0.1], abs=0.01)
+    assert state.sole_heights == pytest.approx(np.full((1, 2), 0.1), abs=0.01)
+    assert state.sole_distance == pytest.approx([0.0], abs=0.1)
+    assert state.standing.tolist() == [True]
+    assert state.fall_speed == pytest.approx([0.3 / size])
+    assert state.head_fall == pytest.approx([0.3 / size])
+    turning = place_one(op3, world, standing, joints=op3.max_velocity).measure_privileged_state()
+    assert turning.joint_speed == pytest.approx(np.ones((1, op3.n)))
 
 
 def test_costs_alone_count_by_their_share():
@@ -188,36 +192,21 @@ def test_costs_alone_count_by_their_share():
 
 
 @pytest.mark.parametrize("asked", [-4.0, -1.0, -0.5, 0.5, 1.0, 4.0])
-def test_an_action_counts_up_to_one_and_is_asked_for_beyond(op3, world, falls, asked):
-    sim = TrainingSim(world, 1, cycles=6, threads=1)
-    sim.place(np.array([0]), falls[:1])
-    moment = RewardInputs.of(
-        op3,
-        sim.measure_privileged_state(),
-        op3.standing.joint_pos[None] + 0.25,
-        np.full((1, 3), asked),
-        np.full((1, 3), 0.125),
+def test_an_action_counts_up_to_one_and_is_asked_for_beyond(op3, action, falls, asked):
+    options = EnvOptions(
+        robots=1, rewards=(Reward(haste, 1.0), Reward(action_change, 1.0)), threads=1
     )
-    assert moment.requested.tolist() == [[asked] * 3]
-    assert moment.action.tolist() == [[min(max(asked, -1.0), 1.0)] * 3]
-    assert moment.last_action.tolist() == [[0.125] * 3]
-    assert moment.away == pytest.approx(np.full((1, op3.n), 0.25))
+    env = GetUpEnv(op3, action, StartPool.of(falls), options)
+    env.reset(seed=0)
+    for change in (min(abs(asked), 1.0), 0.0):
+        rewards = env.step(np.full((1, action.size), asked))[4]["rewards"]
+        assert rewards == pytest.approx({"haste": asked**2, "action_change": change**2})
 
 
 def test_a_rising_torso_and_servos_torque_in_the_robots_measures(op3, world, falls):
-    sim = TrainingSim(world, 1, cycles=6, threads=1)
-    sim.place(np.array([0]), falls[:1])
-    state = replace(
-        sim.measure_privileged_state(),
-        root_vel=np.array([[0.0, 0.0, 0.4, 0.0, 0.0, 0.0]]),
-        torque=-0.5 * op3.max_torque[None],
-        sole_distance=np.array([0.5 * op3.standing_neck_height]),
-        sole_height=np.array([[0.0, 0.2 * op3.standing_neck_height]]),
-    )
-    moment = RewardInputs.of(
-        op3, state, op3.standing.joint_pos[None], np.zeros((1, 1)), np.zeros((1, 1))
-    )
-    assert moment.fall_speed.tolist() == [0.0], "only downward speed is a fall"
-    assert moment.torque == pytest.approx(np.full((1, op3.n), -0.5))
-    assert moment.sole_distance == pytest.approx([0.5])
-    assert moment.sole_height == pytest.approx([0.1])
+    sim = place_one(op3, world, falls[0], up=0.4)
+    assert sim.measure_privileged_state().fall_speed.tolist() == [0.0], "only downwards is a fall"
+    target = falls[:1, op3.layout(world.model).qpos]
+    sim.follow(target, target + 0.2)
+    assert np.abs(sim.torque).max() > 0.5
+    assert sim.measure_privileged_state().torque == pytest.approx(sim.torque / op3.max_torque)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.judge import find_impact
-from humanoid_getup.evaluation.standing import is_upright, judge
+from humanoid_getup.evaluation.standing import judge
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import Floats, compute_torque_share, observe
 from robots.quaternion import Array
-from sim2real.environment.training_simulation import StepRecord, TrainingSim
+from sim2real.environment.training_simulation import Record, TrainingSim
 
 PolicyFunction = Callable[[Floats], Array]
 """Maps observations (N, size) to actions (N, k)."""
@@ -22,21 +22,11 @@ DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PolicyRollouts:
-    """Rollouts of N robots, a sample per control period."""
+class PolicyRollouts(Record):
+    """Rollouts of N robots, judged."""
 
     period: float
     """[s]"""
-    upright: NDArray[np.bool_]
-    """Whether the standing condition held, (N, T); false for a robot whose physics diverged."""
-    qpos: Array
-    """MuJoCo positions at the end of each policy step, (N, steps, nq)."""
-    torque: Array
-    """Servo torques [N·m], (N, T, n)."""
-    joint_vel: Array
-    """[rad/s], (N, T, n)"""
-    head_impact: Array
-    """Largest speed at which the head hit the ground [m/s], (N,)."""
 
     @property
     def stood(self) -> NDArray[np.bool_]:
@@ -47,6 +37,11 @@ class PolicyRollouts:
     def stand_time(self) -> Array:
         """Return the start time of each held stand [s]; nan without one, (N,)."""
         return np.array([judge(row, self.period).start_time for row in self.upright])
+
+    @property
+    def head_impact(self) -> Array:
+        """Return the largest speed at which each head hit the ground [m/s], (N,)."""
+        return find_impact(self.head_contact, self.head_speed)
 
     def peak_torque(self) -> Array:
         """Return the largest torque of each robot [N·m], (N,)."""
@@ -93,7 +88,7 @@ def roll_out_policy(
     sensed = sim.sense(rng)
     target, last_action = sensed.joint_pos, np.zeros((sim.n, action.size))
     share = compute_torque_share(robot, action, sim.parameters.torque_limit)
-    records: list[StepRecord] = []
+    records: list[Record] = []
     diverged = np.zeros(sim.n, dtype=bool)
     for step in range(round(duration / sim.step_time)):
         on_step(step)
@@ -106,15 +101,9 @@ def roll_out_policy(
         diverged |= sim.diverged
         target = following
         sensed = sim.sense(rng)
-    upright = np.concatenate([is_upright(r.stance, robot) for r in records], axis=1)
-    return PolicyRollouts(
-        period=robot.control_period,
-        upright=upright & ~diverged[:, None],
-        qpos=np.stack([r.qpos[:, -1] for r in records], axis=1),
-        torque=np.concatenate([r.torque for r in records], axis=1),
-        joint_vel=np.concatenate([r.joint_vel for r in records], axis=1),
-        head_impact=find_impact(
-            np.concatenate([r.head_contact for r in records], axis=1),
-            np.concatenate([r.head_speed for r in records], axis=1),
-        ),
-    )
+    columns = {
+        field.name: np.concatenate([getattr(record, field.name) for record in records], axis=1)
+        for field in fields(Record)
+    }
+    columns["upright"] &= ~diverged[:, None]
+    return PolicyRollouts(period=robot.control_period, **columns)

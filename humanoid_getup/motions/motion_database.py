@@ -83,12 +83,7 @@ def load_database(robot: Robot) -> MotionDatabase:
     folder = robot.folder / MOTION_FOLDER
     motions: list[Motion] = []
     for path in sorted(folder.glob("*.npz")):
-        motion = Motion.load(path)
-        if motion.robot != robot.name or motion.joint_pos.shape[1] != robot.n:
-            raise ValueError(
-                f"motion file {path}: made for '{motion.robot}' with "
-                f"{motion.joint_pos.shape[1]} joints, expected '{robot.name}' with {robot.n}"
-            )
+        motion = _load_own(path, robot)
         motions.append(motion)
         mirrored = motion.mirrored(robot)
         if not _is_same(motion, mirrored):
@@ -110,11 +105,16 @@ def find_motion(robot: Robot, name: str) -> Motion:
             known = ", ".join(motions)
             raise ValueError(f"unknown motion '{name}', expected {known} or an .npz file")
         return motions[name]
-    motion = Motion.load(Path(name))
+    return _load_own(Path(name), robot)
+
+
+def _load_own(path: Path, robot: Robot) -> Motion:
+    """Load a motion file of this robot."""
+    motion = Motion.load(path)
     joints = motion.joint_pos.shape[1]
     if motion.robot != robot.name or joints != robot.n:
         raise ValueError(
-            f"motion file {name}: made for '{motion.robot}' with {joints} joints, "
+            f"motion file {path}: made for '{motion.robot}' with {joints} joints, "
             f"expected '{robot.name}' with {robot.n}"
         )
     return motion

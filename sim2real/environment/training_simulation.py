@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.standing import Stance, StanceMeter, is_upright
+from humanoid_getup.evaluation.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -26,21 +26,21 @@ RECORDED = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StepRecord:
-    """Record of N robots over a policy step, a sample per control period, for judges."""
+class Record:
+    """Record of N robots for judges: T samples, one per control period."""
 
     qpos: Array
-    """MuJoCo positions, (N, cycles, nq)."""
-    stance: Stance
-    """(N, cycles)"""
+    """MuJoCo positions at the end of each policy step, (N, steps, nq)."""
+    upright: NDArray[np.bool_]
+    """Whether the standing condition held, (N, T); false for a robot whose physics diverged."""
     torque: Array
-    """Servo torques [N·m], (N, cycles, n)."""
+    """Servo torques [N·m], (N, T, n)."""
     joint_vel: Array
-    """[rad/s], (N, cycles, n)"""
+    """[rad/s], (N, T, n)"""
     head_contact: NDArray[np.bool_]
-    """Whether the head touches the world, (N, cycles)."""
+    """Whether the head touched the world, (N, T)."""
     head_speed: Array
-    """[m/s], (N, cycles)"""
+    """[m/s], (N, T)"""
 
 
 class TrainingSim(VecSim):
@@ -129,14 +129,15 @@ class TrainingSim(VecSim):
         self._torque = self.torque
         return recorded
 
-    def follow_recorded(self, target: Array, following: Array) -> StepRecord:
-        """Simulate a policy step as :meth:`follow` does; return the record for judges."""
+    def follow_recorded(self, target: Array, following: Array) -> Record:
+        """Simulate a policy step as :meth:`follow` does; return its record."""
         record = self.follow(target, following, RECORDED)
         sensors, at = record["sensordata"], self._addresses
         contact = self.world.find_non_foot_contact(sensors)
-        return StepRecord(
-            qpos=record["qpos"],
-            stance=self._meter.measure(record["qpos"], record["site_xpos"], contact),
+        stance = self._meter.measure(record["qpos"], record["site_xpos"], contact)
+        return Record(
+            qpos=record["qpos"][:, -1:],
+            upright=is_upright(stance, self.robot),
             torque=record["actuator_force"][..., self._servos],
             joint_vel=record["qvel"][..., self._layout.dof],
             head_contact=sensors[..., at.head_contact].sum(axis=-1) > 0,

@@ -12,7 +12,6 @@ import msgspec
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.policy.contract import Fact
 from robots import Robot
-from robots.files import write_atomically
 from robots.validation import shown
 
 STEPS = 20  # policy steps of every robot between two updates
@@ -139,18 +138,12 @@ def _as_fact(value: object) -> Fact:
     return value if isinstance(value, str | int | float | bool) else shown(value)
 
 
-def settle_recipe(file: Path, requested: dict[str, Any]) -> None:
-    """Write the recipe file; if there is one already, check that it is the same.
+def check_recipe(file: Path, requested: dict[str, Any]) -> None:
+    """Check that a recipe file holds the requested recipe.
 
     Raises:
         TrainingFolderError: naming all that differs.
     """
-    if file.exists():
-        _check_recipe(file, requested)
-    write_atomically(file, json.dumps(requested, indent=1) + "\n")
-
-
-def _check_recipe(file: Path, requested: dict[str, Any]) -> None:
     try:
         found = _flatten(json.loads(file.read_text("utf-8")))
     except (ValueError, AttributeError) as error:

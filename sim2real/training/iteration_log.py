@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sim2real.training.config import STEPS, Recipe
 from sim2real.training.distributed import DistributedProcess
-from sim2real.training.rsl_rl_env import StepReport
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,8 @@ class IterationLog:
         process: DistributedProcess,
     ) -> None:
         self._file, self._recipe, self._report, self._process = file, recipe, report, process
-        self._steps: list[StepReport] = []
+        self._rewards: list[float] = []
+        self._falls = self._stood = 0
         self._start, self._seconds_before = time.monotonic(), 0.0
         self._iteration = 0
 
@@ -62,22 +63,24 @@ class IterationLog:
             writer.writeheader()
             writer.writerows(rows)
 
-    def __call__(self, step: StepReport) -> None:
-        """Count one policy step."""
-        self._steps.append(step)
-        if len(self._steps) < STEPS:
+    def __call__(self, reward: float, info: dict[str, Any]) -> None:
+        """Count one policy step by its mean reward and the environment's information."""
+        self._rewards.append(reward)
+        self._falls, self._stood = self._falls + info["falls"], self._stood + info["stood"]
+        if len(self._rewards) < STEPS:
             return
         report = TrainReport(
             iteration=self._iteration,
             iterations=self._recipe.iterations,
             steps=(self._iteration + 1) * STEPS * self._recipe.robots * self._process.of,
             seconds=round(self._seconds_before + time.monotonic() - self._start, 1),
-            falls=sum(s.falls for s in self._steps),
-            stood=sum(s.stood for s in self._steps),
-            reward=round(float(np.mean([s.reward for s in self._steps])), 4),
-            lift=round(self._steps[-1].assistive_force, 3),
+            falls=self._falls,
+            stood=self._stood,
+            reward=round(float(np.mean(self._rewards)), 4),
+            lift=round(info["assistive_force"], 3),
         )
-        self._steps, self._iteration = [], self._iteration + 1
+        self._rewards, self._iteration = [], self._iteration + 1
+        self._falls = self._stood = 0
         if not self._process.leads:
             return
         row = asdict(report)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -16,20 +15,6 @@ from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
 
 
-@dataclass(frozen=True)
-class StepReport:
-    """Summary of one policy step of all robots."""
-
-    falls: int
-    """Number of episodes from settled falls that ended."""
-    stood: int
-    """Number of them that ended in a stand."""
-    reward: float
-    """Mean over the robots."""
-    assistive_force: float
-    """Upper limit of the assistive force, as a fraction of the weight."""
-
-
 class RslEnv(VecEnv):
     """A `GetUpEnv` for rsl-rl; the actor observes sensors, the critic privileged state as well."""
 
@@ -37,8 +22,9 @@ class RslEnv(VecEnv):
         self,
         env: GetUpEnv,
         device: str = "cpu",
-        on_step: Callable[[StepReport], None] = lambda _: None,
+        on_step: Callable[[float, dict[str, Any]], None] = lambda *_: None,
     ) -> None:
+        """Wrap an environment; ``on_step`` gets each step's mean reward and information."""
         self.env, self.device, self._on_step = env, device, on_step
         self.num_envs = env.num_envs
         self.num_actions = env.action.size
@@ -80,11 +66,10 @@ class RslEnv(VecEnv):
         """Step all robots by one policy step."""
         observation, reward, _, ended, info = self.env.step(actions.cpu().numpy())
         self.observations = self._pack(observation, info["critic"])
-        force = info["assistive_force"]
-        self._on_step(StepReport(info["falls"], info["stood"], float(reward.mean()), force))
+        self._on_step(float(reward.mean()), info)
         done = torch.as_tensor(ended, device=self.device)
         log = {f"Rewards/{name}": value for name, value in info["rewards"].items()}
-        log["Train/lift"] = force
+        log["Train/lift"] = info["assistive_force"]
         extras = {"time_outs": done, "log": log}
         return self.observations, torch.as_tensor(reward, device=self.device), done, extras
 

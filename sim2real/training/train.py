@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import random
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import torch
 
 from humanoid_getup.simulation.scene import load_scene
 from robots import Robot
+from robots.files import write_atomically
 from sim2real.environment.get_up_env import PHYSICS_STEP, EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool, make_pool, pool_rng
 from sim2real.environment.randomization import RANDOMIZATIONS
@@ -27,7 +29,7 @@ from sim2real.training.config import (
     Recipe,
     TrainingFolderError,
     TrainingRecord,
-    settle_recipe,
+    check_recipe,
 )
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
@@ -126,7 +128,9 @@ def write_recipe(
         "rewards": {r.term.__name__: r.weight for r in REWARDS[recipe.rewards]},
         "parent": None if parent is None else _describe_parent(robot, parent),
     }
-    settle_recipe(file, record)
+    if file.exists():
+        check_recipe(file, record)
+    write_atomically(file, json.dumps(record, indent=1) + "\n")
 
 
 def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:

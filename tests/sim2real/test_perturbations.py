@@ -131,7 +131,8 @@ def test_figures_count_by_class(op3: Robot):
         qpos=np.zeros((3, 1, 27)),
         torque=torque,
         joint_vel=np.ones((3, 8, 2)),
-        head_impact=np.array([0.0, 1.5, 0.5]),
+        head_contact=np.array([[False, True]] * 3),
+        head_speed=np.array([[0.0, 0.0], [1.5, 0.0], [0.5, 0.0]]),
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
     figures = summarize_rollouts(falls, [record], ("prone", "left"))

@@ -46,7 +46,8 @@ def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand():
         qpos=np.zeros((5, 1, 9)),
         torque=np.ones((5, samples, 2)),
         joint_vel=np.ones((5, samples, 2)),
-        head_impact=np.zeros(5),
+        head_contact=np.zeros_like(upright),
+        head_speed=np.zeros(upright.shape),
     )
     assert rollouts.stood.tolist() == [False, False, True, False, False]
     assert rollouts.stand_time[2] == pytest.approx(2.0)  # sample 199 ends the 200th period
@@ -72,7 +73,8 @@ def stood() -> PolicyRollouts:
         qpos=np.zeros((2, 1, 9)),
         torque=torque,
         joint_vel=joint_vel,
-        head_impact=np.zeros(2),
+        head_contact=np.zeros_like(upright),
+        head_speed=np.zeros(upright.shape),
     )
 
 

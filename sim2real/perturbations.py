@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -94,19 +95,10 @@ def evaluate_policy(
     threads: int = 0,
     report: Callable[[int], None] = lambda _: None,
 ) -> list[PolicyRollouts]:
-    """Roll out a policy under a perturbation; return the rollouts in chunks.
+    """Roll out a policy under a perturbation for a duration [s]; return rollouts in chunks.
 
-    Args:
-        robot: Robot.
-        action: Action space of the policy.
-        policy: Policy.
-        starts: Initial postures.
-        perturbation: Differences from the robot's description.
-        seed: Seed of everything random: weak servos, pushes, the IMU's axis, noise.
-        scene: Name of a scene.
-        duration: Duration of each rollout [s].
-        threads: Threads that step physics; 0 for one per processor.
-        report: Called with the number of robots done since the last call.
+    The seed is that of everything random: weak servos, pushes, the IMU's axis, noise. After each
+    chunk its number of robots is reported.
     """
     variants: list[ModelVariant] = []
     if perturbation.physics:
@@ -129,7 +121,6 @@ def evaluate_policy(
         )
         sim.set_parameters(sim.everyone, make_parameters(world, sim.n, perturbation, rng))
         qpos = np.array([place(robot, world.model, posture) for posture in some])
-        push = _Pushes(sim, perturbation.push, round(PUSH_EVERY / sim.step_time), rng)
         records.append(
             roll_out_policy(
                 sim,
@@ -138,7 +129,7 @@ def evaluate_policy(
                 qpos,
                 duration=duration,
                 rng=rng if perturbation.noise else None,
-                on_step=push,
+                on_step=partial(_push, sim, perturbation.push, rng),
             )
         )
         report(len(some))
@@ -178,13 +169,9 @@ def _summarize_rows(columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[
 def make_parameters(
     world: World, n: int, perturbation: Perturbation, rng: np.random.Generator
 ) -> DomainParameters:
-    """Make the domain parameters of robots under a perturbation.
+    """Make the domain parameters of ``n`` robots under a perturbation.
 
-    Args:
-        world: Robot and scene.
-        n: Number of robots.
-        perturbation: Differences from the robot's description.
-        rng: Random source: which servo is weak, the axes of the IMU's errors.
+    Which servo is weak and the axes of the IMU's errors are random.
     """
     p = DomainParameters.nominal(
         world,
@@ -207,18 +194,11 @@ def _format(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-class _Pushes:
-    """Pushes every robot periodically, in a random horizontal direction."""
-
-    def __init__(
-        self, sim: TrainingSim, speed: float, every: int, rng: np.random.Generator
-    ) -> None:
-        self._sim, self._speed, self._every, self._rng = sim, speed, every, rng
-
-    def __call__(self, step: int) -> None:
-        if not self._speed or step % self._every != self._every // 2:
-            return
-        n = self._sim.n
-        angle = self._rng.uniform(0.0, 2.0 * np.pi, n)
-        push = self._speed * np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1)
-        self._sim.push(np.arange(n), push)
+def _push(sim: TrainingSim, speed: float, rng: np.random.Generator, step: int) -> None:
+    """Push every robot in a random horizontal direction, in the middle of each period."""
+    every = round(PUSH_EVERY / sim.step_time)
+    if not speed or step % every != every // 2:
+        return
+    angle = rng.uniform(0.0, 2.0 * np.pi, sim.n)
+    velocity = speed * np.stack([np.cos(angle), np.sin(angle), np.zeros(sim.n)], axis=1)
+    sim.push(sim.everyone, velocity)

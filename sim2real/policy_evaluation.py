@@ -72,16 +72,10 @@ def roll_out_policy(
     rng: np.random.Generator | None = None,
     on_step: Callable[[int], None] = lambda _: None,
 ) -> PolicyRollouts:
-    """Roll out a policy, under the domain parameters of the simulation.
+    """Roll out a policy from MuJoCo positions (N, nq) for a duration [s].
 
-    Args:
-        sim: Simulation of as many robots as there are starts.
-        action: Action space of the policy.
-        policy: Policy.
-        starts: MuJoCo positions, (N, nq).
-        duration: Duration [s].
-        rng: Random source of sensor noise; ``None`` for none.
-        on_step: Called before each policy step with its number, to disturb the robots.
+    The N robots have the domain parameters of the simulation, and sensor noise from ``rng``.
+    ``on_step`` is called before each policy step with its number, to disturb them.
     """
     robot = sim.robot
     sim.place(sim.everyone, starts)

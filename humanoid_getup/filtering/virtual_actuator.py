@@ -63,7 +63,7 @@ def compute_force(
 
 
 def compute_torque(state: Feedback, force: Array, limbs: LimbMap) -> Array:
-    """Turn a force on the center of mass into joint torques [N·m], (N, n).
+    """Turn forces on the centers of mass [N], (N, 3), into joint torques [N·m], (N, n).
 
     With its contact point p fixed to the world and the torso's attitude kept, turning
     joint j (axis a, anchor o, the subtree below it of mass share m and center c) by dq moves
@@ -71,11 +71,6 @@ def compute_torque(state: Feedback, force: Array, limbs: LimbMap) -> Array:
     ``(m a x (c - o) - a x (p - o)) dq``: that is the column of the Jacobian J, and the
     torques are J^T f, section 4.3 of [Lin12]. Limbs that touch the world share the force;
     the joints of the others get none, and no external force ever acts.
-
-    Args:
-        state: N rollouts at one cycle.
-        force: Desired force on each center of mass [N], (N, 3).
-        limbs: Which joint belongs to which limb.
     """
     point = state.limb_point[:, limbs.limb]  # (N, n, 3)
     below = state.com[:, limbs.body]  # (N, n, 3)

@@ -51,13 +51,7 @@ class MotionDatabase:
         return len(self._frame)
 
     def select(self, posture: Posture, count: int = 1, per_motion: int = 1) -> list[Connection]:
-        """Find the best entry postures for a posture, nearest first.
-
-        Args:
-            posture: Posture of the robot.
-            count: Number of entry postures to find.
-            per_motion: How many of them may come from one motion.
-        """
+        """Find the entry postures nearest to a posture, at most ``per_motion`` of any motion."""
         distance = self.metric.distance(
             posture.orientation, posture.joint_pos, self._orientation, self._joint_pos
         )

@@ -77,11 +77,7 @@ class TrajectoryOptimizer:
     ) -> tuple[Keyframes, float]:
         """Search key postures and times; return the best and its disturbed success share.
 
-        Args:
-            keyframes: Initial solution.
-            generations: Number of generations.
-            seed: Seed of CMA-ES and of the disturbances.
-            report: Called with generation, best cost and share that stood.
+        After each generation its number, best cost and share that stood are reported.
         """
         robot = self.world.robot
         rng = np.random.default_rng(seed)

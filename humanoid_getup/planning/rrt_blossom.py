@@ -94,7 +94,9 @@ def search(
     (CONNECT, section 3.1). Every node added is tested against the whole other tree: with
     blossoms, the one nearest to the sample need not be the one that meets.
     """
-    return _Search(problem, start, goal, rng, options or SearchOptions()).run()
+    options = options or SearchOptions()
+    trees = (Tree(start, options.edges_per_node), Tree(goal, options.edges_per_node))
+    return _Search(problem, trees, rng, options).run()
 
 
 def regresses(problem: Problem, tree: Tree, parent: int, leaf: Array) -> bool:
@@ -103,19 +105,14 @@ def regresses(problem: Problem, tree: Tree, parent: int, leaf: Array) -> bool:
     return bool(distance.min() < distance[parent])
 
 
+@dataclass
 class _Search:
-    def __init__(
-        self,
-        problem: Problem,
-        start: Array,
-        goal: Array,
-        rng: np.random.Generator,
-        options: SearchOptions,
-    ) -> None:
-        self.problem, self.rng, self.options = problem, rng, options
-        self.trees = (Tree(start, options.edges_per_node), Tree(goal, options.edges_per_node))
-        self.edges = 0
-        self.meeting: tuple[int, int] | None = None
+    problem: Problem
+    trees: tuple[Tree, Tree]
+    rng: np.random.Generator
+    options: SearchOptions
+    edges: int = 0
+    meeting: tuple[int, int] | None = None
 
     def run(self) -> SearchResult:
         a, b = 0, 1
@@ -149,10 +146,7 @@ class _Search:
     def _extend(self, t: int, x: Array, straight: bool = False) -> int | None:
         """Grow a tree towards a point, EXTEND_BLOSSOM; return its new node closest to it.
 
-        Args:
-            t: Which tree.
-            x: The point.
-            straight: Whether to blossom only when the straight edge fails.
+        With ``straight`` it blossoms only when the straight edge fails.
         """
         tree = self.trees[t]
         near = self._nearest(t, x)

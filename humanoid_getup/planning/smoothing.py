@@ -111,11 +111,6 @@ def smooth_free(
 ) -> tuple[Array, Array, int]:
     """Round and time a path; where rounding cuts a corner into a collision, round it less.
 
-    Args:
-        path: Nodes (4 + n,), free along straight lines between them.
-        limits: Speed limits.
-        is_free: Returns whether a node collides with nothing.
-
     Returns:
         Times (T,) [s], nodes (T, 4 + n), and how many of them still collide.
     """

@@ -74,14 +74,10 @@ def compute_torque_share(robot: Robot, action: ActionSpec, torque_limit: Array |
 def observe(
     robot: Robot, sensed: Sensed, target: Array, last_action: Array, torque_share: Array
 ) -> Floats:
-    """Build an observation, (..., size).
+    """Build an observation, (..., size), whose joint angles are counted from standing.
 
-    Args:
-        robot: Gives the standing angles, from which joint angles are counted.
-        sensed: Measurements.
-        target: Present joint targets [rad], (..., n).
-        last_action: Numbers of the last policy step, (..., k).
-        torque_share: Torque limit as a share of the servos' own, (..., 1).
+    The present targets are (..., n) [rad], the numbers of the last policy step (..., k), and
+    the torque limit as a share of the servos' own (..., 1).
     """
     return np.concatenate(
         (

@@ -131,14 +131,10 @@ class OnnxPolicy:
         *,
         longest: float = LONGEST,
     ) -> OnnxPolicy:
-        """Load a policy for a robot.
+        """Load a policy that fits a robot and its control period [s].
 
-        Args:
-            file: ONNX file with a `PolicyContract` in its metadata.
-            robot: Robot to move.
-            period: Control period [s]; ``None`` for the robot's own.
-            torque_limit: Torque limit of every servo [N·m]; ``None`` for their own.
-            longest: Time after which it is done, standing or not [s].
+        The torque limit [N·m] is that of every servo; after ``longest`` [s] the policy is done,
+        standing or not.
 
         Raises:
             OSError: if the file cannot be read.

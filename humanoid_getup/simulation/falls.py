@@ -81,11 +81,6 @@ def classify(orientation: Array) -> str | None:
 def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fall:
     """Drop limp robots with random joints until one comes to lie in a class.
 
-    Args:
-        world: Robot and scene.
-        start_class: supine, prone, left or right.
-        seed: The same one gives the same fall.
-
     Raises:
         ValueError: if there is no such class.
         FallError: if the class does not come up.
@@ -113,12 +108,7 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
 
     They start with random joint angles within the limits, in any orientation, and settle for up
     to 10 s; the few that still move are left out. Then they are classified, and rejected where
-    the class is full or the robot does not lie.
-
-    Args:
-        world: Robot and scene.
-        counts: How many of each class; "lateral" is left or right.
-        rng: The same state of it gives the same falls.
+    the class is full or the robot does not lie. The class "lateral" is left or right.
 
     Raises:
         FallError: if a class does not come up.

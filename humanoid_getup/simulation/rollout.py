@@ -79,13 +79,9 @@ class Rollout:
         *,
         feedback: FeedbackLaw | None = None,
     ) -> Trace:
-        """Play targets from the start states, at rest, and record every control period.
+        """Play targets [rad], (N, T, n), from MuJoCo positions (N, nq), at rest.
 
-        Args:
-            starts: MuJoCo positions, shape (N, nq).
-            targets: Joint targets [rad], shape (N, T, n), one per control period.
-            parameters: Domain parameters of the N robots.
-            feedback: Corrects the targets; the corrected ones are recorded.
+        Targets last a control period each; those that ``feedback`` corrects are recorded so.
         """
         sim, length, sent = self.sim, targets.shape[1], targets.copy()
         sim.set_parameters(sim.everyone, parameters)

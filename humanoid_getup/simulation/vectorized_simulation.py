@@ -26,13 +26,10 @@ class VecSim:
     """
 
     def __init__(self, world: World, n: int, *, pwm_limit: float = 1.0, threads: int = 0) -> None:
-        """Build N copies under nominal domain parameters.
+        """Build ``n`` copies under nominal domain parameters.
 
-        Args:
-            world: Robot and scene.
-            n: Number of copies.
-            pwm_limit: Largest share of the supply at the motors.
-            threads: Number of threads; 0 for one per processor.
+        The PWM limit is the largest share of the supply at the motors; 0 threads are one per
+        processor.
         """
         self.world, self.n = world, n
         self.robot, self.model = world.robot, world.model
@@ -102,16 +99,10 @@ class VecSim:
     def advance(
         self, targets: Array, hold: int, record: tuple[str, ...] = (), ids: Ids | None = None
     ) -> dict[str, Array]:
-        """Send joint targets one after another.
+        """Send joint targets [rad], (N, T, n), each for ``hold`` physics steps.
 
-        Args:
-            targets: Joint targets [rad], (N, T, n), a row per world that is stepped.
-            hold: Physics steps that each of them is held.
-            record: MjData fields to return.
-            ids: Worlds that are stepped; ``None`` for all.
-
-        Returns:
-            Each field at the end of every target, (N, T, ...).
+        The N worlds are ``ids``, or all. The MjData fields ``record`` are returned as they are
+        at the end of every target, (N, T, ...).
         """
         # After a warning of NaN or Inf, MuJoCo resets a world and counts from one again.
         warnings = self.batch.warning[..., 1]

@@ -25,13 +25,7 @@ class World:
     def __init__(
         self, robot: Robot, scene: Scene | str = "flat", *, model: mujoco.MjModel | None = None
     ) -> None:
-        """Compile a robot in a scene.
-
-        Args:
-            robot: Robot.
-            scene: Scene, or its name.
-            model: The robot in the scene, compiled with other sensors or options; ``None`` to
-                compile it.
+        """Compile a robot in a scene, unless ``model`` is that with other sensors or options.
 
         Raises:
             ValueError: if there is no scene of that name.
@@ -48,11 +42,7 @@ class World:
         return tuple(model.body(int(body)).name for body in roots)
 
     def find_non_foot_contact(self, sensordata: Array) -> NDArray[np.bool_]:
-        """Find where anything but the feet touches the world, (...).
-
-        Args:
-            sensordata: MuJoCo sensor data, (..., nsensordata).
-        """
+        """Find where anything but the feet touches the world, (..., nsensordata) to (...)."""
         robot_address, *feet = self._contact_addresses
         return sensordata[..., robot_address] > sensordata[..., feet].sum(axis=-1)
 
@@ -81,15 +71,9 @@ def add_stance_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
 def add_contact_sensor(
     spec: mujoco.MjSpec, name: str, body: str, *, subtree: bool, force: bool = False
 ) -> None:
-    """Sense contacts between a body (or its subtree) and the world.
+    """Count the contacts between a body (or its subtree) and the world.
 
-    Args:
-        spec: Model to add the sensor to.
-        name: Name of the sensor.
-        body: Body whose contacts are sensed.
-        subtree: Whether the contacts of its descendants count, too.
-        force: Whether to add the point at which the net contact force acts to the number of
-            contacts.
+    With ``force`` the number is followed by the point at which the net contact force acts.
     """
     found, point = 1 << 0, 1 << 4  # mjCONDATA_FOUND, mjCONDATA_POS
     net_force = 3

@@ -66,12 +66,7 @@ class StartPool:
 
     @staticmethod
     def load(file: Path, robot: Robot, width: int) -> StartPool:
-        """Read initial states from an .npz file.
-
-        Args:
-            file: File of :meth:`save`.
-            robot: Robot whose states are expected.
-            width: Number of its MuJoCo positions, nq.
+        """Read a robot's initial states, of ``width`` MuJoCo positions, from an .npz file.
 
         Raises:
             ValueError: if the file holds no initial states of this robot.

@@ -75,13 +75,10 @@ def menagerie_servos(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 
 def backlash(angle: float) -> ModelVariant:
-    """Add backlash between every gear and its link.
+    """Add backlash, ``angle`` from end to end [rad], between every gear and its link.
 
     Each joint gets a second hinge that is free between two stops; the servo's encoder
     and motor are on the gear's side of it.
-
-    Args:
-        angle: Backlash from end to end [rad].
     """
 
     def change(spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -156,11 +156,8 @@ def score(
 ) -> tuple[Array, dict[str, Array]]:
     """Sum the weighted terms, (N,); return each of them as well.
 
-    Args:
-        rewards: Terms and weights.
-        inputs: Inputs of the terms.
-        cost_share: Factor on terms of negative weight: full costs teach a policy that cannot
-            rise yet to lie still.
+    Terms of negative weight count by ``cost_share``: full costs teach a policy that cannot rise
+    yet to lie still.
     """
     parts = {
         r.term.__name__: r.weight * (cost_share if r.weight < 0.0 else 1.0) * r.term(inputs)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +17,6 @@ from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from robots import quaternion
 from robots.quaternion import Array
-from sim2real.environment.delay_buffers import DelayBuffers
 from sim2real.environment.privileged_state import PrivilegedState
 from sim2real.environment.randomization import ObservationNoise
 from sim2real.environment.training_world import SensorAddresses
@@ -56,15 +56,10 @@ class TrainingSim(VecSim):
         threads: int = 0,
         noise: ObservationNoise | None = None,
     ) -> None:
-        """Build N robots with nominal parameters.
+        """Build N robots with nominal parameters, as :class:`VecSim` does.
 
-        Args:
-            world: Made by :func:`sim2real.environment.training_world.build_training_world`.
-            n: Number of robots.
-            cycles: Control periods per policy step.
-            pwm_limit: PWM limit of the motors, as a fraction of the supply.
-            threads: Threads that step physics; 0 for one per processor.
-            noise: Noise of the sensors.
+        The world is one of :func:`build_training_world`; a policy step has ``cycles`` control
+        periods.
         """
         super().__init__(world, n, pwm_limit=pwm_limit, threads=threads)
         self.cycles, self.noise = cycles, noise or ObservationNoise()
@@ -107,15 +102,10 @@ class TrainingSim(VecSim):
     def follow(
         self, target: Array, following: Array, record: tuple[str, ...] = ()
     ) -> dict[str, Array]:
-        """Simulate a policy step in which targets move at constant speed.
+        """Simulate a policy step in which targets [rad], (N, n), move at constant speed.
 
-        Args:
-            target: Targets at its start [rad], (N, n).
-            following: Targets at its end [rad], (N, n).
-            record: MjData fields to return; the physics step must divide a control period.
-
-        Returns:
-            Each field at the end of every control period, (N, cycles, ...).
+        The MjData fields ``record`` are returned as they are at the end of every control period,
+        (N, cycles, ...); the physics step must then divide it.
         """
         p, change = self.parameters, np.arange(self._changes)[:, None]
         offset = p.joint_offset
@@ -156,11 +146,7 @@ class TrainingSim(VecSim):
         self.read("qvel")[ids, root : root + 3] += velocity
 
     def sense(self, rng: np.random.Generator | None = None) -> Sensed:
-        """Read the sensors with the errors of the domain parameters.
-
-        Args:
-            rng: Random source of the noise; ``None`` for none.
-        """
+        """Read the sensors with the errors of the domain parameters, and noise from ``rng``."""
         p, at, data = self.parameters, self._addresses, self.read("sensordata")
         angle = np.linalg.norm(p.imu_tilt, axis=1)
         axis = p.imu_tilt / np.maximum(angle, 1e-12)[:, None]
@@ -235,3 +221,39 @@ class TrainingSim(VecSim):
         super()._compute_sensors(ids)
         delay[ids] = kept
         self._delays.fill(self.read("history"), ids, self.read("ctrl"), self.read("sensordata"))
+
+
+Whole = NDArray[np.integer[Any]]
+
+
+class DelayBuffers:
+    """Fills the buffers of placed robots as if they had always been in their present state.
+
+    A buffer in mjData.history is two numbers of bookkeeping, the sample times, then the samples.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.exist = model.nhistory > 0
+        data = mujoco.MjData(model)
+        self._blank = data.history.copy()
+        each, one = np.arange(model.nu), np.ones(model.nu, dtype=int)
+        self._ctrl = _find_samples(model.actuator_historyadr, model.actuator_history, each, one)
+        self._sensors = _find_samples(
+            model.sensor_historyadr, model.sensor_history, model.sensor_adr, model.sensor_dim
+        )
+
+    def fill(self, history: Array, ids: Ids, ctrl: Array, sensordata: Array) -> None:
+        """Fill the buffers of some robots with present values."""
+        rows = np.tile(self._blank, (len(ids), 1))
+        for (there, here), now in ((self._ctrl, ctrl), (self._sensors, sensordata)):
+            rows[:, there] = now[ids[:, None], here]
+        history[ids] = rows
+
+
+def _find_samples(starts: Whole, history: Whole, addresses: Whole, sizes: Whole) -> tuple[Ids, Ids]:
+    """Return the addresses of all samples in the history, and of their values."""
+    there, here = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
+    for start, samples, address, size in zip(starts, history[:, 0], addresses, sizes, strict=True):
+        there.append(start + 2 + samples + np.arange(samples * size))
+        here.append(address + np.tile(np.arange(size), samples))
+    return np.concatenate(there), np.concatenate(here)

@@ -24,12 +24,8 @@ def build_training_world(
 ) -> World:
     """Compile a robot in a scene with joint sensors, IMU, stance and head sensors.
 
-    Args:
-        robot: Robot.
-        scene: Scene.
-        timestep: Physics step [s]; a control period must be a multiple of it.
-        longest_delay: Longest delay of targets and measurements that delay buffers hold [s].
-        variants: Changes of the model.
+    A control period must be a multiple of the physics step [s]; delay buffers hold targets and
+    measurements for the longest delay [s].
     """
     spec = scene.build(robot)
     spec.option.timestep = timestep

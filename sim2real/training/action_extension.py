@@ -31,14 +31,8 @@ def extend_actions(
     New weights are zero: the extended policy behaves as before and explores the new components
     by noise alone.
 
-    Args:
-        checkpoint: Checkpoint with actor_state_dict and critic_state_dict.
-        terms: Observation terms of the extended policy.
-        before: Names of the action components in the checkpoint.
-        action: Extended action space, whose first components are those of the checkpoint.
-
     Raises:
-        ActionExtensionError: if the old components are not the first of the new ones.
+        ActionExtensionError: if the components ``before`` are not the first of the new ones.
     """
     if action.names[: len(before)] != before:
         raise ActionExtensionError(

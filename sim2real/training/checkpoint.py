@@ -55,11 +55,7 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
 
 
 def restore_like(template: Any, stored: Any) -> Any:
-    """Restore the types of a state that :func:`write_checkpoint` wrote, by a template.
-
-    Args:
-        template: State of the same structure, such as that of a new environment.
-        stored: State as read from a checkpoint.
+    """Give what was read from a checkpoint the types of a template of the same structure.
 
     Raises:
         CheckpointError: if the structures differ.

@@ -68,16 +68,8 @@ def train(
     One seed gives one policy on one machine, interrupted or not. Under torchrun, each process
     has its own robots and GPU, and the first one writes.
 
-    Args:
-        robot: Robot.
-        recipe: Hyperparameters.
-        seed: Seed of everything random.
-        folder: Folder for checkpoint, progress and TensorBoard files.
-        device: Device of the networks.
-        threads: Threads that step physics; 0 for one per processor.
-        parent: Folder of a training whose policy is the initial one, extended to this action
-            space; ``None`` for random weights.
-        report: Called after every iteration.
+    The device is that of the networks; 0 threads of physics are one per processor. The policy of
+    the training in the folder ``parent``, extended to this action space, is the initial one.
 
     Raises:
         OSError: if the parent cannot be read.

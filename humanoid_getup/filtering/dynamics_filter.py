@@ -9,7 +9,7 @@ import numpy as np
 from humanoid_getup.evaluation.standing import HOLD_TIME, Stance, is_upright, judge, measure_stance
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
-from humanoid_getup.motions.motion import Trajectory
+from humanoid_getup.motions.motion import Trajectory, hold_last
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
@@ -91,7 +91,7 @@ class DynamicsFilter:
         references = [self._refer(c) for c in candidates]
         moving = [len(r.target) for r in references]
         length = max(moving) + round(FIRST_HOLD / robot.control_period)
-        target = np.array([_extend(r.target, length) for r in references])
+        target = np.array([hold_last(r.target, length) for r in references])
         assistance = np.array([c.assistance for c in candidates])
         feedback = _Assistance(world, self._limbs, start, references, length, assistance)
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
@@ -116,7 +116,7 @@ class DynamicsFilter:
             world, place(robot, world.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
         )
         more = round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
-        longer = _extend(target, len(target) + more)
+        longer = hold_last(target, len(target) + more)
         trace = self._play(starts, np.tile(longer, (CHECKS, 1, 1)), parameters, None)
         upright = is_upright(measure_stance(world, trace), robot)
         stood = [judge(u, trace.period).stood for u in upright]
@@ -170,7 +170,7 @@ class _Assistance:
         self._torso = robot.layout(world.model).torso
         self._period = robot.control_period
         self._assistance = assistance[:, None]
-        self._com = np.array([_extend(r.com, length) for r in references])  # (N, T, 3)
+        self._com = np.array([hold_last(r.com, length) for r in references])  # (N, T, 3)
         self._velocity = np.gradient(self._com, self._period, axis=1)
         self._joined = np.array([r.joined for r in references])
         self._begins = np.array([r.begins for r in references])
@@ -201,8 +201,3 @@ class _Assistance:
         left = np.clip((self._moving - 1 - k) / FADE_CYCLES, 0.0, 1.0)
         active = ((k >= self._begins) * left)[:, None]
         return active * self._assistance * compute_torque(state, force, self._limbs)
-
-
-def _extend(rows: Array, length: int) -> Array:
-    """Repeat the last row up to a length."""
-    return np.concatenate([rows, np.repeat(rows[-1:], length - len(rows), axis=0)])

@@ -11,7 +11,7 @@ import numpy as np
 
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes, load_keyframes
-from humanoid_getup.motions.motion import Motion, join
+from humanoid_getup.motions.motion import Motion, hold_last, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
@@ -119,7 +119,7 @@ def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray
     robot, period = world.robot, world.robot.control_period
     plays = [join(motion, int(k), motion.joint_pos[k], period) for k in frames]
     length = max(map(len, plays)) + round(HOLD_TIME / period)
-    targets = np.array([np.concatenate([p, np.repeat(p[-1:], length - len(p), 0)]) for p in plays])
+    targets = np.array([hold_last(play, length) for play in plays])
     starts = np.array([place(robot, world.model, motion.posture(int(f))) for f in frames])
     limits = DomainParameters.nominal(world, len(frames))
     trace: Trace = Rollout(world, len(frames)).play(starts, targets, limits)

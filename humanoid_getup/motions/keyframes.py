@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Meta
 from scipy.interpolate import PchipInterpolator
 
-from humanoid_getup.motions.motion import StartClass
+from humanoid_getup.motions.motion import StartClass, hold_last
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import load_toml, name_unknown_joints, positive, read_table
@@ -62,8 +62,7 @@ class Keyframes:
                 break
             duration = duration * np.maximum(1.0, stretch)
         moving = np.clip(curve(time), robot.lower, robot.upper)
-        resting = np.repeat(moving[-1:], round(hold / robot.control_period), axis=0)
-        return np.concatenate([moving, resting])
+        return hold_last(moving, len(moving) + round(hold / robot.control_period))
 
     @property
     def genes(self) -> Array:

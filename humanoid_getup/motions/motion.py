@@ -229,6 +229,11 @@ def _check_values(motion: Motion) -> list[str]:
     return problems
 
 
+def hold_last(rows: Array, length: int) -> Array:
+    """Repeat the last row up to a length."""
+    return np.concatenate([rows, np.repeat(rows[-1:], length - len(rows), axis=0)])
+
+
 BLEND = 0.32  # s over which the motion's load on the servos is blended in
 
 

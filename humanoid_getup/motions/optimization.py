@@ -10,6 +10,7 @@ import numpy as np
 
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.rollout import Rollout, Trace
 from humanoid_getup.simulation.world import World
@@ -127,12 +128,7 @@ class TrajectoryOptimizer:
         plays = [c.targets(robot, hold + SWAY_TIME) for c in candidates]
         length = max(len(play) for play in plays)
         targets = np.array(
-            [
-                np.concatenate(
-                    [np.repeat(p[:1], lead, 0), p, np.repeat(p[-1:], length - len(p), 0)]
-                )
-                for p in plays
-            ]
+            [np.concatenate([np.repeat(p[:1], lead, 0), hold_last(p, length)]) for p in plays]
         )
         starts, parameters = randomize_rollouts(
             world, self.start, each, RolloutRandomization(), candidates[0].torque_limit, rng

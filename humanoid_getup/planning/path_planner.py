@@ -43,8 +43,6 @@ class PathResult:
     status: SearchStatus
     reason: str = ""
     """Why there is no path; empty when solved."""
-    goal: Posture
-    """The goal, turned and shifted over the ground to the start."""
     trajectory: Trajectory | None = None
     """Smooth motion from start to goal, at rest at both ends, sampled at the control period;
     None unless solved."""
@@ -68,19 +66,19 @@ def plan_path(
     checker.reset()
     for posture, status in ((start, SearchStatus.START_INVALID), (goal, SearchStatus.GOAL_INVALID)):
         if problems := checker.allow(posture):
-            return PathResult(status=status, reason=problems, goal=goal)
+            return PathResult(status=status, reason=problems)
     # The root's position is planned first, [Lin12], section 4.2.1.
     ends = start.position, goal.position
     root = search(PositionProblem(checker.scene, *ends), *ends, rng, options.search)
     if root.status is not SearchStatus.SOLVED:
         reason = f"no path for the root: {root.reason}"
-        return PathResult(status=root.status, reason=reason, goal=goal, nodes=root.nodes)
+        return PathResult(status=root.status, reason=reason, nodes=root.nodes)
     metric = PostureMetric.of(checker.robot)
     problem = PostureProblem(checker, metric, start, goal, np.array(root.path))
     found = find_path(problem, rng, options)
     if found.status is SearchStatus.SOLVED:
-        return _finish(problem, found, goal, rng, options)
-    return PathResult(status=found.status, reason=found.reason, goal=goal, nodes=found.nodes)
+        return _finish(problem, found, rng, options)
+    return PathResult(status=found.status, reason=found.reason, nodes=found.nodes)
 
 
 def find_path(
@@ -101,7 +99,6 @@ def find_path(
 def _finish(
     problem: PostureProblem,
     found: SearchResult,
-    goal: Posture,
     rng: np.random.Generator,
     options: PathOptions,
 ) -> PathResult:
@@ -121,7 +118,6 @@ def _finish(
         return PathResult(
             status=SearchStatus.BUDGET_SPENT,
             reason=f"{colliding} samples of the smoothed path still collide",
-            goal=goal,
             nodes=found.nodes,
         )
     configurations = problem.configurations(nodes)
@@ -132,9 +128,7 @@ def _finish(
         orientation=nodes[:, :4],
         joint_pos=nodes[:, 4:],
     )
-    return PathResult(
-        status=SearchStatus.SOLVED, goal=goal, trajectory=trajectory, nodes=found.nodes
-    )
+    return PathResult(status=SearchStatus.SOLVED, trajectory=trajectory, nodes=found.nodes)
 
 
 def _smooth(

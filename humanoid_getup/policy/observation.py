@@ -20,12 +20,34 @@ from robots.validation import whole
 Floats = NDArray[np.float32]
 """Type of a network's input."""
 
-MirrorPart = tuple[NDArray[np.int_], Array]
-"""Exchange of left and right in a part of a vector: index and sign, as in `Mirror`."""
-VECTOR: MirrorPart = (np.arange(3), np.array([1.0, -1.0, 1.0]))
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """How left and right are exchanged in a vector: ``vector[..., index] * sign``."""
+
+    index: NDArray[np.int_]
+    sign: Array
+
+    @staticmethod
+    def join(parts: Sequence[Mirror]) -> Mirror:
+        """Join the mirrors of a vector's parts."""
+        starts = np.cumsum([0, *(len(part.index) for part in parts)])
+        return Mirror(
+            index=np.concatenate([p.index + s for p, s in zip(parts, starts, strict=False)]),
+            sign=np.concatenate([part.sign for part in parts]),
+        )
+
+    def __call__(self, vector: Array) -> Array:
+        """Exchange left and right, (..., size)."""
+        return vector[..., self.index] * self.sign
+
+
+VECTOR = Mirror(np.arange(3), np.array([1.0, -1.0, 1.0]))
 """Mirror of a direction or a velocity: y changes."""
-ROTATION: MirrorPart = (np.arange(3), np.array([-1.0, 1.0, -1.0]))
+ROTATION = Mirror(np.arange(3), np.array([-1.0, 1.0, -1.0]))
 """Mirror of a rotation or an angular velocity: x and z change."""
+SAME = Mirror(np.arange(1), np.ones(1))
+"""Mirror of a number that does not change."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,37 +117,8 @@ def observe(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Mirror:
-    """How left and right are exchanged in a vector: ``vector[..., index] * sign``."""
-
-    index: NDArray[np.int_]
-    sign: Array
-
-    @staticmethod
-    def of_parts(parts: Sequence[MirrorPart]) -> Mirror:
-        """Join the mirrors (index, sign) of a vector's parts."""
-        starts = np.cumsum([0, *(len(index) for index, _ in parts)])
-        return Mirror(
-            index=np.concatenate([i + s for (i, _), s in zip(parts, starts, strict=False)]),
-            sign=np.concatenate([sign for _, sign in parts]),
-        )
-
-    def __call__(self, vector: Array) -> Array:
-        """Exchange left and right, (..., size)."""
-        return vector[..., self.index] * self.sign
-
-
 def mirror_of_observation(robot: Robot, action: ActionSpec) -> Mirror:
     """Build the exchange of left and right in observations."""
-    joints = (robot.mirror_index, robot.mirror_sign)
-    parts = (
-        VECTOR,
-        ROTATION,
-        joints,
-        joints,
-        joints,
-        (np.arange(action.size), action.mirror_sign(robot)),
-        (np.arange(1), np.ones(1)),
-    )
-    return Mirror.of_parts(parts)
+    joints = Mirror(robot.mirror_index, robot.mirror_sign)
+    actions = Mirror(np.arange(action.size), action.mirror_sign(robot))
+    return Mirror.join((VECTOR, ROTATION, joints, joints, joints, actions, SAME))

@@ -36,25 +36,12 @@ class FallError(ValueError):
     """Falls do not lead to the wanted postures."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settling:
-    """When a dropped robot counts as settled."""
-
-    speed: float
-    """Bound of every coordinate's speed [rad/s, m/s]."""
-    window: float = 0.25
-    """Time for which the speed is within its bound [s]."""
-    first_check: float = 3.0
-    """Time from the drop to the first check [s]."""
-    next_check: float = 1.0
-    """Time between checks of the robots that still move [s]."""
-    longest: float = 10.0
-    """Time after which a robot that still moves is left out [s]."""
-
-
-# Joints without torque creep at 0.025 rad/s (median) under the weight they carry, for minutes;
-# of 96 OP3s, 91 are slower than 0.05 after 3 s, 94 after 6 s.
-SETTLING = Settling(speed=0.05)
+# rad/s and m/s of a settled robot. Joints without torque creep at 0.025 rad/s (median) under the
+# weight they carry, for minutes; of 96 OP3s, 91 are slower than 0.05 after 3 s, 94 after 6 s.
+SETTLED_SPEED = 0.05
+SETTLED_TIME = 0.25  # s for which no coordinate is faster
+FIRST_CHECK, NEXT_CHECK = 3.0, 1.0  # s from the drop, and between checks of those that still move
+LONGEST_FALL = 10.0  # s after which a robot that still moves is left out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +120,7 @@ def _sample(
                 f"robot '{world.robot.name}' does not fall into every class: "
                 f"{missing} missing after {batch * BATCH} falls"
             )
-        qpos, settled = drop(sim, SETTLING, rng)
+        qpos, settled = drop(sim, SETTLED_SPEED, rng)
         left_out += int(np.sum(~settled))
         for posture in (read_posture(world.robot, world.model, q) for q in qpos[settled]):
             found = classify(posture.orientation)
@@ -154,9 +141,11 @@ def _count_as(start_class: str, counts: dict[str, int]) -> str:
 
 
 def drop(
-    sim: VecSim, settling: Settling, rng: np.random.Generator
+    sim: VecSim, settled_speed: float, rng: np.random.Generator, longest: float = LONGEST_FALL
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Drop the robots of a simulation in random postures, torque off, and let them settle.
+
+    A robot has settled when all its coordinates are slower than a speed [rad/s, m/s].
 
     Returns:
         Final MuJoCo positions (N, nq), and which robots settled, (N,).
@@ -168,15 +157,15 @@ def drop(
     sim.place(sim.everyone, qpos)
     hold = _count_sample_steps(sim)
     sample_time = hold * model.opt.timestep
-    window = round(settling.window / sample_time)
-    moving, time, duration = sim.everyone, 0.0, settling.first_check
-    while time < settling.longest - 1e-9 and len(moving):
+    window = round(SETTLED_TIME / sample_time)
+    moving, time, duration = sim.everyone, 0.0, FIRST_CHECK
+    while time < longest - 1e-9 and len(moving):
         targets = np.zeros((len(moving), round(duration / sample_time), robot.n))
         went = sim.advance(targets, hold, ("qpos",), moving)["qpos"]
-        time, duration = time + duration, settling.next_check
+        time, duration = time + duration, NEXT_CHECK
         qpos[moving] = went[:, -1]
         speed = np.abs(np.diff(went[:, -window:], axis=1)).max(axis=(1, 2)) / sample_time
-        moving = moving[(speed >= settling.speed) | sim.diverged[moving]]
+        moving = moving[(speed >= settled_speed) | sim.diverged[moving]]
     settled = ~np.isin(sim.everyone, moving)
     return qpos, settled
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.policy.action import ActionSpec, choose_actions, next_target
 from humanoid_getup.policy.observation import (
+    SAME,
     Floats,
     Mirror,
     compute_torque_share,
@@ -31,7 +32,7 @@ from sim2real.environment.initial_states import (
     pool_rng,
     sample_stands,
 )
-from sim2real.environment.privileged_state import SAME, list_critic_terms, observe_privileged
+from sim2real.environment.privileged_state import list_critic_terms, observe_privileged
 from sim2real.environment.randomization import RANDOMIZATIONS, DomainRandomization
 from sim2real.environment.rewards import QUICK, REWARDS, Reward, RewardInputs, score
 from sim2real.environment.training_simulation import TrainingSim
@@ -290,8 +291,7 @@ class GetUpEnv(VectorEnv):
     def mirror_of_critic(self) -> Mirror:
         """Return how left and right are exchanged in the critic's observation."""
         seen = mirror_of_observation(self.robot, self.action)
-        privileged = (term.mirror for term in self._critic_terms)
-        return Mirror.of_parts(((seen.index, seen.sign), *privileged, SAME))
+        return Mirror.join((seen, *(term.mirror for term in self._critic_terms), SAME))
 
     def save_state(self) -> dict[str, Any]:
         """Return the complete state, for :meth:`restore_state`."""

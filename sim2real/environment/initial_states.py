@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.simulation.falls import FallError, Settling, drop
+from humanoid_getup.simulation.falls import FallError, drop
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Robot
@@ -20,8 +20,9 @@ from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to
 from robots.kinematics import mirror_positions, place
 from robots.quaternion import Array
 
-# With coarse physics steps a robot at rest moves at up to 0.03; rolling and sliding are faster.
-SETTLING = Settling(speed=0.5)
+# rad/s and m/s; with coarse physics steps a robot at rest moves at up to 0.03; rolling and
+# sliding are faster.
+SETTLED_SPEED = 0.5
 MOST_ROUNDS = 50  # batches to drop for each that would do if every robot settled
 # Weight of the last episode in the success rate of an initial state: the last three episodes
 # dominate, since older ones say little about a policy that learns.
@@ -108,7 +109,7 @@ def drop_falls(sim: VecSim, count: int, rng: np.random.Generator) -> Array:
     found: list[Array] = []
     rounds = MOST_ROUNDS * math.ceil(count / sim.n)
     for _ in range(rounds):
-        qpos, settled = drop(sim, SETTLING, rng)
+        qpos, settled = drop(sim, SETTLED_SPEED, rng)
         found.append(qpos[settled])
         if sum(map(len, found)) >= count:
             return np.concatenate(found)[:count]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.policy.observation import ROTATION, VECTOR, Floats, MirrorPart
+from humanoid_getup.policy.observation import ROTATION, SAME, VECTOR, Floats, Mirror
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import Robot
 from robots.quaternion import Array
@@ -57,17 +57,14 @@ class CriticTerm:
 
     read: Callable[[PrivilegedState, DomainParameters], NDArray[Any]]
     """Computes the values, (N, size) or (N,)."""
-    mirror: MirrorPart
-
-
-SAME: MirrorPart = (np.arange(1), np.ones(1))
+    mirror: Mirror
 
 
 def list_critic_terms(robot: Robot) -> tuple[CriticTerm, ...]:
     """List the terms that follow the policy's observation, in order."""
     soles = len(robot.sole_sites)
-    swapped = (np.arange(soles)[::-1], np.ones(soles))
-    joints = (robot.mirror_index, robot.mirror_sign)
+    swapped = Mirror(np.arange(soles)[::-1], np.ones(soles))
+    joints = Mirror(robot.mirror_index, robot.mirror_sign)
     return (
         CriticTerm(lambda s, _: s.height, SAME),
         CriticTerm(lambda s, _: s.sole_heights, swapped),

@@ -49,7 +49,7 @@ def test_mirrored_numbers_make_mirrored_targets(seed: int, mode: ActionMode):
     target, measured, down, action = sample(seed)
     spec, mirror = spec_of(mode), OP3.mirror_joints
     following = next_target(OP3, spec, target, measured, down, action)
-    other = (mirror(target), mirror(measured), down * VECTOR[1], action * spec.mirror_sign(OP3))
+    other = (mirror(target), mirror(measured), VECTOR(down), action * spec.mirror_sign(OP3))
     assert next_target(OP3, spec, *other) == pytest.approx(mirror(following))
 
 

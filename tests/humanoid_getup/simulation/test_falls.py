@@ -4,7 +4,6 @@ import pytest
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import (
     FallSet,
-    Settling,
     classify,
     drop,
     sample_fall_set,
@@ -99,7 +98,6 @@ def test_a_robot_that_moves_longer_is_given_more_time(world):
     settled = []
     for longest in (3.0, 5.0):
         sim = VecSim(world, 12)
-        settling = Settling(speed=0.02, longest=longest)
-        settled.append(drop(sim, settling, np.random.default_rng(0))[1])
+        settled.append(drop(sim, 0.02, np.random.default_rng(0), longest)[1])
     assert np.all(settled[1] >= settled[0])
     assert settled[1].sum() > settled[0].sum()

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("gymnasium")
 
 from humanoid_getup.simulation import falls as falls_module
-from humanoid_getup.simulation.falls import FallError, Settling, sample_falls
+from humanoid_getup.simulation.falls import FallError, sample_falls
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
@@ -117,7 +117,7 @@ def test_one_seed_makes_one_set_of_falls(world):
 
 
 def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
-    monkeypatch.setattr(starts_module, "SETTLING", Settling(speed=0.0))
+    monkeypatch.setattr(starts_module, "SETTLED_SPEED", 0.0)
     monkeypatch.setattr(starts_module, "MOST_ROUNDS", 2)
     sim = TrainingSim(world, 2, cycles=6, threads=1)
     told = "robot 'op3' does not come to rest: 0 of 8 falls settled, expected 3"

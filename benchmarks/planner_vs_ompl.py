@@ -25,7 +25,7 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.motions.posture_metric import PostureMetric, align, orientation_distance
+from humanoid_getup.motions.posture_metric import PostureMetric, align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import PathOptions, find_path
 from humanoid_getup.planning.posture_space import PostureProblem
@@ -79,7 +79,8 @@ def search_ompl(problem: PostureProblem, limit: float) -> list[Array]:
     The axes are scaled by the metric's weights, so its distances are those of the metric
     but for the Pythagorean sum.
     """
-    arc = problem.root_weight * float(orientation_distance(problem.start[:4], problem.goal[:4]))
+    turn = 0.5 * float(quaternion.angle_between(problem.start[:4], problem.goal[:4]))
+    arc = problem.root_weight * turn
     scale = np.concatenate([[max(arc, 1e-6)], problem.scale])
 
     def to_node(state: Any) -> Array:

@@ -17,8 +17,7 @@ from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
-from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.rollout import Rollout, RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.world import World
 from robots.ground import GROUND
 from robots.kinematics import read_posture

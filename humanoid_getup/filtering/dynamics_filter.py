@@ -12,8 +12,13 @@ from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, co
 from humanoid_getup.motions.motion import Trajectory, hold_last
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
-from humanoid_getup.simulation.rollout import Feedback, Rollout, Trace
+from humanoid_getup.simulation.rollout import (
+    Feedback,
+    Rollout,
+    RolloutRandomization,
+    Trace,
+    randomize_rollouts,
+)
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place

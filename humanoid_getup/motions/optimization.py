@@ -11,8 +11,12 @@ import numpy as np
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
-from humanoid_getup.simulation.randomization import RolloutRandomization, randomize_rollouts
-from humanoid_getup.simulation.rollout import Rollout, Trace
+from humanoid_getup.simulation.rollout import (
+    Rollout,
+    RolloutRandomization,
+    Trace,
+    randomize_rollouts,
+)
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 

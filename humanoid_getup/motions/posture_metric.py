@@ -23,15 +23,6 @@ SEGMENT_WEIGHT = {
 """Weights of [Lin12], section 5, by `Joint.segment`."""
 
 
-def orientation_distance(q1: Array, q2: Array) -> Array:
-    """Compute dis_Q = |log(q1^-1 q2)| (2) of unit quaternions (..., 4).
-
-    The logarithm of a unit quaternion has *half* the angle of its rotation as its
-    length, so the result lies in [0, pi/2]. ``q`` and ``-q`` are one orientation.
-    """
-    return 0.5 * quaternion.angle_between(q1, q2)
-
-
 def best_yaw(q: Array, reference: Array) -> Array:
     """Compute the turn about the vertical [rad] that brings ``q`` closest to ``reference``.
 
@@ -44,10 +35,11 @@ def best_yaw(q: Array, reference: Array) -> Array:
 
 
 def aligned_orientation_distance(q1: Array, q2: Array) -> Array:
-    """Compute dis_Q after the best yaw.
+    """Compute dis_Q = |log(q1^-1 q2)| (2) of unit quaternions (..., 4) after the best yaw.
 
-    What that yaw leaves is the swing of r about a horizontal axis, so the distance is
-    half the angle between the directions of gravity in the two root frames.
+    The length of the logarithm is half the angle of the rotation. What the best yaw leaves is the
+    swing of r about a horizontal axis, so the distance is half the angle between the directions
+    of gravity in the two root frames, in [0, pi/2].
     """
     r = quaternion.multiply(q2, quaternion.inverse(q1))
     return np.arctan2(np.hypot(r[..., 1], r[..., 2]), np.hypot(r[..., 0], r[..., 3]))

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.motions.posture_metric import PostureMetric, align, orientation_distance
+from humanoid_getup.motions.posture_metric import PostureMetric, align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import (
     SPEED_SHARE,
@@ -99,7 +99,7 @@ def test_every_fall_is_planned_from_start_to_goal(
         goal = align(_nearest(start, goals), start)
         np.testing.assert_allclose(plan.trajectory.joint_pos[-1], goal.joint_pos, atol=1e-9)
         np.testing.assert_allclose(plan.trajectory.position[0], start.position, atol=1e-6)
-        turn = orientation_distance(plan.trajectory.orientation[-1], goal.orientation)
+        turn = quaternion.angle_between(plan.trajectory.orientation[-1], goal.orientation)
         assert turn < 1e-6
 
 

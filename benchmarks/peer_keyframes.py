@@ -41,13 +41,12 @@ from humanoid_getup.cli.output import counting, to_json
 from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.monitors import MonitorLimits
 from humanoid_getup.playback.motion_player import APPROACH_SPEED
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus, Strategy
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit, load_robot
 from robots.files import write_atomically
@@ -166,22 +165,20 @@ class KeyframePlan(RisePlan):
         """Name what is played."""
         return PEER
 
-    def controller(
-        self, world: World, torque_limit: TorqueLimit, _limits: MonitorLimits
-    ) -> Supervisor:
+    def controller(self, strategy: Strategy) -> Supervisor:
         """Make the player, without monitors."""
-        return Supervisor(KeyframePlayer(world, self.stance, self.pages, torque_limit.value), [])
+        limit = strategy.torque_limit.value
+        return Supervisor(KeyframePlayer(strategy.world, self.stance, self.pages, limit), [])
 
 
 class KeyframeRise:
     """Plays the maker's keyframes."""
 
-    def __init__(self, folder: Path, robot: Robot) -> None:
+    def __init__(self, folder: Path, world: World, torque_limit: TorqueLimit) -> None:
+        self.world, self.torque_limit, robot = world, torque_limit, world.robot
         stance = json.loads((folder / PAGES_FILE).read_text("utf-8"))["walk_ready_rad"]
-        status = RiseStatus.STORED
         self._plan = KeyframePlan(
-            status=status,
-            reason=status.value,
+            status=RiseStatus.STORED,
             stance=np.array([stance[name] for name in robot.joint_names]),
             pages={side: Page.load(folder, page, robot) for side, page in PAGES.items()},
         )
@@ -210,8 +207,7 @@ def compare(
         limits: Torque limits by name.
         report: Called with the record of each rise.
     """
-    robot = world.robot
-    database, peer = load_database(robot), KeyframeRise(peers, robot)
+    database = load_database(world.robot)
     cases = {}
     for name, limit in limits.items():
         records: list[dict[str, Any]] = []
@@ -221,19 +217,11 @@ def compare(
             report(record)
 
         strategies: dict[str, Strategy] = {
-            PLANNED: PlannedRise(world, database, RiseOptions(torque_limit=limit)),
+            PLANNED: PlannedRise(world, database, torque_limit=limit),
             ROBUST: LearnedRise(world, ROBUST, torque_limit=limit),
-            PEER: peer,
+            PEER: KeyframeRise(peers, world, limit),
         }
-        result = bench_methods(
-            world,
-            strategies,
-            seed=seed,
-            each=each,
-            torque_limit=limit,
-            heat=False,
-            report=keep,
-        )
+        result = bench_methods(strategies, seed=seed, each=each, heat=False, report=keep)
         cases[name] = {
             way: summary | _count(records, way) for way, summary in result["cases"].items()
         }

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
-from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import HardwareError
 from drivers.twin.simulation import Simulation
@@ -203,15 +202,12 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
     robot = world.robot
     virtual = VirtualRobot(Simulation(world), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, rng=rng) as ports:
-        backend = DynamixelBackend(
-            robot, ports.paths, clock=CycleClock(), answer_margin=REPLY_MARGIN
-        )
-        with backend:
+        witness = Witness(virtual, ports, clock=CycleClock(), answer_margin=REPLY_MARGIN)
+        with witness:
             pass  # the first connection configures the servos, which may take time
         at_rest = settle_posture(world, motion.posture(0))
         start = read_posture(robot, world.model, at_rest)
         ports.main.call(lambda: virtual.place(start))
-        witness = Witness(backend, virtual, ports)
         guard = SafetyGuard(witness, GuardLimits.of(robot))
         at = motion.duration * rng.uniform(*WINDOW)
         target = FaultTarget(ports.main.faults, guard, _draw_servo(robot, rng), _board_id(robot))

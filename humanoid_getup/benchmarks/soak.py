@@ -12,22 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from drivers import Backend, Command, Ending, SafetyGuard, State, run
+from drivers import Command, Ending, SafetyGuard, State, run
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.benchmarks.witness import ObservingBackend
-from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.execution.get_up import run_session
+from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.quaternion import Array
@@ -39,15 +34,12 @@ SIT_DEPTH = 0.6  # fraction of the way from standing to squatting
 MEGABYTE = 2**20
 
 
-class CountingBackend(ObservingBackend):
-    """Counts cycles and records the age of the oldest value."""
+class CountingBackend(DynamixelBackend):
+    """A driver that counts its cycles and records the age of the oldest value."""
 
-    def __init__(self, backend: Backend) -> None:
-        """Count a backend's cycles."""
-        super().__init__(backend)
-        self.writes = 0
-        self.oldest = 0.0
-        """Age of the oldest value in any measurement [s]."""
+    writes = 0
+    oldest = 0.0
+    """Age of the oldest value in any measurement [s]."""
 
     def read(self) -> State:
         """Measure."""
@@ -65,14 +57,7 @@ class Interpolation:
     """A controller that moves all joints to goal angles at constant speed, then holds."""
 
     def __init__(self, robot: Robot, goal: Array, duration: float, hold: float) -> None:
-        """Prepare the controller.
-
-        Args:
-            robot: Robot to move.
-            goal: Joint angles at the end [rad], shape (n,).
-            duration: Duration of the movement [s].
-            hold: Time of holding the goal [s].
-        """
+        """Prepare to move to a goal (n,) [rad] in ``duration``, and to ``hold`` it [s]."""
         self._robot, self._goal = robot, goal
         self._duration, self._hold = duration, hold
         self._begin = self._now = 0.0
@@ -111,8 +96,7 @@ class SoakCounts:
 
 
 def bench_soak(
-    world: World,
-    database: MotionDatabase,
+    planner: PlannedRise,
     *,
     seed: int,
     duration: float,
@@ -121,33 +105,31 @@ def bench_soak(
     """Rise, sit, tumble and rise again on a virtual bus in lock-step.
 
     Args:
-        world: Robot and scene.
-        database: Motions that plans end in.
+        planner: Plans the rises.
         seed: Seed of the first fall, the tumbles and the plans.
         duration: Time on the bus [s].
         report: Called after each round with the bus time [s].
     """
-    robot, planner = world.robot, PlannedRise(world, database, RiseOptions())
+    world = planner.world
     rng = np.random.default_rng(seed)
     virtual = VirtualRobot(Simulation(world), powered=True)
     counts, began = SoakCounts(), time.perf_counter()
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(
-            robot, ports.paths, clock=CycleClock(), answer_margin=REPLY_MARGIN
+        driver = CountingBackend(
+            world.robot, ports.paths, clock=CycleClock(), answer_margin=REPLY_MARGIN
         )
-        backend = CountingBackend(driver)
-        guard = SafetyGuard(backend)
+        guard = SafetyGuard(driver)
         start = sample_falls(world, {"supine": 1}, rng)[0].posture
         ports.main.call(lambda: virtual.place(start))
         time_before = ports.main.time
         while ports.main.time - time_before < duration:
-            _go_round(world, planner, virtual, guard, driver, counts, rng)
+            _go_round(planner, virtual, guard, counts, rng)
             gc.collect()
             counts.memory.append(_resident_memory())
             report(ports.main.time - time_before)
         line, passed = ports.main.statistics, ports.main.time - time_before
     wall = time.perf_counter() - began
-    explained = backend.writes * robot.control_period + line.unanswered * QUIET
+    explained = driver.writes * driver.period + line.unanswered * QUIET
     low, high = wilson_interval(counts.stood, counts.rises)
     settled = counts.memory[len(counts.memory) // 5 :]  # caches fill in the first rounds
     return {
@@ -165,14 +147,14 @@ def bench_soak(
                 "attempts": counts.attempts,
                 "sat": counts.sat,
                 "failures": counts.reasons,
-                "cycles": backend.writes,
+                "cycles": driver.writes,
                 "unexplained_s": passed - explained,
                 "packets": line.packets,
                 "unanswered": line.unanswered,
                 "driver_lost": driver.statistics["main"].lost,
                 "driver_damaged": driver.statistics["main"].damaged,
                 "driver_stale": driver.statistics["main"].stale,
-                "oldest_value_s": backend.oldest,
+                "oldest_value_s": driver.oldest,
                 "holds": counts.holds,
                 "clips": counts.clips,
                 "eeprom_writes": driver.eeprom_writes,
@@ -184,24 +166,16 @@ def bench_soak(
 
 
 def _go_round(
-    world: World,
     planner: PlannedRise,
     virtual: VirtualRobot,
     guard: SafetyGuard,
-    driver: DynamixelBackend,
     counts: SoakCounts,
     rng: np.random.Generator,
 ) -> None:
     """Rise, then sit down if it stands, then tumble."""
-    robot, simulation = world.robot, virtual.simulation
-    session = RiseSession(
-        guard=guard,
-        world=world,
-        strategy=planner,
-        make_judge=lambda: GroundTruthJudge(simulation, None),
-        services=driver,
-    )
-    rise = run_session(session, rng)
+    robot = planner.world.robot
+    session = RiseSession.on(guard, planner, simulation=virtual.simulation)
+    rise = AttemptManager(session).get_up(rng)
     counts.rises += 1
     counts.stood += rise.stood
     counts.attempts += rise.times_played

@@ -1,42 +1,19 @@
-"""Backends that observe what a backend of a virtual robot does, for benchmarks."""
+"""What a driver believes and what its virtual servos do, for benchmarks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from drivers import Backend, Command, State
+from drivers import Command, State
+from drivers.dynamixel.backend import DynamixelBackend
 from drivers.servo_units import ServoUnits
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from robots.quaternion import Array
 from robots.servo import RAD_PER_TICK
-
-
-class ObservingBackend(Backend):
-    """Forwards every call; subclasses override what they observe."""
-
-    def __init__(self, backend: Backend) -> None:
-        """Observe a backend."""
-        self._backend = backend
-        self.robot, self.period = backend.robot, backend.period
-
-    def connect(self) -> None:
-        """Open the backend."""
-        self._backend.connect()
-
-    def close(self) -> None:
-        """Close the backend."""
-        self._backend.close()
-
-    def read(self) -> State:
-        """Measure."""
-        return self._backend.read()
-
-    def write(self, command: Command) -> Command:
-        """Send a command."""
-        return self._backend.write(command)
 
 
 @dataclass(frozen=True)
@@ -105,19 +82,18 @@ class ServoTrace:
         return safe if safe is None else max(safe - since, 0.0)
 
 
-class Witness(ObservingBackend):
-    """Compares what a backend reports with the virtual robot behind it, in lock-step.
+class Witness(DynamixelBackend):
+    """A driver that compares what it reports with the virtual robot behind it, in lock-step.
 
     In lock-step nothing happens between a reply and the next request, so values that the
     driver reports as fresh must equal the encoder counts, tick for tick.
     """
 
-    def __init__(self, backend: Backend, robot: VirtualRobot, ports: VirtualPorts) -> None:
-        """Observe a virtual robot and the backend that drives it."""
-        super().__init__(backend)
-        self._virtual, self._ports = robot, ports
-        self._units = ServoUnits(robot.robot)
-        self.trace = ServoTrace(robot)
+    def __init__(self, virtual: VirtualRobot, ports: VirtualPorts, **options: Any) -> None:
+        """Drive a virtual robot; the options are those of `DynamixelBackend`."""
+        super().__init__(virtual.robot, ports.paths, **options)
+        self._virtual, self._virtual_ports = virtual, ports
+        self.trace = ServoTrace(virtual)
         self.too_fast = 0
         """Number of targets that moved faster than the joint's maximum speed."""
         self._sent: Command | None = None
@@ -126,13 +102,13 @@ class Witness(ObservingBackend):
 
     def read(self) -> State:
         """Measure, and compare with the ground truth."""
-        seen, before = len(self.trace.snapshots), self._measure()
+        seen, before = len(self.trace.snapshots), self._read_encoders()
         state = super().read()
         # Time passes while a reply is missing: the value at any time of the reading is true.
         moments = [
             before,
             *(snapshot.ticks for snapshot in self.trace.snapshots[seen:]),
-            self._measure(),
+            self._read_encoders(),
         ]
         low, high = np.min(moments, axis=0), np.max(moments, axis=0)
         off = np.maximum(low - state.joint_pos, state.joint_pos - high)
@@ -144,8 +120,8 @@ class Witness(ObservingBackend):
         ]
         return state
 
-    def _measure(self) -> Array:
-        return self._ports.main.call(
+    def _read_encoders(self) -> Array:
+        return self._virtual_ports.main.call(
             lambda: self._units.quantize(self._virtual.simulation.joint_pos)
         )
 

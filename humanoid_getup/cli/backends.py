@@ -17,9 +17,8 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.inputs import name_ports
 from humanoid_getup.cli.options.shared import RunOptions
-from humanoid_getup.execution.recovery import RebootsServos
 from humanoid_getup.simulation.world import World
-from robots import Posture, TorqueLimit
+from robots import Posture
 
 RELEASES = {"limp": Release.LIMP, "hold": Release.HOLD}
 LOCK_STEP_MARGIN = 0.2  # s to wait for a reply: nothing is timed, and the machine may be busy
@@ -33,14 +32,9 @@ class BackendChoice:
     realtime: bool
     """Whether cycles keep the deadlines of the wall clock."""
     simulation: Simulation | None = None
-    """Ground truth for judges; ``None`` for a robot that may be real."""
+    """Ground truth behind a virtual bus; ``None`` for the twin and for a real robot."""
     place: Callable[[Posture], None] | None = None
     """Places a simulated robot in a posture."""
-    services: RebootsServos | None = None
-
-    def limit_torque(self, value: float | None) -> TorqueLimit:
-        """Make a torque limit [N·m] that acts as this robot's: by PWM, or ideal on the twin."""
-        return TorqueLimit(value, "torque" if self.services is None else "pwm")
 
 
 @contextmanager
@@ -49,15 +43,13 @@ def open_backend(command: RunOptions, world: World) -> Iterator[BackendChoice]:
     robot, realtime, release = world.robot, command.realtime, RELEASES[command.release]
     if command.backend == "twin":
         twin = Twin(world)
-        yield BackendChoice(
-            backend=twin, realtime=realtime, simulation=twin.simulation, place=twin.place
-        )
+        yield BackendChoice(backend=twin, realtime=realtime, place=twin.place)
         return
     if command.port:  # a robot, or a virtual bus of another process
         driver = DynamixelBackend(robot, name_ports(robot, command.port), release=release)
         with driver:  # a problem of the port or of servos is reported before anything is planned
             pass
-        yield BackendChoice(backend=driver, realtime=True, services=driver)
+        yield BackendChoice(backend=driver, realtime=True)
         return
     virtual = VirtualRobot(Simulation(world))
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
@@ -77,5 +69,4 @@ def open_backend(command: RunOptions, world: World) -> Iterator[BackendChoice]:
             realtime=realtime,
             simulation=virtual.simulation,
             place=lambda posture: served.main.call(lambda: virtual.place(posture)),
-            services=driver,
         )

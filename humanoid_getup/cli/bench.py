@@ -10,7 +10,7 @@ from rich.table import Table
 from humanoid_getup.benchmarks import fault_injection, motions, rise, soak, speed
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
+from humanoid_getup.cli.inputs import find_motion, load_policy, load_world, make_torque_limit
 from humanoid_getup.cli.options.bench import (
     BenchFaults,
     BenchFilter,
@@ -29,12 +29,11 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
-from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import RiseOptions, Strategy
+from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 
@@ -55,7 +54,9 @@ FIGURES = {
 def bench_rise(command: BenchRise) -> int:
     """Rise from many settled falls."""
     world, database = _load(command)
-    options = RiseOptions(
+    planner = PlannedRise(
+        world,
+        database,
         planning=command.planning,
         filtering=command.filtering,
         assistance=command.assistance,
@@ -63,12 +64,7 @@ def bench_rise(command: BenchRise) -> int:
     )
     with counting("rises", len(rise.BENCH_CLASSES) * command.n) as count:
         result = rise.bench_rise(
-            world,
-            database,
-            seed=command.seed,
-            each=command.n,
-            options=options,
-            report=lambda _: count(1),
+            planner, seed=command.seed, each=command.n, report=lambda _: count(1)
         )
     return _hand_over(result, command)
 
@@ -80,7 +76,7 @@ def bench_methods(command: BenchMethods) -> int:
 
     def make_strategy(name: str) -> Strategy:
         if name == PLAN:
-            return PlannedRise(world, database, RiseOptions(torque_limit=limit))
+            return PlannedRise(world, database, torque_limit=limit)
         policy = load_policy(world.robot, name, command.torque_limit)
         return LearnedRise(world, policy, torque_limit=limit, name=name)
 
@@ -88,12 +84,7 @@ def bench_methods(command: BenchMethods) -> int:
     rises = len(rise.BENCH_CLASSES) * command.n * len(strategies)
     with counting("rises", rises) as count:
         result = rise.bench_methods(
-            world,
-            strategies,
-            seed=command.seed,
-            each=command.n,
-            torque_limit=limit,
-            report=lambda _: count(1),
+            strategies, seed=command.seed, each=command.n, report=lambda _: count(1)
         )
     return _hand_over(result, command)
 
@@ -149,7 +140,10 @@ def bench_soak(command: BenchSoak) -> int:
             passed = now
 
         result = soak.bench_soak(
-            world, database, seed=command.seed, duration=command.duration, report=report
+            PlannedRise(world, database),
+            seed=command.seed,
+            duration=command.duration,
+            report=report,
         )
     return _hand_over(result, command)
 

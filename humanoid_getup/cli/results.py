@@ -20,10 +20,10 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
-from humanoid_getup.cli.session import FLIGHT
+from humanoid_getup.cli.recording import FLIGHT
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.reporting import film_strip, plots
-from humanoid_getup.reporting.report import RunContext, make_report, print_summary
+from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.simulation.world import World
 
 
@@ -31,17 +31,14 @@ def hand_over(
     result: RiseResult, world: World, options: RunOptions, start: str, extra: dict[str, Any]
 ) -> int:
     """Write and print the result of a rise; return the exit code."""
-    context = RunContext(
-        robot=world.robot.name,
-        period=world.robot.control_period,
-        seed=options.seed,
-        start=start,
-        scene=options.scene,
-        backend=options.backend,
-        torque_limit=options.torque_limit,
-        extra=extra,
-    )
-    report = make_report(result, context)
+    settings = {
+        "seed": options.seed,
+        "start": start,
+        "scene": options.scene,
+        "backend": options.backend,
+        "torque_limit_nm": options.torque_limit,
+    }
+    report = make_report(result, settings | extra)
     files: list[str] = []
     if options.out is not None:
         with staging(options.out) as folder:

@@ -15,7 +15,6 @@ from humanoid_getup.playback.estimation import FaultedError, StartError, estimat
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.falls import UNCLASSED, classify
-from humanoid_getup.strategies.plan import RisePlan
 
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
 
@@ -31,14 +30,13 @@ class AttemptManager:
     """
 
     def __init__(self, session: RiseSession) -> None:
-        self._session, self._options = session, session.options
-        self._guard, self._world = session.guard, session.world
+        self._session, self._guard = session, session.guard
         self._number = 1
         self._recovery = Recovery(
             session.guard,
-            cooling=session.options.cooling,
+            cooling=session.cooling,
             services=session.services,
-            realtime=session.options.realtime,
+            realtime=session.realtime,
             report=lambda text: self._report(Phase.RECOVERING, text),
         )
 
@@ -57,9 +55,10 @@ class AttemptManager:
         except (UnrecoveredError, DriverError) as error:
             status, reason, by_fault = AttemptStatus.NEEDS_HELP, str(error), True
         self._report(Phase.ENDED, reason)
+        measured = next((a.start_class for a in attempts if a.start_class), UNCLASSED)
         return RiseResult(
             robot=self._guard.robot,
-            start_class=next((a.start_class for a in attempts if a.start_class), UNCLASSED),
+            start_class=self._session.start_class or measured,
             status=status,
             reason=reason,
             attempts=tuple(attempts),
@@ -69,7 +68,7 @@ class AttemptManager:
     def _try_all(
         self, attempts: list[Attempt], rng: np.random.Generator
     ) -> tuple[AttemptStatus, str]:
-        most = self._options.max_attempts
+        most = self._session.max_attempts
         for self._number in range(1, most + 1):
             attempt = self._attempt(rng)
             attempts.append(attempt)
@@ -84,24 +83,25 @@ class AttemptManager:
         return AttemptStatus.NEEDS_HELP, f"{most} attempts failed: {reasons}"
 
     def _attempt(self, rng: np.random.Generator) -> Attempt:
-        options, number = self._options, self._number
+        session = self._session
         try:
             state = self._settle()
         except StartError as error:
-            return Attempt(number=number, refusal=str(error))
-        posture = estimate_posture(self._world, state)
+            return Attempt(number=self._number, refusal=str(error))
+        posture = estimate_posture(session.strategy.world, state)
         side = classify(posture.orientation) or UNCLASSED
         self._report(Phase.PLANNING, f"the robot lies {side}")
-        plan = self._session.strategy.plan(posture, rng)
-        attempt = Attempt(number=number, start_class=side, plan=plan)
-        controller = plan.controller(self._world, options.torque_limit, options.monitor_limits)
+        plan = session.strategy.plan(posture, rng)
+        attempt = Attempt(number=self._number, start_class=side, plan=plan)
+        controller = plan.controller(session.strategy)
         if controller is None:
             return attempt
-        if options.preflight:
+        if session.preflight:
             self._report(Phase.PREFLIGHT, plan.title)
-            attempt = self._check(attempt, plan, state)
-            if attempt.refusal is not None:
-                return attempt
+            verdict = plan.preflight(session.strategy, state, self._measure)
+            attempt = replace(attempt, verdict=verdict)
+            if not verdict.passed:
+                return replace(attempt, refusal=str(verdict))
         self._report(Phase.PLAYING, plan.title)
         return self._play(attempt, controller)
 
@@ -109,9 +109,9 @@ class AttemptManager:
         """Wait until the robot is still, and recover from faults meanwhile."""
         for _ in range(MOST_REMEDIES):
             self._report(Phase.SETTLING, Phase.SETTLING.value)
-            if not self._options.settle:
+            if not self._session.settle:
                 return self._measure()
-            pacer = Pacer(self._guard.period) if self._options.realtime else None
+            pacer = Pacer(self._guard.period) if self._session.realtime else None
             try:
                 return settle(self._guard, pacer)
             except FaultedError as error:
@@ -123,17 +123,12 @@ class AttemptManager:
         with self._guard:
             return self._guard.read()
 
-    def _check(self, attempt: Attempt, plan: RisePlan, settled: State) -> Attempt:
-        limit = self._options.torque_limit
-        verdict = plan.preflight(self._world, limit, settled, self._measure)
-        return replace(attempt, verdict=verdict, refusal=None if verdict.passed else str(verdict))
-
     def _play(self, attempt: Attempt, controller: Supervisor) -> Attempt:
         report, outcome = play(
             controller,
             self._guard,
-            self._session.judge(),
-            realtime=self._options.realtime,
+            self._session.make_judge(),
+            realtime=self._session.realtime,
             on_cycle=self._session.on_cycle,
         )
         return replace(

@@ -120,7 +120,7 @@ class RiseResult:
     def plan(self) -> RisePlan:
         """Return the last plan."""
         plan = self.attempts[-1].plan if self.attempts else None
-        return plan or RisePlan(status=RiseStatus.NOT_PLANNED, reason=self.reason)
+        return plan or RisePlan(status=RiseStatus.NOT_PLANNED)
 
     @property
     def run(self) -> RunReport | None:

@@ -7,48 +7,34 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers import Backend, Cycle, GuardLimits, SafetyGuard, Twin
+from drivers.twin.simulation import Simulation
 from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
 from humanoid_getup.execution.result import PhaseChange
-from humanoid_getup.playback.monitors import MonitorLimits
 from humanoid_getup.playback.play import Judge
-from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
-from robots import FULL_TORQUE, TorqueLimit
 
 
 @dataclass(frozen=True, kw_only=True)
-class AttemptOptions:
-    """How to try to get up, and how often."""
+class RiseSession:
+    """A robot that is to get up, how, and how often it may try."""
 
+    guard: SafetyGuard
+    """Robot; it is connected for each phase, and its torque is off after each."""
+    strategy: Strategy
+    """Makes the plans; its world and torque limit are those of preflight and judges, too."""
     max_attempts: int = 3
-    torque_limit: TorqueLimit = FULL_TORQUE
+    start_class: str | None = None
+    """Side on which the robot lies, where that is known; None: as first measured."""
     settle: bool = True
     """False for a simulated robot that was placed at rest: it is measured at once."""
     preflight: bool = True
     """False: play without a preflight; never on hardware."""
     realtime: bool = False
     """Pace the cycles by the wall clock, for backends that do not pace themselves."""
-    monitor_limits: MonitorLimits = field(default_factory=MonitorLimits)
     cooling: Cooling = field(default_factory=Cooling)
-
-    def __post_init__(self) -> None:
-        if self.max_attempts < 1:
-            raise ValueError(f"max_attempts is {self.max_attempts}, expected 1 or more")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RiseSession:
-    """A robot that is to get up, and how."""
-
-    guard: SafetyGuard
-    """Robot; it is connected for each phase, and its torque is off after each."""
-    world: World
-    """Robot and scene that plans and preflight work with."""
-    strategy: Strategy
-    options: AttemptOptions = field(default_factory=AttemptOptions)
-    make_judge: Callable[[], Judge] | None = None
-    """Makes the judge of one run; None for sensors alone."""
+    simulation: Simulation | None = None
+    """Ground truth for the judges; None for sensors alone."""
     services: RebootsServos | None = None
     """Reboots servos; None where the backend cannot."""
     on_phase: Callable[[PhaseChange], None] = lambda _: None
@@ -56,42 +42,32 @@ class RiseSession:
     on_cycle: Callable[[Cycle], None] | None = None
     """Called with every cycle of the runs, to record it."""
 
+    def __post_init__(self) -> None:
+        if self.max_attempts < 1:
+            raise ValueError(f"max_attempts is {self.max_attempts}, expected 1 or more")
+
     @classmethod
-    def on(
-        cls,
-        backend: Backend,
-        world: World,
-        strategy: Strategy,
-        options: AttemptOptions | None = None,
-        **hooks: Any,
-    ) -> RiseSession:
-        """Let the robot of a backend get up.
+    def on(cls, backend: Backend, strategy: Strategy, **options: Any) -> RiseSession:
+        """Let the robot of a backend get up; ``options`` are further fields of the session.
 
-        A twin limits torque as the options say, by PWM or not, and is judged by ground truth,
-        every other backend by its sensors.
-
-        Args:
-            backend: Robot; it is put behind a guard with the torque limit if it has none.
-            world: Robot and scene that plans and preflight work with.
-            strategy: Finds a way to get up.
-            options: How to try, and how often.
-            hooks: Further fields of the session.
+        A backend without a guard is put behind one with the strategy's torque limit. A twin
+        limits torque as the strategy says, by PWM or not, and is judged by ground truth; other
+        backends reboot servos if they can.
         """
-        options = options or AttemptOptions()
-        limit = options.torque_limit.value
-        guard = backend
+        limit, guard = strategy.torque_limit, backend
         if not isinstance(guard, SafetyGuard):
-            guard = SafetyGuard(backend, GuardLimits.of(backend.robot, torque_limit=limit))
+            guard = SafetyGuard(backend, GuardLimits.of(backend.robot, limit.value))
         body = guard.backend
         if isinstance(body, Twin):
-            body.pwm_limited = options.torque_limit.by_pwm
-            hooks["make_judge"] = lambda: GroundTruthJudge(body.simulation, limit)
+            body.pwm_limited = limit.by_pwm
+            options["simulation"] = body.simulation
         elif isinstance(body, RebootsServos):
-            hooks["services"] = body
-        return cls(guard=guard, world=world, strategy=strategy, options=options, **hooks)
+            options["services"] = body
+        return cls(guard=guard, strategy=strategy, **options)
 
-    def judge(self) -> Judge:
+    def make_judge(self) -> Judge:
         """Make the judge of the next run."""
-        if self.make_judge is not None:
-            return self.make_judge()
-        return SensorJudge(self.world, self.guard.period, self.options.torque_limit.value)
+        limit = self.strategy.torque_limit.value
+        if self.simulation is not None:
+            return GroundTruthJudge(self.simulation, limit)
+        return SensorJudge(self.strategy.world, self.guard.period, limit)

@@ -10,17 +10,14 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.monitors import (
     Abort,
     Monitor,
-    MonitorLimits,
+    MotionMonitor,
     PolicyMonitor,
     ServoMonitor,
 )
-from humanoid_getup.playback.motion_monitor import MotionMonitor
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import TimedController
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-
-DEFAULT_LIMITS = MonitorLimits()
 
 
 class Supervisor:
@@ -65,7 +62,6 @@ def supervise_motion(
     motion: Motion,
     *,
     torque_limit: float | None = None,
-    limits: MonitorLimits = DEFAULT_LIMITS,
     tracked: bool = True,
 ) -> Supervisor:
     """Make a supervised player of a motion that holds its end for as long as a stand takes.
@@ -74,14 +70,14 @@ def supervise_motion(
     never rolled out.
     """
     player = MotionPlayer(world.robot, motion, hold=HOLD, torque_limit=torque_limit)
-    tracking = MotionMonitor(world, motion, player, limits, tracked=tracked)
-    return Supervisor(player, [tracking, ServoMonitor(world.robot, limits)])
+    tracking = MotionMonitor(world, motion, player, tracked=tracked)
+    return Supervisor(player, [tracking, ServoMonitor(world.robot)])
 
 
-def supervise_policy(policy: OnnxPolicy, limits: MonitorLimits = DEFAULT_LIMITS) -> Supervisor:
+def supervise_policy(policy: OnnxPolicy) -> Supervisor:
     """Make a supervised policy.
 
     The motion of a policy is not known beforehand, and it may get up again after a fall: only
     the servos are monitored, neither tilt nor progress; the policy's own time limit ends it.
     """
-    return Supervisor(policy, [ServoMonitor(policy.robot, limits), PolicyMonitor(policy)])
+    return Supervisor(policy, [ServoMonitor(policy.robot), PolicyMonitor(policy)])

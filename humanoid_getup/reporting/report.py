@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console
@@ -36,30 +35,11 @@ KEYS = (
 """Keys of every report; None if the run did not get that far."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunContext:
-    """Settings of a rise."""
-
-    robot: str
-    period: float
-    """Control period [s]."""
-    seed: int
-    start: str
-    """Posture class, posture file, or the motion's own start."""
-    scene: str
-    backend: str
-    torque_limit: float | None
-    """Torque limit of every servo [N·m]."""
-    extra: dict[str, Any] = field(default_factory=dict)
-    """Further keys of the report."""
-
-
-def make_report(rise: RiseResult, context: RunContext) -> dict[str, Any]:
-    """Collect the figures of a rise under the keys of report.json."""
+def make_report(rise: RiseResult, settings: dict[str, Any]) -> dict[str, Any]:
+    """Collect the figures of a rise and its settings, both under the keys of report.json."""
     report: dict[str, Any] = dict.fromkeys(KEYS)
-    report |= {key: getattr(context, key) for key in ("robot", "seed", "start", "scene", "backend")}
-    report |= {"torque_limit_nm": context.torque_limit} | rise.record() | context.extra
-    report["period_s"] = report["period_s"] or context.period
+    report |= {"robot": rise.robot.name} | rise.record() | settings
+    report["period_s"] = report["period_s"] or rise.robot.control_period
     return report
 
 

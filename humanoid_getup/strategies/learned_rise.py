@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from drivers import State
-from humanoid_getup.playback.monitors import MonitorLimits
 from humanoid_getup.playback.preflight import Verdict, preflight_robot
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy, check_torque_limit
 from robots import FULL_TORQUE, Posture, TorqueLimit
 
 
@@ -32,21 +31,15 @@ class PolicyPlan(RisePlan):
         """Name the policy."""
         return f"policy {self.name}"
 
-    def controller(
-        self, _world: World, _torque_limit: TorqueLimit, limits: MonitorLimits
-    ) -> Supervisor:
+    def controller(self, _strategy: Strategy) -> Supervisor:
         """Make the supervised policy."""
-        return supervise_policy(self.policy, limits)
+        return supervise_policy(self.policy)
 
     def preflight(
-        self,
-        world: World,
-        _torque_limit: TorqueLimit,
-        settled: State,
-        _measure: Callable[[], State],
+        self, strategy: Strategy, settled: State, _measure: Callable[[], State]
     ) -> Verdict:
         """Judge supply and temperatures: the motion of a policy is not known beforehand."""
-        return preflight_robot(world.robot, settled.voltage, settled.temperature)
+        return preflight_robot(strategy.world.robot, settled.voltage, settled.temperature)
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""
@@ -67,15 +60,15 @@ class LearnedRise:
         """Load a policy, or take a loaded one.
 
         Args:
-            world: Robot and scene.
             policy: Name of one of the robot's policies, an .onnx file, or a loaded policy.
             torque_limit: Of the servos; a loaded policy must have been loaded with it.
             name: For reports; ``None`` for the name of the file.
 
         Raises:
-            ValueError: if there is no such policy, it does not fit the robot, or it was loaded
-                with another torque limit.
+            ValueError: if the policy is unknown, does not fit the robot, or was loaded with
+                another torque limit.
         """
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit)
         if not isinstance(policy, OnnxPolicy):
             file, robot = find_policy(world.robot, str(policy)), world.robot
             name = name or file.stem
@@ -85,10 +78,8 @@ class LearnedRise:
                 f"the policy was loaded with a torque limit of {policy.torque_limit} N·m, "
                 f"expected {torque_limit.value} N·m as the strategy has"
             )
-        self.world, self.torque_limit = world, torque_limit
         self._policy, self._name = policy, name or "policy"
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
         """Plan to run the policy."""
-        status = RiseStatus.LEARNED
-        return PolicyPlan(status=status, reason=status.value, policy=self._policy, name=self._name)
+        return PolicyPlan(status=RiseStatus.LEARNED, policy=self._policy, name=self._name)

@@ -7,18 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from drivers import State
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
-from humanoid_getup.playback.monitors import MonitorLimits
 from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
-from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots import Posture, TorqueLimit
 
 MOTION = "motion.npz"
 
@@ -35,24 +34,12 @@ class RiseStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RiseOptions:
-    """Stages of planned rises that are used, and the torque limit."""
-
-    planning: bool = True
-    """False: straight interpolation to the connecting posture."""
-    filtering: bool = True
-    """False: the smoothed path and the motion are played as they are."""
-    assistance: float = 1.0
-    """Share of the virtual actuator's torques that the filter uses."""
-    torque_limit: TorqueLimit = FULL_TORQUE
-
-
-@dataclass(frozen=True, kw_only=True)
 class RisePlan:
     """The result of planning a rise; an instance of this base class has nothing to play."""
 
     status: RiseStatus
-    reason: str
+    detail: str = ""
+    """What the status does not say; empty for nothing."""
     connection: Connection | None = None
     planned: bool = False
     """Whether a path to a connecting posture was found."""
@@ -68,6 +55,11 @@ class RisePlan:
     """Wall time of everything after that [s]."""
 
     @property
+    def reason(self) -> str:
+        """Return in one line how the planning ended."""
+        return f"{self.status.value}: {self.detail}" if self.detail else self.status.value
+
+    @property
     def title(self) -> str:
         """Return the name of what is played; empty if nothing is."""
         return ""
@@ -77,21 +69,12 @@ class RisePlan:
         """Return the kind of rise, for pictures."""
         return self.title
 
-    def controller(
-        self,
-        world: World,  # noqa: ARG002
-        torque_limit: TorqueLimit,  # noqa: ARG002
-        limits: MonitorLimits,  # noqa: ARG002
-    ) -> Supervisor | None:
+    def controller(self, _strategy: Strategy) -> Supervisor | None:
         """Make the supervised controller of this plan; ``None`` if there is nothing to play."""
         return None
 
     def preflight(
-        self,
-        world: World,  # noqa: ARG002
-        torque_limit: TorqueLimit,  # noqa: ARG002
-        settled: State,  # noqa: ARG002
-        measure: Callable[[], State],  # noqa: ARG002
+        self, _strategy: Strategy, _settled: State, _measure: Callable[[], State]
     ) -> Verdict:
         """Judge the plan with torque off.
 
@@ -139,31 +122,24 @@ class MotionPlan(RisePlan):
         """Return the motion's kind of rise."""
         return self.motion.strategy
 
-    def controller(
-        self, world: World, torque_limit: TorqueLimit, limits: MonitorLimits
-    ) -> Supervisor:
+    def controller(self, strategy: Strategy) -> Supervisor:
         """Make the supervised player of the motion."""
         return supervise_motion(
-            world,
+            strategy.world,
             self.motion,
-            torque_limit=torque_limit.value,
-            limits=limits,
+            torque_limit=strategy.torque_limit.value,
             tracked=self.simulated,
         )
 
     def preflight(
-        self,
-        world: World,
-        torque_limit: TorqueLimit,
-        settled: State,
-        measure: Callable[[], State],
+        self, strategy: Strategy, settled: State, measure: Callable[[], State]
     ) -> Verdict:
         """Roll the motion out from the present posture, and judge it."""
         return preflight(
-            world,
+            strategy.world,
             self.motion,
             voltage=settled.voltage,
-            torque_limit=torque_limit,
+            torque_limit=strategy.torque_limit,
             temperature=settled.temperature,
             start=measure(),
         )
@@ -173,16 +149,9 @@ class MotionPlan(RisePlan):
         self.motion.save(folder / MOTION)
 
 
+@runtime_checkable
 class Strategy(Protocol):
-    """Plans how to get up from a start."""
-
-    def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
-        """Plan a rise from a posture at rest."""
-        ...
-
-
-class WorldStrategy(Strategy, Protocol):
-    """A strategy that knows the robot, where it is, and the torque limit of its servos."""
+    """Plans how one robot in one scene gets up, within the torque limit of its servos."""
 
     @property
     def world(self) -> World:
@@ -193,3 +162,14 @@ class WorldStrategy(Strategy, Protocol):
     def torque_limit(self) -> TorqueLimit:
         """Return the torque limit that its plans keep to."""
         ...
+
+    def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
+        """Plan a rise from a posture at rest."""
+        ...
+
+
+def check_torque_limit(limit: TorqueLimit) -> TorqueLimit:
+    """Return a torque limit; raise TypeError for anything else, such as a number."""
+    if not isinstance(limit, TorqueLimit):
+        raise TypeError(f"torque_limit is {limit!r}, expected e.g. TorqueLimit(2.5)")
+    return limit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,8 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.path_planner import plan_path
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseOptions, RisePlan, RiseStatus
-from robots import Posture, TorqueLimit, quaternion
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus, check_torque_limit
+from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -38,11 +38,16 @@ class _Progress:
 
     start: Posture
     rng: np.random.Generator
-    tried: list[CandidateRollout]
+    tried: list[CandidateRollout] = field(default_factory=list)
     best: CandidateRollout | None = None
     robust: float = float("nan")
     rounds: int = 0
     planned: bool = False
+
+    @property
+    def is_done(self) -> bool:
+        """Return whether there is a rise that stands under every disturbance."""
+        return self.best is not None and self.robust >= ENOUGH
 
 
 class PlannedRise:
@@ -52,31 +57,28 @@ class PlannedRise:
         self,
         world: World,
         database: MotionDatabase | None = None,
-        options: RiseOptions | None = None,
         *,
-        torque_limit: TorqueLimit | None = None,
+        planning: bool = True,
+        filtering: bool = True,
+        assistance: float = 1.0,
+        torque_limit: TorqueLimit = FULL_TORQUE,
     ) -> None:
         """Prepare to plan.
 
         Args:
             world: Robot and scene.
             database: Motions to connect to; ``None`` for the robot's own.
-            options: Which parts of the method to use.
-            torque_limit: Of the servos; ``None`` for that of the options.
+            planning: Plan a path to the connecting posture; False: interpolate straight to it.
+            filtering: Filter through physics; False: path and motion are played as they are.
+            assistance: Share of the virtual actuator's torques that the filter uses.
+            torque_limit: Of the servos.
         """
-        options = options or RiseOptions()
-        if torque_limit is not None:
-            options = replace(options, torque_limit=torque_limit)
-        self.world, self.options = world, options
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit)
+        self.planning, self.filtering, self.assistance = planning, filtering, assistance
         self.database = load_database(world.robot) if database is None else database
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
-        self.filter = DynamicsFilter(world, torque_limit=options.torque_limit)
-
-    @property
-    def torque_limit(self) -> TorqueLimit:
-        """Return the torque limit that rises are planned for."""
-        return self.options.torque_limit
+        self.filter = DynamicsFilter(world, torque_limit=torque_limit)
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
@@ -87,9 +89,9 @@ class PlannedRise:
         posture is first pulled free by its servos.
         """
         began = time.perf_counter()
-        progress = _Progress(start, rng, [])
+        progress = _Progress(start, rng)
         connections = self.database.select(start, FIRST_CONNECTIONS + MORE_CONNECTIONS)
-        if not self.options.filtering:
+        if not self.filtering:
             path = self._approach(start, connections[0], rng)
             return self._chain_unfiltered(connections[0], path, time.perf_counter() - began)
         first = self._candidates(progress, progress.start, connections[:FIRST_CONNECTIONS])
@@ -99,20 +101,24 @@ class PlannedRise:
         self._round(progress, first)
         if not first:
             self._round(progress, self._pull_free(progress, connections[:FIRST_CONNECTIONS]))
-        elif not self._is_done(progress):
+        elif not progress.is_done:
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
             self._round(progress, further + [replace(c, tempo=SLOW) for c in first + further])
         for _ in range(SECOND_TRIES):
-            if not self._is_done(progress):
+            if not progress.is_done:
                 self._try_again(progress)
-        filter_s = time.perf_counter() - began
-        return self._conclude(progress, self.filter.count - already, plan_s, filter_s)
+        return self._conclude(
+            progress,
+            rollouts=self.filter.count - already,
+            plan_s=plan_s,
+            filter_s=time.perf_counter() - began,
+        )
 
     def _approach(
         self, start: Posture, connection: Connection, rng: np.random.Generator
     ) -> Trajectory | None:
         """Find a smooth path to a connecting posture."""
-        if not self.options.planning:
+        if not self.planning:
             return self._straight(start, connection)
         for checker in (self._checker, self._tangled_checker):
             path = plan_path(start, connection.posture, checker, rng).trajectory
@@ -123,9 +129,6 @@ class PlannedRise:
     def _straight(self, start: Posture, connection: Connection) -> Trajectory:
         period = self.world.robot.control_period
         return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)
-
-    def _is_done(self, progress: _Progress) -> bool:
-        return progress.best is not None and progress.robust >= ENOUGH
 
     def _candidates(
         self,
@@ -144,20 +147,14 @@ class PlannedRise:
                 break
             path = self._approach(start, connection, progress.rng)
             if path is not None:
-                candidates.append(self._candidate(path, connection, before))
-        progress.planned |= self.options.planning and before is None and bool(candidates)
+                candidates.append(Candidate(path=path, connection=connection, before=before))
+        progress.planned |= self.planning and before is None and bool(candidates)
         return candidates
-
-    def _candidate(
-        self, path: Trajectory, connection: Connection, before: Array | None = None
-    ) -> Candidate:
-        share = self.options.assistance
-        return Candidate(path=path, connection=connection, assistance=share, before=before)
 
     def _pull_free(self, progress: _Progress, connections: list[Connection]) -> list[Candidate]:
         """Move straight and slowly without a path: limbs may yield."""
         return [
-            replace(self._candidate(self._straight(progress.start, c), c), tempo=SLOW)
+            Candidate(path=self._straight(progress.start, c), connection=c, tempo=SLOW)
             for c in connections
         ]
 
@@ -175,6 +172,7 @@ class PlannedRise:
         if not candidates:
             return
         progress.rounds += 1
+        candidates = [replace(c, assistance=self.assistance) for c in candidates]
         progress.tried = self.filter.roll_out(progress.start, candidates)
         standing = sorted((r for r in progress.tried if r.stood), key=lambda r: r.stand_time)
         for finalist in standing[:FINALISTS]:
@@ -185,7 +183,7 @@ class PlannedRise:
                 return
 
     def _conclude(
-        self, progress: _Progress, rollouts: int, plan_s: float, filter_s: float
+        self, progress: _Progress, *, rollouts: int, plan_s: float, filter_s: float
     ) -> RisePlan:
         figures: dict[str, Any] = {
             "planned": progress.planned,
@@ -198,19 +196,17 @@ class PlannedRise:
         if progress.best is not None:
             return MotionPlan(
                 status=RiseStatus.STOOD,
-                reason=RiseStatus.STOOD.value,
                 motion=self._to_motion(progress.start, progress.best),
                 connection=progress.best.candidate.connection,
                 stand_time=progress.best.stand_time,
                 **figures,
             )
         if not progress.tried:
-            status = RiseStatus.NOT_PLANNED
-            return RisePlan(status=status, reason=status.value, **figures)
-        status, highest = RiseStatus.FELL, max(r.peak_neck for r in progress.tried)
+            return RisePlan(status=RiseStatus.NOT_PLANNED, **figures)
+        highest = max(r.peak_neck for r in progress.tried)
         share = highest / self.world.robot.standing_neck_height
-        reason = f"{status.value}: {rollouts} tried, the best raised the neck to {share:.0%}"
-        return RisePlan(status=status, reason=reason, **figures)
+        detail = f"{rollouts} tried, the best raised the neck to {share:.0%}"
+        return RisePlan(status=RiseStatus.FELL, detail=detail, **figures)
 
     def _to_motion(self, start: Posture, rollout: CandidateRollout) -> Motion:
         """Make a motion of the postures and the targets of a rollout."""
@@ -232,18 +228,13 @@ class PlannedRise:
     ) -> RisePlan:
         """Chain the smoothed path and the motion without any physics."""
         if path is None:
-            status = RiseStatus.NOT_PLANNED
-            return RisePlan(
-                status=status, reason=status.value, connection=connection, plan_s=plan_s
-            )
-        status = RiseStatus.UNFILTERED
+            return RisePlan(status=RiseStatus.NOT_PLANNED, connection=connection, plan_s=plan_s)
         return MotionPlan(
-            status=status,
-            reason=status.value,
+            status=RiseStatus.UNFILTERED,
             motion=chain(self.world, path, connection),
             simulated=False,
             connection=connection,
-            planned=self.options.planning,
+            planned=self.planning,
             plan_s=plan_s,
         )
 

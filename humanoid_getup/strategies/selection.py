@@ -7,7 +7,7 @@ import numpy as np
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.strategies.plan import RisePlan, Strategy
 from humanoid_getup.strategies.track_record import StrategyId, TrackRecord
-from robots import Posture, TorqueLimit
+from robots import Posture
 
 
 class StrategySelector:
@@ -17,14 +17,11 @@ class StrategySelector:
     side have no record.
     """
 
-    def __init__(
-        self,
-        strategies: dict[StrategyId, Strategy],
-        records: TrackRecord,
-        torque_limit: TorqueLimit,
-    ) -> None:
+    def __init__(self, strategies: dict[StrategyId, Strategy], records: TrackRecord) -> None:
+        """Select among strategies for one world and one torque limit."""
         self._strategies, self._records = strategies, records
-        self._torque_limit = torque_limit
+        default = next(iter(strategies.values()))
+        self.world, self.torque_limit = default.world, default.torque_limit
 
     def select(self, start_class: str | None) -> StrategyId:
         """Select the strategy for a class of starts, ``None`` for no side."""
@@ -32,7 +29,7 @@ class StrategySelector:
         def success(strategy: StrategyId) -> float:
             if start_class is None:
                 return 0.0
-            return self._records.success(strategy, start_class, self._torque_limit)
+            return self._records.success(strategy, start_class, self.torque_limit)
 
         return max(self._strategies, key=success)
 

@@ -9,7 +9,7 @@ import numpy as np
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
+from humanoid_getup.strategies.plan import MotionPlan, RiseStatus, check_torque_limit
 from robots import FULL_TORQUE, Posture, TorqueLimit
 
 
@@ -26,18 +26,15 @@ class StoredMotion:
         """Load a motion, or take a loaded one.
 
         Args:
-            world: Robot and scene.
             motion: Name of one of the robot's motions, an .npz file, or a motion.
-            torque_limit: Of the servos.
 
         Raises:
-            ValueError: if there is no such motion, or it is another robot's.
+            ValueError: if the motion is unknown, or another robot's.
         """
-        self.world, self.torque_limit = world, torque_limit
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit)
         is_loaded = isinstance(motion, Motion)
         self.motion = motion if is_loaded else find_motion(world.robot, str(motion))
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
         """Plan to play the motion."""
-        status = RiseStatus.STORED
-        return MotionPlan(status=status, reason=status.value, motion=self.motion)
+        return MotionPlan(status=RiseStatus.STORED, motion=self.motion)

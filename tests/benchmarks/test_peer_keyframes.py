@@ -57,7 +57,7 @@ def test_the_page_is_chosen_by_where_the_chest_faces(peer, side, gravity_b):
 
 
 def test_a_robot_that_rolls_over_on_its_way_to_the_stance_plays_the_other_page(peer, op3, world):
-    plan = peer.KeyframeRise(PEERS, op3).plan(None, None)
+    plan = peer.KeyframeRise(PEERS, world, TorqueLimit()).plan(None, None)
     player = peer.KeyframePlayer(world, plan.stance, plan.pages, None)
     start = plan.stance + 0.3
     player.reset(lie(op3, world, start, time=0.0, chest=1.0))  # 0.3 rad at 1.5 rad/s: 0.2 s

@@ -14,9 +14,8 @@ import humanoid_getup as hg
 from drivers.dynamixel.backend import DynamixelBackend
 from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.simulation.scene import load_scene
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 
 LIMIT = hg.TorqueLimit(2.5, "pwm")
 MOTION = "prone_push_up_gentle"
@@ -97,31 +96,52 @@ def test_a_twin_starts_where_it_is_put(world):
 
 def test_a_strategy_brings_its_torque_limit_to_the_twin_and_its_guard(world):
     twin, strategy = hg.Twin(world), hg.StoredMotion(world, MOTION, torque_limit=LIMIT)
-    session = RiseSession.on(twin, world, strategy, AttemptOptions(torque_limit=LIMIT))
+    session = RiseSession.on(twin, strategy)
     assert twin.pwm_limited
     assert np.all(session.guard.limits.torque_limit == 2.5)
-    assert isinstance(session.judge(), GroundTruthJudge)
-    RiseSession.on(twin, world, strategy)
+    assert isinstance(session.make_judge(), GroundTruthJudge)
+    RiseSession.on(twin, hg.StoredMotion(world, MOTION))
     assert not twin.pwm_limited
 
 
 def test_a_guard_is_taken_as_it_is(world):
     guard = hg.SafetyGuard(hg.Twin(world))
-    session = RiseSession.on(guard, world, hg.StoredMotion(world, MOTION))
+    session = RiseSession.on(guard, hg.StoredMotion(world, MOTION))
     assert session.guard is guard
-    assert isinstance(session.judge(), GroundTruthJudge)
+    assert isinstance(session.make_judge(), GroundTruthJudge)
 
 
 def test_a_robot_on_a_bus_is_judged_by_its_sensors_and_may_reboot_servos(op3, world):
     backend = DynamixelBackend(op3, {"main": "/dev/none"})
-    session = RiseSession.on(backend, world, hg.StoredMotion(world, MOTION))
-    assert isinstance(session.judge(), SensorJudge)
+    session = RiseSession.on(backend, hg.StoredMotion(world, MOTION))
+    assert isinstance(session.make_judge(), SensorJudge)
     assert session.services is backend
 
 
 def test_a_strategy_for_another_robot_is_refused(tiny, world):
     with pytest.raises(ValueError, match="for robot 'op3', expected 'tiny' with the same joints"):
         hg.get_up(hg.Twin(tiny), hg.StoredMotion(world, MOTION))
+
+
+def test_what_is_not_a_strategy_is_refused_in_one_line(world):
+    expected = r"strategy is 'robust', expected e\.g\. PlannedRise\(world\)"
+    with pytest.raises(TypeError, match=expected):
+        hg.get_up(hg.Twin(world), "robust")
+    with pytest.raises(TypeError, match=r"strategy is <class .*PlannedRise'>, expected"):
+        hg.get_up(hg.Twin(world), hg.PlannedRise)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda world: hg.PlannedRise(world, torque_limit=2.5),
+        lambda world: hg.LearnedRise(world, "robust", torque_limit=2.5),
+        lambda world: hg.StoredMotion(world, MOTION, torque_limit=2.5),
+    ],
+)
+def test_a_torque_limit_is_not_a_number(world, make):
+    with pytest.raises(TypeError, match=r"torque_limit is 2\.5, expected e\.g\. TorqueLimit\(2"):
+        make(world)
 
 
 def test_a_loaded_policy_and_its_strategy_have_one_torque_limit(op3, world):
@@ -140,8 +160,7 @@ def test_a_stored_motion_is_named_or_given(world):
 
 
 def test_a_rise_that_failed_says_so(op3):
-    plan = RisePlan(status=RiseStatus.NOT_PLANNED, reason="no path")
     result = RiseResult(
-        robot=op3, start_class="left", status=AttemptStatus.NEEDS_HELP, reason=plan.reason
+        robot=op3, start_class="left", status=AttemptStatus.NEEDS_HELP, reason="no path"
     )
     assert str(result) == "op3, left: does not stand: no path"

@@ -12,9 +12,9 @@ from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.rise import Play
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.evaluation.standing import HOLD_TIME
-from humanoid_getup.execution.get_up import run_session
+from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
@@ -149,8 +149,8 @@ def played(op3: Robot, world: World) -> RiseResult:
     twin = Twin(world)
     at_rest = settle_posture(world, squat.posture(0))
     twin.place(read_posture(op3, world.model, at_rest))
-    options = AttemptOptions(max_attempts=1, settle=False)
-    session = RiseSession.on(twin, world, StoredMotion(world, squat), options)
-    result = run_session(session, np.random.default_rng(0))
+    strategy = StoredMotion(world, squat)
+    session = RiseSession.on(twin, strategy, max_attempts=1, settle=False)
+    result = AttemptManager(session).get_up(np.random.default_rng(0))
     assert result.stood
     return result

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import positive
-from humanoid_getup.cli.options.shared import (
-    Count,
-    MotionName,
-    Origin,
-    PolicyName,
-    RunOptions,
-    find_start_faults,
-)
+from humanoid_getup.cli.options.shared import Count, MotionName, PolicyName, RunOptions
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rise(RunOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
-    origin: Origin = None
     attempts: Count = 3
     """Number of attempts before giving up."""
     method: Literal["plan", "policy", "auto"] = "plan"
@@ -34,9 +26,8 @@ class Rise(RunOptions):
     """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
 
     def find_faults(self) -> list[str]:
-        """Report a start or an option that does not fit the backend, too."""
+        """Report an option that does not fit the backend, too."""
         faults = super().find_faults()
-        faults += find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
         if self.is_real and not self.filtering:
             faults.append("--no-filtering requires a simulated robot")
         return faults
@@ -47,14 +38,8 @@ class RunPolicy(RunOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
     policy: Positional[PolicyName]
-    origin: Origin = None
     longest: Annotated[float | None, positive("s"), arg(metavar="S")] = None
     """Time after which the run ends, standing or not [s]; default: 12."""
-
-    def find_faults(self) -> list[str]:
-        """Report a start or an option that does not fit the backend, too."""
-        faults = super().find_faults()
-        return faults + find_start_faults(self.origin, is_real=self.is_real, needs_one=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,13 +47,13 @@ class Play(RunOptions):
     """Play a rising motion and judge how it ends."""
 
     motion: Positional[MotionName]
-    origin: Origin = None
+    needs_origin: ClassVar[bool] = False
     preflight: bool = True
     """Play only what the preflight passes; --no-preflight requires a simulated robot."""
 
     def find_faults(self) -> list[str]:
-        """Report a start or an option that does not fit the backend, too."""
+        """Report an option that does not fit the backend, too."""
         faults = super().find_faults()
         if self.is_real and not self.preflight:
             faults.append("--no-preflight requires a simulated robot")
-        return faults + find_start_faults(self.origin, is_real=self.is_real, needs_one=False)
+        return faults

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
@@ -108,11 +108,25 @@ class RunOptions(WorldOptions):
     """Run a simulated robot in real time."""
     out: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder for report.json, motion.npz, flight.mcap, strip.png and torque.png."""
+    origin: Origin = None
+    needs_origin: ClassVar[bool] = True
+    """Whether a simulated robot has no start of its own."""
 
     def find_faults(self) -> list[str]:
-        """Report ports and folders that do not fit, too."""
+        """Report ports, a folder or a start that do not fit, too."""
         faults = super().find_faults() + find_port_faults(self.backend, self.port)
-        return faults if self.out is None else faults + find_folder_faults(self.out)
+        if self.out is not None:
+            faults += find_folder_faults(self.out)
+        if self.is_real and self.origin is not None:
+            faults.append(
+                f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
+                "lies"
+            )
+        if self.needs_origin and not self.is_real and self.origin is None:
+            faults.append(
+                "--from is missing, expected supine, prone, left, right or a posture file"
+            )
+        return faults
 
     @property
     def is_real(self) -> bool:
@@ -129,13 +143,4 @@ def find_port_faults(backend: str | None, ports: Sequence[str]) -> list[str]:
         return [f"--backend dynamixel requires --port, {example}"]
     if backend is None and not ports:
         return [f"--port is missing, expected a serial port, {example}"]
-    return []
-
-
-def find_start_faults(origin: str | None, *, is_real: bool, needs_one: bool) -> list[str]:
-    """Report a start that is missing, or given for a robot that cannot be placed."""
-    if is_real and origin is not None:
-        return [f"--from is '{origin}', expected a simulated robot: a real one starts as it lies"]
-    if needs_one and not is_real and origin is None:
-        return ["--from is missing, expected supine, prone, left, right or a posture file"]
     return []

@@ -10,20 +10,16 @@ from humanoid_getup.cli.main import main
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.strategies.plan import RiseOptions, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import StoredMotion
+from robots import FULL_TORQUE
 
 
 def test_the_main_benchmark_counts_what_its_rises_say(op3, world):
     seen = []
-    result = bench_rise(
-        world,
-        load_database(op3),
-        seed=4,
-        each=1,
-        options=RiseOptions(planning=False),
-        report=seen.append,
-    )
+    planner = PlannedRise(world, load_database(op3), planning=False)
+    result = bench_rise(planner, seed=4, each=1, report=seen.append)
     assert result["n"] == 3
     assert [r["bench_class"] for r in seen] == ["supine", "prone", "lateral"]
     assert result["all"]["stood"] == sum(r["stood"] for r in seen)
@@ -37,14 +33,17 @@ def test_the_main_benchmark_counts_what_its_rises_say(op3, world):
 class NothingPlanned:
     """A way of getting up that finds nothing to do."""
 
+    def __init__(self, world):
+        self.world, self.torque_limit = world, FULL_TORQUE
+
     def plan(self, _start, _rng):
-        return RisePlan(status=RiseStatus.NOT_PLANNED, reason="nothing to do")
+        return RisePlan(status=RiseStatus.NOT_PLANNED)
 
 
 def test_ways_of_getting_up_are_compared_from_the_same_falls(world, one_motion):
     seen = []
-    ways = {"motion": StoredMotion(world, one_motion), "nothing": NothingPlanned()}
-    result = bench_methods(world, ways, seed=4, each=1, report=seen.append)
+    ways = {"motion": StoredMotion(world, one_motion), "nothing": NothingPlanned(world)}
+    result = bench_methods(ways, seed=4, each=1, report=seen.append)
     assert result["n"] == 3
     assert [r["way"] for r in seen] == ["motion"] * 3 + ["nothing"] * 3
     assert [r["start_class"] for r in seen[:3]] == [r["start_class"] for r in seen[3:]]

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from drivers import Command, DriverError, Ending, SafetyGuard, State, Twin
-from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
 from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange, RiseResult
-from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from robots import Posture, Robot, TorqueLimit
+from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
 from robots.kinematics import read_posture
 
 RIGHT, WRONG = "prone_push_up_fast", "supine_sit_up_fast"
@@ -29,6 +28,9 @@ FAST = Cooling(min_time=0.2)
 class Scripted:
     """Plans what it is told, one motion an attempt; the last again and again."""
 
+    world: World
+    torque_limit = FULL_TORQUE
+
     def __init__(self, *motions: Motion, then: Callable[[], None] = lambda: None) -> None:
         self._motions, self._then = list(motions), then
         self.starts: list[Posture] = []
@@ -37,8 +39,7 @@ class Scripted:
         self.starts.append(start)
         self._then()
         motion = self._motions.pop(0) if len(self._motions) > 1 else self._motions[0]
-        status = RiseStatus.STORED
-        return MotionPlan(status=status, reason=status.value, motion=motion)
+        return MotionPlan(status=RiseStatus.STORED, motion=motion)
 
 
 class Ailing(Twin):
@@ -124,15 +125,15 @@ def manage(world: World, twin: Ailing, phases: list[PhaseChange]):
     """Make a manager of the ailing twin."""
 
     def manage(plans, guard=None, services=None, sensed=False, **options) -> AttemptManager:
+        plans.world = world
         options = {"max_attempts": 3, "preflight": False, "cooling": FAST} | options
         session = RiseSession(
             guard=guard or SafetyGuard(twin),
-            world=world,
             strategy=plans,
-            options=AttemptOptions(**options),
-            make_judge=None if sensed else lambda: GroundTruthJudge(twin.simulation, None),
+            simulation=None if sensed else twin.simulation,
             services=services,
             on_phase=phases.append,
+            **options,
         )
         return AttemptManager(session)
 
@@ -197,11 +198,9 @@ def test_sensors_alone_can_judge(manage, motions):
 
 
 def test_what_the_preflight_refuses_is_never_played(manage, motions, twin):
-    result = get_up_with(
-        manage(
-            Scripted(motions[RIGHT]), preflight=True, max_attempts=1, torque_limit=TorqueLimit(0.2)
-        )
-    )
+    plans = Scripted(motions[RIGHT])
+    plans.torque_limit = TorqueLimit(0.2)
+    result = get_up_with(manage(plans, preflight=True, max_attempts=1))
     assert result.status is AttemptStatus.NEEDS_HELP
     assert result.reason.startswith("preflight refused: rolled out at 12.0 V with 0.2 N·m")
     assert result.attempts[0].run is None
@@ -493,6 +492,6 @@ def test_a_robot_placed_at_rest_is_played_from_there_without_settling(manage, mo
     assert set(limp_before) == {0.0}  # no time passed before the first command
 
 
-def test_no_attempt_at_all_is_refused():
+def test_no_attempt_at_all_is_refused(manage, motions):
     with pytest.raises(ValueError, match="max_attempts is 0, expected 1 or more"):
-        AttemptOptions(max_attempts=0)
+        manage(Scripted(motions[RIGHT]), max_attempts=0)

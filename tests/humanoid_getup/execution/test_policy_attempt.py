@@ -11,9 +11,9 @@ pytest.importorskip("onnx")
 from tiny_policies import save_policy, weights_of
 
 from drivers import Ending, SafetyGuard, State, Twin
-from humanoid_getup.execution.get_up import run_session
+from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -130,11 +130,11 @@ def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[R
     twin.place(start)
     session = RiseSession(
         guard=SafetyGuard(twin),
-        world=world,
         strategy=LearnedRise(world, policy, name="mine"),
-        options=AttemptOptions(max_attempts=1, **options),
+        max_attempts=1,
+        **options,
     )
-    return run_session(session, np.random.default_rng(0)), twin
+    return AttemptManager(session).get_up(np.random.default_rng(0)), twin
 
 
 def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(world, idle, supine):
@@ -165,21 +165,23 @@ def test_a_policy_is_not_run_on_the_wrong_battery(world, idle, supine):
 class Named:
     """Plans nothing, under its name."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, name: str, world: World, torque_limit: float) -> None:
+        self._name, self.world, self.torque_limit = name, world, TorqueLimit(torque_limit)
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> RisePlan:
-        return RisePlan(status=RiseStatus.NOT_PLANNED, reason=self._name)
+        return RisePlan(status=RiseStatus.NOT_PLANNED, detail=self._name)
 
 
-def choose(records: TrackRecord, start: Posture, torque_limit: float = 4.1) -> str:
-    strategies = {StrategyId(PLAN): Named("plan"), StrategyId(POLICY, "robust"): Named("policy")}
-    selector = StrategySelector(strategies, records, TorqueLimit(torque_limit))
-    return selector.plan(start, np.random.default_rng(0)).reason
+def choose(world: World, records: TrackRecord, start: Posture, torque_limit: float = 4.1) -> str:
+    strategies = {
+        StrategyId(PLAN): Named("plan", world, torque_limit),
+        StrategyId(POLICY, "robust"): Named("policy", world, torque_limit),
+    }
+    return StrategySelector(strategies, records).plan(start, np.random.default_rng(0)).detail
 
 
 def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
-    supine: Posture, op3: Robot
+    supine: Posture, op3: Robot, world: World
 ):
     plan = StrategyRecord(
         StrategyId(PLAN), 2.0, {"supine": StandCount(90, 100), "prone": StandCount(100, 100)}
@@ -191,11 +193,11 @@ def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
     )
     prone = replace(supine, orientation=quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5))
     records = TrackRecord((plan, policy))
-    assert choose(records, supine) == "policy"
-    assert choose(records, prone) == "plan"
-    assert choose(records, op3.standing) == "plan"  # it lies on no side
-    assert choose(TrackRecord(), supine) == "plan"
-    assert choose(records, supine, torque_limit=1.9) == "plan"  # nobody knows
+    assert choose(world, records, supine) == "policy"
+    assert choose(world, records, prone) == "plan"
+    assert choose(world, records, op3.standing) == "plan"  # it lies on no side
+    assert choose(world, TrackRecord(), supine) == "plan"
+    assert choose(world, records, supine, torque_limit=1.9) == "plan"  # nobody knows
 
 
 def test_a_policy_in_a_plan_is_named(world: World, idle: OnnxPolicy, supine: Posture):

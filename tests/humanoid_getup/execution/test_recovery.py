@@ -16,14 +16,12 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.execution.get_up import run_session
+from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange, RiseResult
-from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 
@@ -53,15 +51,14 @@ def rise_and_break(
 
         session = RiseSession(
             guard=guard,
-            world=world,
-            strategy=PlannedRise(world, load_database(op3), RiseOptions()),
-            options=AttemptOptions(max_attempts=attempts),
-            make_judge=lambda: GroundTruthJudge(virtual.simulation, None),
+            strategy=PlannedRise(world, load_database(op3)),
+            max_attempts=attempts,
+            simulation=virtual.simulation,
             services=driver,
             on_phase=phases.append,
             on_cycle=look,
         )
-        rise = run_session(session, rng)
+        rise = AttemptManager(session).get_up(rng)
     return rise, phases, virtual
 
 

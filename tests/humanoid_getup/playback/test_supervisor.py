@@ -8,17 +8,15 @@ import pytest
 from drivers import SafetyGuard, State, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD
-from humanoid_getup.execution.get_up import lay_down, run_session
-from humanoid_getup.execution.rise_session import AttemptOptions, RiseSession
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.monitors import AbortKind
-from humanoid_getup.playback.motion_monitor import vector_angle
+from humanoid_getup.playback.monitors import AbortKind, vector_angle
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.falls import sample_falls, settle_posture
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RiseOptions
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import read_posture
@@ -276,10 +274,10 @@ def test_a_motion_for_another_fall_is_given_up(world: World):
 def test_a_planned_rise_that_stands_is_never_given_up(world: World, kind: str, seed: int):
     rng = np.random.default_rng(seed)
     fall = sample_falls(world, {kind: 1}, rng)[0]
-    planner = PlannedRise(world, load_database(world.robot), RiseOptions())
+    planner = PlannedRise(world, load_database(world.robot))
     twin = Twin(world)
-    lay_down(world, fall, twin.place)
-    session = RiseSession.on(twin, world, planner, AttemptOptions(max_attempts=1))
-    (attempt,) = run_session(session, rng).attempts
+    twin.place(fall.posture)
+    session = RiseSession.on(twin, planner, max_attempts=1)
+    (attempt,) = AttemptManager(session).get_up(rng).attempts
     assert attempt.abort is None
     assert attempt.stood

@@ -9,21 +9,19 @@ from rich.console import Console
 
 from humanoid_getup.cli.output import to_json
 from humanoid_getup.execution.result import Attempt, AttemptStatus, RiseResult
-from humanoid_getup.reporting.report import KEYS, RunContext, make_report, print_summary
+from humanoid_getup.reporting.report import KEYS, make_report, print_summary
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import load_robot
 
-ASKED = RunContext(
-    robot="op3",
-    period=0.008,
-    seed=4,
-    start="prone",
-    scene="flat",
-    backend="twin",
-    torque_limit=2.5,
-    extra={"planning": True},
-)
-NO_PLAN = RisePlan(status=RiseStatus.NOT_PLANNED, reason="no path", plan_s=0.1)
+SETTINGS = {
+    "seed": 4,
+    "start": "prone",
+    "scene": "flat",
+    "backend": "twin",
+    "torque_limit_nm": 2.5,
+    "planning": True,
+}
+NO_PLAN = RisePlan(status=RiseStatus.NOT_PLANNED, plan_s=0.1)
 UNPLANNED = RiseResult(
     robot=load_robot("op3"),
     start_class="prone",
@@ -34,7 +32,7 @@ UNPLANNED = RiseResult(
 
 
 def test_a_rise_that_was_never_played_has_every_key_and_says_why():
-    report = make_report(UNPLANNED, ASKED)
+    report = make_report(UNPLANNED, SETTINGS)
     assert set(KEYS) <= set(report)
     assert list(report)[: len(KEYS)] == list(KEYS)
     assert (report["robot"], report["seed"], report["torque_limit_nm"]) == ("op3", 4, 2.5)
@@ -48,7 +46,7 @@ def test_a_rise_that_was_never_played_has_every_key_and_says_why():
 
 def test_a_summary_gives_the_reason_when_there_is_no_stand():
     page = io.StringIO()
-    print_summary(make_report(UNPLANNED, ASKED), [], Console(file=page, width=100))
+    print_summary(make_report(UNPLANNED, SETTINGS), [], Console(file=page, width=100))
     lines = page.getvalue().splitlines()
     assert lines[0] == "did not stand: no path to any connecting posture"
     assert lines[1].split() == ["start", "prone,", "seed", "4"]

@@ -6,7 +6,7 @@ import pytest
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.falls import sample_fall, sample_falls
-from humanoid_getup.strategies.plan import MotionPlan, RiseOptions, RiseStatus
+from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit
 
@@ -23,7 +23,7 @@ def fall(world):
 
 @pytest.fixture(scope="module")
 def plan(world, database, fall):
-    return PlannedRise(world, database, RiseOptions()).plan(fall, np.random.default_rng(0))
+    return PlannedRise(world, database).plan(fall, np.random.default_rng(0))
 
 
 def test_a_supine_fall_is_planned_and_stands(plan):
@@ -43,7 +43,7 @@ def test_a_rise_begins_where_the_robot_lies_and_ends_in_the_stance(plan, fall, o
 
 def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
     """A planner that has planned another rise plans this one as a new planner does."""
-    planner = PlannedRise(world, database, RiseOptions())
+    planner = PlannedRise(world, database)
     other = planner.plan(sample_fall(world, "prone", seed=4).posture, np.random.default_rng(1))
     assert other.rollouts > 0
     again = planner.plan(fall, np.random.default_rng(0))
@@ -53,8 +53,7 @@ def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
 
 
 def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):
-    options = RiseOptions(filtering=False)
-    raw = PlannedRise(world, database, options).plan(fall, np.random.default_rng(0))
+    raw = PlannedRise(world, database, filtering=False).plan(fall, np.random.default_rng(0))
     assert raw.status is RiseStatus.UNFILTERED
     assert raw.rollouts == 0
     joined = raw.connection.motion
@@ -63,8 +62,8 @@ def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, data
 
 
 def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fall):
-    options = RiseOptions(torque_limit=TorqueLimit(0.15))
-    weak = PlannedRise(world, database, options).plan(fall, np.random.default_rng(0))
+    planner = PlannedRise(world, database, torque_limit=TorqueLimit(0.15))
+    weak = planner.plan(fall, np.random.default_rng(0))
     assert weak.status is RiseStatus.FELL
     assert not isinstance(weak, MotionPlan)
     assert weak.title == ""
@@ -76,7 +75,7 @@ def test_a_rise_that_only_knows_prone_motions_still_answers(world, op3, database
     only = MotionDatabase(
         [replace(m, entry=np.arange(len(m.time)) == 0) for m in prone], PostureMetric.of(op3)
     )
-    plan = PlannedRise(world, only, RiseOptions()).plan(fall, np.random.default_rng(0))
+    plan = PlannedRise(world, only).plan(fall, np.random.default_rng(0))
     assert plan.status in (RiseStatus.STOOD, RiseStatus.FELL)
     assert plan.planned
     assert plan.rounds >= 1

@@ -1,0 +1,55 @@
+"""The flight log of a command that moves a robot."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from drivers import Cycle
+from drivers.flight_log.writer import FlightLog
+from humanoid_getup.execution.result import PhaseChange
+
+FLIGHT = "flight.mcap"
+
+
+class Recorder:
+    """Writes a flight log from the first cycle on, if one is requested."""
+
+    def __init__(self, log: FlightLog | None, closing: ExitStack) -> None:
+        """Record into a log that the first cycle opens and ``closing`` closes; None for no log."""
+        self._log, self._closing = log, closing
+        self._time = 0.0
+        self._notes: list[PhaseChange] = []
+
+    def log(self, cycle: Cycle) -> None:
+        """Record a cycle."""
+        self._time = cycle.state.time
+        if self._log is None:
+            return
+        if not self._log.cycles:
+            self._log.path.parent.mkdir(parents=True, exist_ok=True)
+            self._closing.enter_context(self._log)
+            for change in self._notes:
+                self._write(self._log, change)
+        self._log.log(cycle)
+
+    def note(self, change: PhaseChange) -> None:
+        """Record a phase that begins, at the time of the last cycle."""
+        if self._log is not None and self._log.cycles:
+            self._write(self._log, change)
+        else:
+            self._notes.append(change)
+
+    def _write(self, log: FlightLog, change: PhaseChange) -> None:
+        text = f"attempt {change.attempt}: {change.detail}"
+        log.event(self._time, change.phase.name.lower(), text)
+
+
+@contextmanager
+def recording(log: FlightLog | None) -> Iterator[Recorder]:
+    """Record while the block lasts; ``None`` for no log."""
+    with ExitStack() as closing:
+        yield Recorder(log, closing)
+    if log is not None and log.fault:
+        print(f"getup: the flight log is incomplete: {log.fault}", file=sys.stderr)

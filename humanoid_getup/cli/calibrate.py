@@ -31,13 +31,14 @@ from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.inputs import name_ports
 from humanoid_getup.cli.options.hardware import Calibrate
-from humanoid_getup.cli.output import console_for, to_json, write_json
+from humanoid_getup.cli.output import console_for, make_table, to_json, write_json
 from robots import Joint, Robot, load_posture, load_robot
 from robots.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
 
 ZERO, STANDING = "zero", "standing"
 NOT_SAVED = "nothing is saved"
+HEADINGS = ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is")
 REHEARSAL_FILE = "calibration.virtual.toml"
 
 
@@ -159,7 +160,7 @@ def _no_folder(folder: Path, why: str) -> BadInputError:
 
 
 def _release(bus: RobotBus, asker: Prompt | None) -> bool:
-    """Switch torque off; tell whether the person agreed."""
+    """Switch torque off; return whether the person agreed."""
     held = bus.find_torque()
     if held and asker is not None:
         question = f"{name_all(held)} hold the robot up and lose torque now: support it, then yes:"
@@ -209,9 +210,7 @@ def _leave(console: Console) -> int:
 
 
 def _tabulate(measured: Sequence[JointMeasurement]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for title in ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is"):
-        table.add_column(title, justify="left" if title == "joint" else "right")
+    table = make_table(HEADINGS, left=["joint"])
     for row in measured:
         servo = row.joint.servo
         table.add_row(

@@ -18,10 +18,11 @@ from drivers.service.session import open_robot_bus
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.inputs import load_robot, name_ports
 from humanoid_getup.cli.options.hardware import Doctor
-from humanoid_getup.cli.output import console_for, phase, to_json, write_json
+from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
 
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
-HEADINGS = ("joint", "id", "model", "fw", "°C", "V", "angle °", "range °", "delay µs", "mode")
+MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "error")
+HEADINGS = ("joint", "id", "model", "fw", *MEASURED)
 
 
 def doctor(command: Doctor) -> int:
@@ -101,9 +102,7 @@ def print_health(health: HealthCheck, console: Console) -> None:
 
 
 def _tabulate(health: HealthCheck) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for title in (*HEADINGS, "torque", "error"):
-        table.add_column(title, justify="left" if title in ("joint", "model") else "right")
+    table = make_table(HEADINGS, left=("joint", "model"))
     for servo in health.servos:
         joint, registers = servo.joint, servo.registers
         lower, upper = (round(math.degrees(limit)) for limit in (joint.lower, joint.upper))

@@ -12,7 +12,7 @@ class BadInputError(Exception):
 
 @contextmanager
 def needing(extra: str) -> Iterator[None]:
-    """Turn the lack of an extra's packages into a `BadInputError` that tells how to get them."""
+    """Turn the lack of an extra's packages into a `BadInputError` that says how to get them."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -17,7 +17,7 @@ SIGNALS = tuple(name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(sign
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    # A program that is told to stop must switch torque off, and in the background too,
+    # A program that is to stop must switch torque off, and in the background too,
     # where a shell has Ctrl-C ignored.
     if threading.current_thread() is threading.main_thread():
         for name in SIGNALS:

@@ -8,12 +8,13 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.table import Table
 
 from humanoid_getup.cli.errors import BadInputError
 
@@ -49,17 +50,17 @@ def phase(text: str) -> Iterator[Callable[[str], None]]:
 
 def find_folder_faults(folder: Path, names: tuple[str, ...] = ARTEFACTS) -> list[str]:
     """Report why files could not be written into a folder, by trying; leave nothing behind."""
-    told = f"output folder {folder}"
+    owner = f"output folder {folder}"
     try:
         existing = _find_existing(folder)
         if not existing.is_dir():
-            return [f"{told}: {existing} is not a folder, expected a folder that can be written"]
+            return [f"{owner}: {existing} is not a folder, expected a folder that can be written"]
         with tempfile.TemporaryDirectory(dir=existing, prefix=SCRATCH) as scratch:
             missing = _absolute(folder).relative_to(existing)
             Path(scratch, missing).mkdir(parents=True, exist_ok=True)
         in_the_way = [folder / name for name in names if (folder / name).is_dir()]
     except OSError as error:
-        return [f"{told}: {error.strerror}, expected a folder that can be written"]
+        return [f"{owner}: {error.strerror}, expected a folder that can be written"]
     return [f"output file {path}: is a folder, expected a file" for path in in_the_way]
 
 
@@ -150,6 +151,14 @@ def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
     with Progress(*columns, *times, console=Console(stderr=True)) as progress:
         bar = progress.add_task(what, total=total)
         yield lambda done: progress.advance(bar, done)
+
+
+def make_table(headings: Sequence[str], *, left: Sequence[str]) -> Table:
+    """Make a table of numbers, to the right, and of the texts under the headings in ``left``."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in left else "right")
+    return table
 
 
 def format_figure(value: Any) -> str:

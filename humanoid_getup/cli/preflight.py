@@ -6,19 +6,19 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.inputs import find_motion, load_world
 from humanoid_getup.cli.options.motions import Preflight
-from humanoid_getup.cli.output import console_for, phase, to_json, write_json
+from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.preflight import MotionVerdict, Severity
 from humanoid_getup.playback.preflight import preflight as judge_motion
 from humanoid_getup.playback.preflight_rollout import MOST_RISES
 from robots import Robot, TorqueLimit
 
+HEADINGS = ("joint", "peak N·m", "of stall", "RMS N·m", "at its line s", "after °C")
 SHOWN = 6  # joints in the table, the most loaded first
 
 
@@ -87,9 +87,7 @@ def print_verdict(robot: Robot, motion: Motion, verdict: MotionVerdict, console:
     rises = f"over {MOST_RISES}" if figures.rises_in_a_row is None else f"{figures.rises_in_a_row}"
     ending = f"stands after {figures.stand_time:.2f} s" if figures.stood else "does not stand"
     console.print(f"rollout: {ending}; rises in a row until a servo is too hot: {rises}")
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for title in ("joint", "peak N·m", "of stall", "RMS N·m", "at its line s", "after °C"):
-        table.add_column(title, justify="left" if title == "joint" else "right")
+    table = make_table(HEADINGS, left=["joint"])
     for i in (-figures.torque_use).argsort()[:SHOWN]:
         table.add_row(
             robot.joint_names[i],

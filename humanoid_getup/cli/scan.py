@@ -22,7 +22,7 @@ from drivers.service.scan import (
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.options.hardware import Scan
-from humanoid_getup.cli.output import console_for, phase, to_json, write_json
+from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
 from robots.robot import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
@@ -125,9 +125,7 @@ def _count(found: Sequence[FoundDevice]) -> str:
 
 
 def _tabulate(found: Sequence[FoundDevice]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for title in ("id", "baud", "model", "firmware", "V", "°C"):
-        table.add_column(title, justify="left" if title == "model" else "right")
+    table = make_table(("id", "baud", "model", "firmware", "V", "°C"), left=["model"])
     for device in found:
         unknown = "?" if device.number is None else f"unknown model {device.number}"
         table.add_row(

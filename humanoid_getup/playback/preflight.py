@@ -12,6 +12,7 @@ from drivers import State
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.playback.preflight_rollout import Figures, measure
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
@@ -59,7 +60,7 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
-        """Return whether there is no refusal."""
+        """Return whether nothing is refused."""
         return not self.refusals
 
     @property
@@ -105,7 +106,7 @@ def preflight(
         world: Robot and scene.
         motion: Motion to judge.
         voltage: Supply at the servos [V].
-        torque_limit: Torque limit of the servos.
+        torque_limit: Of the servos.
         temperature: Present temperature of the servos [°C], (n,) or a number for all.
         start: Measurement of the lying robot; ``None`` where there is none yet.
 
@@ -121,10 +122,9 @@ def preflight(
         *_judge_limits(robot, motion),
         *_judge_speed(robot, figures),
         *_judge_load(robot, figures, torque_limit.value),
-        *_judge_temperature(robot, heat),
-        *_judge_heat(robot, figures, heat),
+        *_judge_temperature(robot, heat, figures.end_temperature),
         *_judge_overlap(figures),
-        *_judge_start(world, motion, figures, start),
+        *_judge_start(world, motion, start),
     ]
     reasons.sort(key=lambda reason: reason.severity is Severity.WARN)
     return MotionVerdict(tuple(reasons), figures=figures)
@@ -226,23 +226,18 @@ def _judge_load(robot: Robot, figures: Figures, torque_limit: float | None) -> l
     return reasons
 
 
-def _judge_temperature(robot: Robot, temperature: Array) -> list[Reason]:
+def _judge_temperature(robot: Robot, now: Array, then: Array | None = None) -> list[Reason]:
+    """Judge the temperatures [°C], (n,), of the servos now and, if known, after the rise."""
     expected = f"expected at most {MAX_TEMPERATURE:.0f} °C: let it cool down"
-    return [
-        _refuse(f"has {now:.0f} °C, {expected}", name)
-        for now, name in zip(temperature, robot.joint_names, strict=True)
-        if now > MAX_TEMPERATURE
+    names, is_hot = robot.joint_names, now > MAX_TEMPERATURE
+    reasons = [
+        _refuse(f"has {now[i]:.0f} °C, {expected}", names[i]) for i in np.flatnonzero(is_hot)
     ]
-
-
-def _judge_heat(robot: Robot, figures: Figures, temperature: Array) -> list[Reason]:
-    expected = f"expected at most {MAX_TEMPERATURE:.0f} °C: let it cool down"
-    columns = zip(temperature, figures.end_temperature, robot.joint_names, strict=True)
-    return [
-        _refuse(f"has {now:.0f} °C and would have {then:.0f} °C after the rise, {expected}", name)
-        for now, then, name in columns
-        if now <= MAX_TEMPERATURE < then
-    ]
+    if then is not None:
+        for i in np.flatnonzero(~is_hot & (then > MAX_TEMPERATURE)):
+            both = f"has {now[i]:.0f} °C and would have {then[i]:.0f} °C after the rise"
+            reasons.append(_refuse(f"{both}, {expected}", names[i]))
+    return reasons
 
 
 def _judge_overlap(figures: Figures) -> list[Reason]:
@@ -252,25 +247,24 @@ def _judge_overlap(figures: Figures) -> list[Reason]:
     return [_warn(text)] if figures.overlap > TOUCHING_OVERLAP else []
 
 
-def _judge_start(
-    world: World, motion: Motion, figures: Figures, start: State | None
-) -> list[Reason]:
-    if start is None or figures.start_tilt is None or figures.start_angle is None:
+def _judge_start(world: World, motion: Motion, start: State | None) -> list[Reason]:
+    if start is None:
         return []
     reasons = []
-    if figures.start_tilt > FAR_TILT:
-        torso = torso_orientation(world.robot, world.model, start.orientation)
-        side = classify(torso) or "on no side"
+    torso = torso_orientation(world.robot, world.model, start.orientation)
+    tilt = 2.0 * float(aligned_orientation_distance(torso, motion.orientation[0]))
+    if tilt > FAR_TILT:
         text = (
-            f"the robot lies {math.degrees(figures.start_tilt):.0f}° from where the motion "
-            f"begins, expected at most {math.degrees(FAR_TILT):.0f}°: it lies {side}, "
-            f"the motion begins {motion.start_class}"
+            f"the robot lies {math.degrees(tilt):.0f}° from where the motion "
+            f"begins, expected at most {math.degrees(FAR_TILT):.0f}°: it lies "
+            f"{classify(torso) or 'on no side'}, the motion begins {motion.start_class}"
         )
         reasons.append(_refuse(text))
-    worst = int(np.abs(figures.start_angle).argmax())
-    if abs(figures.start_angle[worst]) > FAR_ANGLE:
+    apart = start.joint_pos - motion.joint_pos[0]
+    worst = int(np.abs(apart).argmax())
+    if abs(apart[worst]) > FAR_ANGLE:
         text = (
-            f"is {figures.start_angle[worst]:+.2f} rad from the motion's first posture: "
+            f"is {apart[worst]:+.2f} rad from the motion's first posture: "
             "the player moves it there first"
         )
         reasons.append(_warn(text, world.robot.joint_names[worst]))

@@ -14,14 +14,13 @@ from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RE
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD, Stand
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
-from robots.kinematics import place, read_posture, torso_orientation
+from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 
 SATURATED = 0.97  # share of the torque-speed line from which no reserve is left
@@ -59,10 +58,6 @@ class Figures:
     """Rises without a pause until the first servo is too hot; None if that never happens."""
     overlap: float
     """Greatest depth of self-penetration [m]."""
-    start_angle: Array | None
-    """Measured joints minus the motion's first [rad]; None without a measurement."""
-    start_tilt: float | None
-    """Angle between measured and expected gravity in the torso [rad]."""
 
 
 def measure(
@@ -75,7 +70,10 @@ def measure(
 ) -> Figures:
     """Roll a motion out and compute the figures of a verdict; arguments as of `preflight`."""
     robot = world.robot
-    lying = _find_start(world, motion, start)
+    if start is not None:
+        lying = estimate_posture(world, start)
+    else:
+        lying = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
     rollout = _roll_out(world, motion, lying, voltage, torque_limit)
     stall = robot.max_torque * voltage / robot.supply_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
@@ -85,10 +83,6 @@ def measure(
     period = robot.control_period
     end, rises = predict_heat(robot, rollout.torque, temperature)
     steps = np.diff(motion.joint_target, axis=0) / np.diff(motion.time)[:, None]
-    tilt = None
-    if start is not None:
-        torso = torso_orientation(robot, world.model, start.orientation)
-        tilt = 2.0 * float(aligned_orientation_distance(torso, motion.orientation[0]))
     return Figures(
         voltage=voltage,
         duration=motion.duration,
@@ -103,16 +97,7 @@ def measure(
         end_temperature=end,
         rises_in_a_row=rises,
         overlap=max(rollout.overlap, _find_overlap(world, motion)),
-        start_angle=None if start is None else start.joint_pos - motion.joint_pos[0],
-        start_tilt=tilt,
     )
-
-
-def _find_start(world: World, motion: Motion, start: State | None) -> Posture:
-    if start is not None:
-        return estimate_posture(world, start)
-    at_rest = settle_posture(world, motion.posture(0))
-    return read_posture(world.robot, world.model, at_rest)
 
 
 @dataclass(frozen=True)

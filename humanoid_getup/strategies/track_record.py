@@ -21,8 +21,7 @@ where both kinds of limits are the same::
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -62,24 +61,40 @@ class StandCount:
     n: Annotated[int, whole(1, MOST_RISES)]
 
 
-@dataclass(frozen=True)
-class StrategyRecord:
-    """How often one strategy succeeded under one torque limit."""
+ClassCount = Annotated[StandCount, Meta(description="{ stood = ..., n = ... }")] | None
 
-    strategy: StrategyId
-    torque_limit: float
+
+@dataclass(frozen=True, kw_only=True)
+class StrategyRecord:
+    """How often one strategy succeeded under one torque limit: a table [[record]] of the file."""
+
+    method: Literal["plan", "policy"]
+    torque_limit: Annotated[float, positive(MOST_TORQUE, "N·m")]
     """Torque limit of every servo [N·m]."""
-    counts: Mapping[str, StandCount]
-    """Counts by start class."""
-    limited_by: LimitedBy | None = None
+    policy: str = ""
+    cap: LimitedBy | None = None
     """Kind of the limit; None if both kinds are the same."""
+    supine: ClassCount = None
+    prone: ClassCount = None
+    left: ClassCount = None
+    right: ClassCount = None
+
+    @property
+    def strategy(self) -> StrategyId:
+        """Return the strategy that was measured."""
+        return StrategyId(self.method, self.policy if self.method == POLICY else "")
+
+    @property
+    def counts(self) -> dict[str, StandCount]:
+        """Return the counts by start class."""
+        return {name: count for name in CLASSES if (count := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True)
 class TrackRecord:
     """The measured success of a robot's strategies."""
 
-    records: tuple[StrategyRecord, ...] = ()
+    records: tuple[StrategyRecord, ...] = field(default=(), metadata={"key": "record"})
 
     def knows(self, strategy: StrategyId) -> bool:
         """Return whether a strategy has been measured."""
@@ -99,34 +114,12 @@ class TrackRecord:
             if record.strategy == strategy
             and start_class in record.counts
             and record.torque_limit <= limit + LIMIT_SLACK
-            and record.limited_by in (None, torque_limit.by)
+            and record.cap in (None, torque_limit.by)
         ]
         if not fitting:
             return 0.0
         count = max(fitting, key=lambda record: record.torque_limit).counts[start_class]
         return wilson_interval(count.stood, count.n)[0]
-
-
-ClassCount = Annotated[StandCount, Meta(description="{ stood = ..., n = ... }")] | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """One table [[record]] of the file."""
-
-    method: Literal["plan", "policy"]
-    torque_limit: Annotated[float, positive(MOST_TORQUE, "N·m")]
-    policy: str = ""
-    cap: LimitedBy | None = None
-    supine: ClassCount = None
-    prone: ClassCount = None
-    left: ClassCount = None
-    right: ClassCount = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class _File:
-    record: tuple[_Row, ...] = ()
 
 
 def load_track_record(robot: Robot) -> TrackRecord:
@@ -140,24 +133,22 @@ def load_track_record(robot: Robot) -> TrackRecord:
         return TrackRecord()
     problems: list[str] = []
     try:
-        table = read_table(_File, load_toml(file), "", problems)
+        found = read_table(TrackRecord, load_toml(file), "", problems)
     except ValueError as error:
         raise TrackRecordError(f"{file}: {error}") from error
-    records = [_build_record(row, i, problems) for i, row in enumerate(table.record, start=1)]
+    for number, record in enumerate(found.records, start=1):
+        problems += [f"record number {number}: {problem}" for problem in _find_problems(record)]
     if problems:
         raise TrackRecordError(f"{file}: {'; '.join(problems)}")
-    return TrackRecord(tuple(records))
+    return found
 
 
-def _build_record(row: _Row, number: int, problems: list[str]) -> StrategyRecord:
-    if row.method == POLICY and not row.policy:
-        problems.append(f"record number {number}: policy is missing, expected a text")
-    counts = {name: getattr(row, name) for name in CLASSES if getattr(row, name) is not None}
-    problems += [
-        f"record number {number}: {name}.stood is {count.stood}, expected an integer from 0 to "
-        f"{count.n}"
-        for name, count in counts.items()
+def _find_problems(record: StrategyRecord) -> list[str]:
+    problems = []
+    if record.method == POLICY and not record.policy:
+        problems.append("policy is missing, expected a text")
+    return problems + [
+        f"{name}.stood is {count.stood}, expected an integer from 0 to {count.n}"
+        for name, count in record.counts.items()
         if count.stood > count.n > 0
     ]
-    strategy = StrategyId(row.method, row.policy if row.method == POLICY else "")
-    return StrategyRecord(strategy, row.torque_limit, counts, row.cap)

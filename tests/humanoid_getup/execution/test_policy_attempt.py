@@ -184,12 +184,14 @@ def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
     supine: Posture, op3: Robot, world: World
 ):
     plan = StrategyRecord(
-        StrategyId(PLAN), 2.0, {"supine": StandCount(90, 100), "prone": StandCount(100, 100)}
+        method=PLAN, torque_limit=2.0, supine=StandCount(90, 100), prone=StandCount(100, 100)
     )
     policy = StrategyRecord(
-        StrategyId(POLICY, "robust"),
-        2.0,
-        {"supine": StandCount(99, 100), "prone": StandCount(99, 100)},
+        method=POLICY,
+        policy="robust",
+        torque_limit=2.0,
+        supine=StandCount(99, 100),
+        prone=StandCount(99, 100),
     )
     prone = replace(supine, orientation=quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5))
     records = TrackRecord((plan, policy))

@@ -27,7 +27,7 @@ from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.evaluation.statistics import summarize
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import TimedController, play
+from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Robot
@@ -141,32 +141,21 @@ CASES: Mapping[str, FaultCase] = {
 }
 
 
-class FaultyController:
-    """A controller that injects a fault once it is due."""
+class FaultyPlayer(MotionPlayer):
+    """Plays a motion, and injects a fault once it is due."""
 
     def __init__(
-        self, player: TimedController, case: FaultCase, target: FaultTarget, at: float
+        self, robot: Robot, motion: Motion, case: FaultCase, target: FaultTarget, at: float
     ) -> None:
-        self._player, self._case, self._target, self._at = player, case, target, at
-        self.longest = player.longest
-        self._begin = 0.0
+        super().__init__(robot, motion, hold=HOLD)
+        self._case, self._interfaces, self._due = case, target, at
         self.injected = False
 
-    @property
-    def done(self) -> bool:
-        """Whether the controller is done."""
-        return self._player.done
-
-    def reset(self, state: State) -> None:
-        """Start the wrapped controller."""
-        self._begin = state.time
-        self._player.reset(state)
-
     def step(self, state: State) -> Command:
-        """Step the wrapped controller; inject the fault when it is due."""
-        command = self._player.step(state)
-        if state.time - self._begin >= self._at and not self.injected:
-            self._case.inject(self._target)
+        """Send the targets that are due; inject the fault when it is due."""
+        command = super().step(state)
+        if state.time - self._begin >= self._due and not self.injected:
+            self._case.inject(self._interfaces)
             self.injected = True
         return self._case.corrupt(command) if self.injected else command
 
@@ -185,10 +174,10 @@ def bench_faults(
     Args:
         world: Robot and scene.
         motion: Motion to play, from its own start.
-        seed: Seed of the times, the servos and the damage.
+        seed: Of the times, the servos and the damage.
         each: Rises of each case.
         cases: Faults by name.
-        report: Called after each case.
+        report: Called with the summary of each case.
     """
     table = {}
     for name, case in cases.items():
@@ -210,18 +199,19 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
         ports.main.call(lambda: virtual.place(start))
         guard = SafetyGuard(witness, GuardLimits.of(robot))
         at = motion.duration * rng.uniform(*WINDOW)
-        target = FaultTarget(ports.main.faults, guard, _draw_servo(robot, rng), _board_id(robot))
-        player = MotionPlayer(robot, motion, hold=HOLD)
+        servo = robot.joints[int(rng.integers(robot.n))].servo
+        board = robot.bus.board if robot.bus else None
+        target = FaultTarget(ports.main.faults, guard, servo.id, board.id if board else 0)
+        player = FaultyPlayer(robot, motion, case, target, at)
         judge = GroundTruthJudge(virtual.simulation, None)
-        controller = FaultyController(player, case, target, at)
         injected_at: list[float] = []
 
         def look(_cycle: object) -> None:
-            if controller.injected and not injected_at:
+            if player.injected and not injected_at:
                 injected_at.append(ports.main.time)
 
         try:
-            report, outcome = play(controller, guard, judge, on_cycle=look)
+            report, outcome = play(player, guard, judge, on_cycle=look)
             stood = report.ending is Ending.DONE and outcome.stand.stood
         except FaultyError as error:
             report, stood = str(error), False
@@ -237,14 +227,6 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
         believed_wrong=len(witness.believed_wrong),
         holds=guard.holds,
     )
-
-
-def _draw_servo(robot: Robot, rng: np.random.Generator) -> int:
-    return robot.joints[int(rng.integers(robot.n))].servo.id
-
-
-def _board_id(robot: Robot) -> int:
-    return robot.bus.board.id if robot.bus and robot.bus.board else 0
 
 
 def _summarize(trials: list[FaultTrial]) -> dict[str, Any]:
@@ -278,14 +260,10 @@ def bench_kill(
     each: int,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Kill a client (SIGKILL) in the middle of a rise on a real-time bus; time the stop.
+    """Kill a client (SIGKILL) ``each`` times in the middle of a rise; time the stop.
 
-    Args:
-        world: Robot and scene.
-        motion: Motion that the client plays, from its own start.
-        seed: Seed of the times.
-        each: Kills.
-        report: Called after each.
+    The client plays the motion, from its own start, on a real-time bus. ``seed`` is that of the
+    times; ``report`` is called with the figures of each kill.
     """
     rng = np.random.default_rng(seed)
     trials: list[dict[str, Any]] = []

@@ -31,10 +31,10 @@ def bench_motions(
     motions: Sequence[Motion],
     *,
     seed: int,
-    plays: int = 50,
+    each: int = 50,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Play each motion undisturbed, under falling torque limits, and disturbed.
+    """Play each motion undisturbed, under falling torque limits, and ``each`` times disturbed.
 
     Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
     friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
@@ -45,15 +45,15 @@ def bench_motions(
         record = _play_once(world, motion, start)
         record["lowest_torque_limit_nm"] = find_lowest_limit(world, motion, start)
         rng = np.random.default_rng([seed, number])
-        stood = sum(_play_disturbed(world, motion, start, plays, rng))
+        stood = sum(_play_disturbed(world, motion, start, each, rng))
         record |= {
-            "disturbed_n": plays,
+            "disturbed_n": each,
             "disturbed_stood": stood,
-            "disturbed_interval_95": wilson_interval(stood, plays),
+            "disturbed_interval_95": wilson_interval(stood, each),
         }
         cases[motion.name] = record
         report({"motion": motion.name, **record})
-    return {"name": "motions", "seed": seed, "n": plays, "robot": world.robot.name, "cases": cases}
+    return {"name": "motions", "seed": seed, "n": each, "robot": world.robot.name, "cases": cases}
 
 
 def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:

@@ -108,7 +108,7 @@ def bench_soak(
         planner: Plans the rises.
         seed: Seed of the first fall, the tumbles and the plans.
         duration: Time on the bus [s].
-        report: Called after each round with the bus time [s].
+        report: Called after each round with the bus time that it took [s].
     """
     world = planner.world
     rng = np.random.default_rng(seed)
@@ -121,12 +121,13 @@ def bench_soak(
         guard = SafetyGuard(driver)
         start = sample_falls(world, {"supine": 1}, rng)[0].posture
         ports.main.call(lambda: virtual.place(start))
-        time_before = ports.main.time
-        while ports.main.time - time_before < duration:
+        now = time_before = ports.main.time
+        while now - time_before < duration:
             _go_round(planner, virtual, guard, counts, rng)
             gc.collect()
             counts.memory.append(_resident_memory())
-            report(ports.main.time - time_before)
+            before, now = now, ports.main.time
+            report(now - before)
         line, passed = ports.main.statistics, ports.main.time - time_before
     wall = time.perf_counter() - began
     explained = driver.writes * driver.period + line.unanswered * QUIET

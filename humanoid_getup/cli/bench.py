@@ -62,11 +62,8 @@ def bench_rise(command: BenchRise) -> int:
         assistance=command.assistance,
         torque_limit=make_torque_limit(command),
     )
-    with counting("rises", len(rise.BENCH_CLASSES) * command.n) as count:
-        result = rise.bench_rise(
-            planner, seed=command.seed, each=command.n, report=lambda _: count(1)
-        )
-    return _hand_over(result, command)
+    rises = len(rise.BENCH_CLASSES) * command.n
+    return _run(command, rise.bench_rise, planner, count=rises, of="rises")
 
 
 def bench_methods(command: BenchMethods) -> int:
@@ -82,22 +79,14 @@ def bench_methods(command: BenchMethods) -> int:
 
     strategies = {name: make_strategy(name) for name in command.ways}
     rises = len(rise.BENCH_CLASSES) * command.n * len(strategies)
-    with counting("rises", rises) as count:
-        result = rise.bench_methods(
-            strategies, seed=command.seed, each=command.n, report=lambda _: count(1)
-        )
-    return _hand_over(result, command)
+    return _run(command, rise.bench_methods, strategies, count=rises, of="rises")
 
 
 def bench_motions(command: BenchMotions) -> int:
     """Play every stored motion, undisturbed and disturbed."""
     world, database = _load(command)
     own = [m for m in database.motions if not m.name.endswith(MIRRORED_SUFFIX)]
-    with counting("motions", len(own)) as count:
-        result = motions.bench_motions(
-            world, own, seed=command.seed, plays=command.n, report=lambda _: count(1)
-        )
-    return _hand_over(result, command)
+    return _run(command, motions.bench_motions, world, own, count=len(own), of="motions")
 
 
 def bench_filter(command: BenchFilter) -> int:
@@ -110,41 +99,38 @@ def bench_filter(command: BenchFilter) -> int:
 
 def bench_faults(command: BenchFaults) -> int:
     """Inject each kind of fault in the middle of a rise."""
-    return _disturb(command, fault_injection.bench_faults, "cases", len(fault_injection.CASES))
+    world = load_world(command)
+    motion, cases = find_motion(world.robot, command.motion), len(fault_injection.CASES)
+    return _run(command, fault_injection.bench_faults, world, motion, count=cases, of="cases")
 
 
 def bench_kill(command: BenchKill) -> int:
     """Kill the program in the middle of a rise."""
-    return _disturb(command, fault_injection.bench_kill, "kills", command.n)
-
-
-def _disturb(
-    command: BenchFaults, bench: Callable[..., dict[str, Any]], what: str, total: int
-) -> int:
     world = load_world(command)
     motion = find_motion(world.robot, command.motion)
-    with counting(what, total) as count:
-        result = bench(world, motion, seed=command.seed, each=command.n, report=lambda _: count(1))
-    return _hand_over(result, command)
+    return _run(command, fault_injection.bench_kill, world, motion, count=command.n, of="kills")
 
 
 def bench_soak(command: BenchSoak) -> int:
     """Rise, sit, tumble and rise again for a time on the bus."""
-    world, database = _load(command)
-    passed = 0.0
+    planner = PlannedRise(*_load(command))
     with counting("bus time [s]", round(command.duration)) as count:
-
-        def report(now: float) -> None:
-            nonlocal passed
-            count(now - passed)
-            passed = now
-
         result = soak.bench_soak(
-            PlannedRise(world, database),
-            seed=command.seed,
-            duration=command.duration,
-            report=report,
+            planner, seed=command.seed, duration=command.duration, report=count
         )
+    return _hand_over(result, command)
+
+
+def _run(
+    command: BenchRise | BenchMethods | BenchMotions | BenchFaults,
+    bench: Callable[..., dict[str, Any]],
+    *subjects: Any,
+    count: int,
+    of: str,
+) -> int:
+    """Run a benchmark that reports each of a number of steps; return the exit code."""
+    with counting(of, count) as advance:
+        result = bench(*subjects, seed=command.seed, each=command.n, report=lambda _: advance(1))
     return _hand_over(result, command)
 
 

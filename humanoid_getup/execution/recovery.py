@@ -82,12 +82,8 @@ class Recovery:
     ) -> None:
         """Prepare the recovery of a robot, whose guard is closed between the steps.
 
-        Args:
-            guard: Robot to recover.
-            cooling: How long to rest.
-            services: Reboots servos; ``None`` if the backend cannot.
-            realtime: Whether to pace the cycles by the wall clock.
-            report: Called with a short description of each action.
+        Without ``services``, servos cannot be rebooted; ``report`` is called with a short
+        description of each action.
         """
         self._guard, self._cooling, self._services = guard, cooling, services
         self._realtime, self._report = realtime, report

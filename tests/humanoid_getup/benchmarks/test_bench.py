@@ -57,7 +57,7 @@ def one_motion(op3):
 
 
 def test_the_motions_benchmark_plays_and_disturbs(op3, world, one_motion):
-    result = bench_motions(world, [one_motion], seed=0, plays=2)
+    result = bench_motions(world, [one_motion], seed=0, each=2)
     case = result["cases"][one_motion.name]
     assert case["stood"]
     assert case["disturbed_n"] == 2

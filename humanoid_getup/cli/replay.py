@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -34,7 +33,11 @@ def replay_log(command: Replay) -> int:
         figures = _describe(record) | report.record()
         if command.out is not None:
             report_phase("drawing")
-            _write(command, record, report, figures, command.out)
+            title = f"{record.robot}, {command.log.name}"
+            with staging(command.out, REPLAY_FILES) as folder:
+                (folder / FIGURES).write_text(to_json(figures), "utf-8")
+                plots.save_flight(record, folder / FLIGHT, title=title)
+                plots.save_difference(report, folder / DIFFERENCE, title=f"{title}: replay")
     write_json(to_json(figures), command.json)
     _print(record, report, console_for(command.json))
     return DID_IT
@@ -53,20 +56,6 @@ def _replay(command: Replay, record: FlightRecord, world: World) -> ReplayReport
         raise ValueError(f"flight log {command.log}: contains no cycle, expected at least one")
     start = record.start or estimate_posture(world, record.measurement(0))
     return replay(record, twin, start, threshold=command.threshold or THRESHOLD)
-
-
-def _write(
-    command: Replay,
-    record: FlightRecord,
-    report: ReplayReport,
-    figures: dict[str, Any],
-    out: Path,
-) -> None:
-    title = f"{record.robot}, {command.log.name}"
-    with staging(out, REPLAY_FILES) as folder:
-        (folder / FIGURES).write_text(to_json(figures), "utf-8")
-        plots.save_flight(record, folder / FLIGHT, title=title)
-        plots.save_difference(report, folder / DIFFERENCE, title=f"{title}: replay")
 
 
 def _describe(record: FlightRecord) -> dict[str, Any]:

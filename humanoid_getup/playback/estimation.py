@@ -67,7 +67,12 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
     with guard:
         begin = moved = guard.read().time
         while True:
-            state = keep_torque_off(guard, pacer)
+            guard.write(Command.limp(guard.robot.n))
+            if guard.fault is not None:  # such as a clock that stands still
+                raise FaultedError(guard.fault)
+            if pacer:
+                pacer.wait()
+            state = guard.read()
             speed = max(np.abs(state.joint_vel).max(), np.abs(state.gyro).max())
             if speed >= REST_SPEED:
                 moved = state.time
@@ -79,20 +84,6 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
         f"the robot does not come to rest: {speed:.2f} rad/s after {MAX_SETTLE:g} s, "
         f"expected at most {REST_SPEED} rad/s for {REST_TIME:g} s"
     )
-
-
-def keep_torque_off(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
-    """Send torque off for one cycle to a connected robot; return the measurement after it.
-
-    Raises:
-        FaultedError: if the guard finds a fault, such as a clock that stands still.
-    """
-    guard.write(Command.limp(guard.robot.n))
-    if guard.fault is not None:
-        raise FaultedError(guard.fault)
-    if pacer:
-        pacer.wait()
-    return guard.read()
 
 
 def estimate_posture(world: World, state: State) -> Posture:

@@ -35,14 +35,11 @@ def save_torque(
 
     torque = np.abs(outcome.torque)  # (T, n)
     limit = limit_torque(robot, torque_limit)
-    time = np.arange(1, len(torque) + 1) * robot.control_period
-    loaded = np.argsort((torque / limit).max(axis=0))[::-1]
+    time = np.arange(1, len(torque) + 1, dtype=float) * robot.control_period
+    named = _find_largest(torque / limit)[::-1]
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     axis = figure.add_subplot()
-    for joint in loaded[NAMED:]:
-        axis.plot(time, torque[:, joint], color="0.85", linewidth=0.7)
-    for joint in loaded[:NAMED][::-1]:
-        axis.plot(time, torque[:, joint], linewidth=1.1, label=robot.joint_names[joint])
+    _plot_joints(axis, time, torque, named, robot.joint_names)
     end = time[-1]
     for value in np.unique(limit):
         axis.axhline(value, color="black", linestyle="--", linewidth=0.9)
@@ -65,8 +62,7 @@ def save_torque(
     )
     legend.set_title("most loaded")
     legend.get_title().set_fontsize(8)
-    with atomic_path(path) as partial:
-        figure.savefig(partial, dpi=150, format="png")
+    _save(figure, path)
 
 
 PANEL = 2.1  # inches of height
@@ -189,5 +185,9 @@ def _finish(figure: Figure, axes: list[Axes], time: Array, path: Path) -> None:
         if axis.get_legend_handles_labels()[0]:
             axis.legend(loc="upper left", bbox_to_anchor=(1.07, 1.0), fontsize=8, frameon=False)
     axes[-1].set(xlabel="time [s]", xlim=(0.0, max(float(time[-1]), 1e-3)))
+    _save(figure, path)
+
+
+def _save(figure: Figure, path: Path) -> None:
     with atomic_path(path) as partial:
         figure.savefig(partial, dpi=150, format="png")

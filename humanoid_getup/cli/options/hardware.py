@@ -10,11 +10,11 @@ from tyro.conf import arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
+    PORT_EXAMPLE,
     JsonOption,
     Ports,
     RobotOption,
     SceneOptions,
-    find_port_faults,
 )
 
 
@@ -69,7 +69,8 @@ class ServiceOptions(JsonOption, RobotOption):
 
     def find_faults(self) -> list[str]:
         """Report missing ports, too."""
-        return super().find_faults() + find_port_faults(None, self.port)
+        missing = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
+        return super().find_faults() + ([] if self.port else [missing])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -33,6 +32,7 @@ PolicyName = Annotated[
     str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
 ]
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")]
+PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
 Seed = Annotated[int, at_least(0), arg(help="Random seed.")]
 TorqueLimitValue = Annotated[
     float | None,
@@ -114,7 +114,12 @@ class RunOptions(WorldOptions):
 
     def find_faults(self) -> list[str]:
         """Report ports, a folder or a start that do not fit, too."""
-        faults = super().find_faults() + find_port_faults(self.backend, self.port)
+        faults = super().find_faults()
+        if self.backend == "twin" and self.port:
+            ports = ", ".join(self.port)
+            faults.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
+        if self.backend == "dynamixel" and not self.port:
+            faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
         if self.out is not None:
             faults += find_folder_faults(self.out)
         if self.is_real and self.origin is not None:
@@ -132,15 +137,3 @@ class RunOptions(WorldOptions):
     def is_real(self) -> bool:
         """Whether the robot may be a real one."""
         return bool(self.port)
-
-
-def find_port_faults(backend: str | None, ports: Sequence[str]) -> list[str]:
-    """Report ports that a backend does not use, or lacks; ``None``: a command for hardware."""
-    example = "e.g. --port /dev/ttyUSB0"
-    if backend == "twin" and ports:
-        return [f"--port is {', '.join(ports)}, expected --backend virtual or dynamixel with it"]
-    if backend == "dynamixel" and not ports:
-        return [f"--backend dynamixel requires --port, {example}"]
-    if backend is None and not ports:
-        return [f"--port is missing, expected a serial port, {example}"]
-    return []

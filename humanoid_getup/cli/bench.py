@@ -10,7 +10,7 @@ from rich.table import Table
 from humanoid_getup.benchmarks import fault_injection, motions, rise, soak, speed
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import find_motion, load_policy, load_world, make_torque_limit
+from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.cli.options.bench import (
     BenchFaults,
     BenchFilter,
@@ -29,6 +29,7 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
+from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.world import World

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.inputs import load_policy, load_world
+from humanoid_getup.cli.inputs import load_world
 from humanoid_getup.cli.options.policies import Evaluate
 from humanoid_getup.cli.output import (
     console_for,
@@ -19,6 +19,7 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
+from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.falls import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.simulation.world import World

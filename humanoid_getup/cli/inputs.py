@@ -1,4 +1,4 @@
-"""Loads the robot, world, start, motion, policy and ports that options name."""
+"""Loads the robot, world, start, motion and ports that options name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from humanoid_getup.cli.output import phase
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import check_start
-from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, find_policy
 from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
@@ -58,15 +57,6 @@ def find_motion(robot: Robot, name: str) -> Motion:
     """Find a motion by name in the robot's database, or load an .npz file."""
     with refusing():
         return motion_database.find_motion(robot, name)
-
-
-def load_policy(
-    robot: Robot, name: str, torque_limit: float | None, longest: float | None = None
-) -> OnnxPolicy:
-    """Load a policy of the robot by name, or an .onnx file."""
-    with refusing():
-        file, period = find_policy(robot, name), robot.control_period
-        return OnnxPolicy.load(file, robot, period, torque_limit, longest=longest or LONGEST)
 
 
 def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:

@@ -12,10 +12,11 @@ from drivers.flight_log.writer import FlightLog
 from drivers.stop_key import StopKey
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.inputs import find_motion, find_start, load_policy, load_world
+from humanoid_getup.cli.inputs import find_motion, find_start, load_world
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.output import phase
+from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.cli.recording import FLIGHT, recording
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager

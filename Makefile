@@ -45,7 +45,8 @@ check: setup  ## Run ruff, pyright and the import rules.
 	$(BIN)/lint-imports
 
 test: setup  ## Run the tests, but for those of learning and the slow ones.
-	$(BIN)/pytest -n 2 -m "not slow and not train"
+	$(BIN)/pytest -n 2 -m "not slow and not train and not realtime"
+	$(BIN)/pytest -m "realtime and not slow"
 
 test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
 	$(BIN)/pytest -n 2 -m "train and not slow"

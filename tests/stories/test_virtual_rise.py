@@ -46,6 +46,7 @@ def test_one_seed_is_one_rise_on_the_twin_and_on_the_bus(op3: Robot, tmp_path: P
     assert np.abs(paths[0] - paths[1]).max() < RAD_PER_TICK
 
 
+@pytest.mark.realtime
 def test_a_robot_behind_a_port_is_judged_by_its_sensors_and_left_limp(tmp_path: Path):
     """A bus in a process of its own, in real time; the client knows only its port.
 

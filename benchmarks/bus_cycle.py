@@ -168,10 +168,16 @@ def sdk_handlers(path: str, baud: int, *, fast: bool) -> Iterator[Client]:
     reader = sdk.GroupSyncRead(port, packets, *STATE)
     for device in ids:
         reader.addParam(device)
-    take = reader.fastSyncRead if fast else reader.txRxPacket
+    receive = reader.fastSyncRead if fast else reader.txRxPacket
     writer = sdk.GroupSyncWrite(port, packets, *GOAL)
 
     failures = [0]
+
+    def take() -> int:
+        try:
+            return receive()
+        except IndexError:  # of a fast reply that arrived in part
+            return sdk.COMM_RX_CORRUPT
 
     def turn() -> None:
         while take() != sdk.COMM_SUCCESS:

@@ -198,9 +198,11 @@ class _Tracker:
         self._rows = np.arange(len(references))
         self._count = np.array([len(r.target) for r in references])
         length = int(self._count.max())
-        self._target = np.array([hold_last(r.target, length) for r in references])  # (N, T, n)
-        self._com = np.array([hold_last(r.com, length) for r in references])  # (N, T, 3)
-        self._velocity = np.gradient(self._com, self._period, axis=1)
+        target = np.array([hold_last(r.target, length) for r in references])
+        com = np.array([hold_last(r.com, length) for r in references])
+        velocity = np.gradient(com, self._period, axis=1)
+        # Targets (n), center of mass (3) and its velocity (3), (N, T, n + 6).
+        self._reference = np.concatenate([target, com, velocity], axis=2)
         self._joined = np.array([r.joined for r in references])
         self._begins = np.array([r.begins for r in references])
         self._assistance = np.array([c.assistance for c in candidates])[:, None]
@@ -208,6 +210,7 @@ class _Tracker:
         self._tolerance, self._band, self._slowest = np.array(
             [(p.tolerance, p.band, p.slowest) for p in patience]
         ).T
+        self._is_patient = any(c.patience for c in candidates)
         self._phase = np.zeros(len(references))
         self._anchor = np.zeros(len(references), dtype=int)
         self._last = np.tile(start.joint_pos, (len(references), 1))
@@ -226,8 +229,9 @@ class _Tracker:
         if self._last_com is not None:
             velocity = (com - self._last_com) / self._period
         self._last_com = com.copy()
-        planned = self._at_phase(self._target)
-        target = planned + self._assist(state, com, velocity) / self._robot.position_gain
+        planned = self._at_phase()
+        torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
+        target = planned[:, :-6] + torque / self._robot.position_gain
         target = np.clip(target, self._robot.lower, self._robot.upper)
         reach = self._robot.max_velocity * self._period * 0.999
         self._last = np.clip(target, self._last - reach, self._last + reach)
@@ -235,8 +239,10 @@ class _Tracker:
 
     def _proceed(self, state: Feedback) -> None:
         """Let time along the references go on, slower where a joint lags behind its target."""
-        lag = np.abs(self._last - state.joint_pos).max(axis=1)
-        rate = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
+        rate = np.ones(len(self._phase))
+        if self._is_patient:
+            lag = np.abs(self._last - state.joint_pos).max(axis=1)
+            rate = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
         late = state.step >= LONGEST_STRETCH * self._count
         self._phase = np.where(late, self._phase, np.minimum(self._phase + rate, self._count))
         ended = late | (self._phase >= self._count)
@@ -246,25 +252,29 @@ class _Tracker:
         hold = round(FIRST_HOLD / self._period)
         return bool(np.all(self.moving > 0)) and step >= self.moving.max() + hold
 
-    def _at_phase(self, rows: Array) -> Array:
-        """Interpolate rows (N, T, ...) of the references at their phases, (N, ...)."""
+    def _at_phase(self) -> Array:
+        """Interpolate the references at their phases, (N, n + 6)."""
         phase = np.minimum(self._phase, self._count - 1)
-        before = np.floor(phase).astype(int)
+        before = phase.astype(int)
+        if not self._is_patient:
+            return self._reference[self._rows, before]
         after = np.minimum(before + 1, self._count - 1)
         share = (phase - before)[:, None]
-        return (1.0 - share) * rows[self._rows, before] + share * rows[self._rows, after]
+        reference = self._reference
+        return (1.0 - share) * reference[self._rows, before] + share * reference[self._rows, after]
 
-    def _assist(self, state: Feedback, com: Array, velocity: Array) -> Array:
+    def _assist(
+        self, state: Feedback, com: Array, velocity: Array, planned: Array, speed: Array
+    ) -> Array:
         # Where the path or the motion begins, the reference is shifted over the ground to the
         # robot.
         passed = (self._phase >= self._begins).astype(int) + (self._phase >= self._joined)
         anchored = passed > self._anchor
-        self._anchor = np.maximum(self._anchor, passed)
-        planned = self._at_phase(self._com)
+        self._anchor = passed
         self._shift[anchored, :2] = (com - planned)[anchored, :2]
         reference = planned + self._shift
-        speed = self._at_phase(self._velocity)
         force = compute_force(com, velocity, reference, speed, self._limbs.mass)
         left = np.clip((self._count - 1 - self._phase) / FADE_CYCLES, 0.0, 1.0)
-        active = ((self._phase >= self._begins) * left)[:, None]
+        moving = (self._phase >= self._begins) & (self.moving == 0)
+        active = (moving * left)[:, None]
         return active * self._assistance * compute_torque(state, force, self._limbs)

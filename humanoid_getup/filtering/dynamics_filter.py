@@ -26,11 +26,29 @@ from robots.quaternion import Array
 
 FADE_CYCLES = 40  # in which the virtual actuator fades out before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
+LONGEST_STRETCH = 2.5  # of its own duration that a motion may last
 FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = RolloutRandomization(
     joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patience:
+    """How a motion waits for servos that lag behind their targets.
+
+    A servo under load stays behind its target by its torque over its stiffness; beyond the
+    largest torque it does not follow at all, and a motion that goes on regardless leaves the
+    robot behind. So time passes slower the farther the slowest joint is behind.
+    """
+
+    tolerance: float
+    """Lag up to which the motion runs at its own speed [rad]."""
+    band: float
+    """Lag beyond that at which it would stop [rad]."""
+    slowest: float
+    """Smallest speed, as a share of its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +60,8 @@ class Candidate:
     connection: Connection
     tempo: float = 1.0
     """Speed of the path as a share of the planned one."""
+    patience: Patience | None = None
+    """How it waits where the servos lag behind; ``None``: it does not wait."""
     assistance: float = 1.0
     """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
     before: Array | None = None
@@ -66,6 +86,9 @@ class CandidateRollout:
     """Greatest neck height reached [m]."""
     moving: int
     """Cycles before the targets stand still."""
+
+
+NO_PATIENCE = Patience(tolerance=np.inf, band=1.0, slowest=1.0)
 
 
 class DynamicsFilter:
@@ -94,17 +117,16 @@ class DynamicsFilter:
         """Track every candidate from the start posture, at rest."""
         world, robot = self.world, self.world.robot
         references = [self._refer(c) for c in candidates]
-        moving = [len(r.target) for r in references]
-        length = max(moving) + round(FIRST_HOLD / robot.control_period)
-        target = np.array([hold_last(r.target, length) for r in references])
-        assistance = np.array([c.assistance for c in candidates])
-        feedback = _Assistance(world, self._limbs, start, references, length, assistance)
+        tracker = _Tracker(world, self._limbs, start, references, candidates)
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
         limit = self.torque_limit.value
         limits = DomainParameters.nominal(world, len(candidates), torque_limit=limit)
-        trace = self._play(starts, target, limits, feedback)
+        rollout, limits = self._prepare(limits)
+        trace = rollout.track(starts, tracker, limits)
         stance = measure_stance(world, trace)
-        return [self._read(trace, stance, i, c, moving[i]) for i, c in enumerate(candidates)]
+        return [
+            self._read(trace, stance, i, c, tracker.moving[i]) for i, c in enumerate(candidates)
+        ]
 
     def _refer(self, c: Candidate) -> Reference:
         reference = compose(self.world, c.path, c.connection.motion, c.connection.frame, c.tempo)
@@ -122,25 +144,21 @@ class DynamicsFilter:
         )
         more = round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
         longer = hold_last(target, len(target) + more)
-        trace = self._play(starts, np.tile(longer, (CHECKS, 1, 1)), parameters, None)
+        rollout, parameters = self._prepare(parameters)
+        trace = rollout.play(starts, np.tile(longer, (CHECKS, 1, 1)), parameters)
         upright = is_upright(measure_stance(world, trace), robot)
         stood = [judge(u, trace.period).stood for u in upright]
         return float(np.mean(stood)) if stood[0] else 0.0
 
-    def _play(
-        self,
-        starts: Array,
-        target: Array,
-        parameters: DomainParameters,
-        feedback: _Assistance | None,
-    ) -> Trace:
-        n = len(starts)
-        pwm_limited = np.full(n, self.torque_limit.by_pwm)
-        parameters = replace(parameters, pwm_limited=pwm_limited)
+    def _prepare(self, parameters: DomainParameters) -> tuple[Rollout, DomainParameters]:
+        """Return rollouts of that many robots, and the parameters under the torque limit."""
+        n = parameters.n
         self.count += n
         if n not in self._simulations:
             self._simulations[n] = Rollout(self.world, n, threads=self._threads)
-        return self._simulations[n].play(starts, target, parameters, feedback=feedback)
+        return self._simulations[n], replace(
+            parameters, pwm_limited=np.full(n, self.torque_limit.by_pwm)
+        )
 
     def _read(
         self, trace: Trace, stance: Stance, i: int, candidate: Candidate, moving: int
@@ -158,8 +176,12 @@ class DynamicsFilter:
         )
 
 
-class _Assistance:
-    """Adds the virtual actuator to the planned targets, within the limits of the guard."""
+class _Tracker:
+    """Sends references with the virtual actuator added, within the limits of the guard.
+
+    Time along a reference, its phase, is counted in control periods. It stands for the time on
+    the clock, except where a patient candidate waits.
+    """
 
     def __init__(
         self,
@@ -167,42 +189,92 @@ class _Assistance:
         limbs: LimbMap,
         start: Posture,
         references: list[Reference],
-        length: int,
-        assistance: Array,
+        candidates: list[Candidate],
     ) -> None:
         robot = world.robot
         self._limbs, self._robot = limbs, robot
         self._torso = robot.layout(world.model).torso
         self._period = robot.control_period
-        self._assistance = assistance[:, None]
-        self._com = np.array([hold_last(r.com, length) for r in references])  # (N, T, 3)
-        self._velocity = np.gradient(self._com, self._period, axis=1)
+        self._rows = np.arange(len(references))
+        self._count = np.array([len(r.target) for r in references])
+        length = int(self._count.max())
+        target = np.array([hold_last(r.target, length) for r in references])
+        com = np.array([hold_last(r.com, length) for r in references])
+        velocity = np.gradient(com, self._period, axis=1)
+        # Targets (n), center of mass (3) and its velocity (3), (N, T, n + 6).
+        self._reference = np.concatenate([target, com, velocity], axis=2)
         self._joined = np.array([r.joined for r in references])
         self._begins = np.array([r.begins for r in references])
-        self._moving = np.array([len(r.target) for r in references])
+        self._assistance = np.array([c.assistance for c in candidates])[:, None]
+        patience = [c.patience or NO_PATIENCE for c in candidates]
+        self._tolerance, self._band, self._slowest = np.array(
+            [(p.tolerance, p.band, p.slowest) for p in patience]
+        ).T
+        self._is_patient = any(c.patience for c in candidates)
+        self._phase = np.zeros(len(references))
+        self._anchor = np.zeros(len(references), dtype=int)
         self._last = np.tile(start.joint_pos, (len(references), 1))
         self._last_com: Array | None = None
         self._shift = np.zeros((len(references), 3))
+        self.moving = np.zeros(len(references), dtype=int)
+        """Cycles before the targets of each rollout stand still; 0 while they move, (N,)."""
 
-    def __call__(self, state: Feedback, planned: Array) -> Array:
+    def __call__(self, state: Feedback) -> Array | None:
+        if state.step > 0:
+            self._proceed(state)
+        if self._is_over(state.step):
+            return None
         com = state.com[:, self._torso]
         velocity = np.zeros_like(com)
         if self._last_com is not None:
             velocity = (com - self._last_com) / self._period
         self._last_com = com.copy()
-        target = planned + self._assist(state, com, velocity) / self._robot.position_gain
+        planned = self._at_phase()
+        torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
+        target = planned[:, :-6] + torque / self._robot.position_gain
         target = np.clip(target, self._robot.lower, self._robot.upper)
         reach = self._robot.max_velocity * self._period * 0.999
         self._last = np.clip(target, self._last - reach, self._last + reach)
         return self._last
 
-    def _assist(self, state: Feedback, com: Array, velocity: Array) -> Array:
-        k = state.step
-        # Here the reference is shifted over the ground to the robot.
-        anchored = (k == self._begins) | (k == self._joined)
-        self._shift[anchored, :2] = (com - self._com[:, k])[anchored, :2]
-        reference = self._com[:, k] + self._shift
-        force = compute_force(com, velocity, reference, self._velocity[:, k], self._limbs.mass)
-        left = np.clip((self._moving - 1 - k) / FADE_CYCLES, 0.0, 1.0)
-        active = ((k >= self._begins) * left)[:, None]
+    def _proceed(self, state: Feedback) -> None:
+        """Let time along the references go on, slower where a joint lags behind its target."""
+        rate = np.ones(len(self._phase))
+        if self._is_patient:
+            lag = np.abs(self._last - state.joint_pos).max(axis=1)
+            rate = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
+        late = state.step >= LONGEST_STRETCH * self._count
+        self._phase = np.where(late, self._phase, np.minimum(self._phase + rate, self._count))
+        ended = late | (self._phase >= self._count)
+        self.moving[ended & (self.moving == 0)] = state.step
+
+    def _is_over(self, step: int) -> bool:
+        hold = round(FIRST_HOLD / self._period)
+        return bool(np.all(self.moving > 0)) and step >= self.moving.max() + hold
+
+    def _at_phase(self) -> Array:
+        """Interpolate the references at their phases, (N, n + 6)."""
+        phase = np.minimum(self._phase, self._count - 1)
+        before = phase.astype(int)
+        if not self._is_patient:
+            return self._reference[self._rows, before]
+        after = np.minimum(before + 1, self._count - 1)
+        share = (phase - before)[:, None]
+        reference = self._reference
+        return (1.0 - share) * reference[self._rows, before] + share * reference[self._rows, after]
+
+    def _assist(
+        self, state: Feedback, com: Array, velocity: Array, planned: Array, speed: Array
+    ) -> Array:
+        # Where the path or the motion begins, the reference is shifted over the ground to the
+        # robot.
+        passed = (self._phase >= self._begins).astype(int) + (self._phase >= self._joined)
+        anchored = passed > self._anchor
+        self._anchor = passed
+        self._shift[anchored, :2] = (com - planned)[anchored, :2]
+        reference = planned + self._shift
+        force = compute_force(com, velocity, reference, speed, self._limbs.mass)
+        left = np.clip((self._count - 1 - self._phase) / FADE_CYCLES, 0.0, 1.0)
+        moving = (self._phase >= self._begins) & (self.moving == 0)
+        active = (moving * left)[:, None]
         return active * self._assistance * compute_torque(state, force, self._limbs)

@@ -74,8 +74,14 @@ def compute_torque(state: Feedback, force: Array, limbs: LimbMap) -> Array:
     """
     point = state.limb_point[:, limbs.limb]  # (N, n, 3)
     below = state.com[:, limbs.body]  # (N, n, 3)
-    shift = limbs.mass_share[:, None] * np.cross(state.axis, below - state.anchor)
-    jacobian = shift - np.cross(state.axis, point - state.anchor)
+    shift = limbs.mass_share[:, None] * _cross(state.axis, below - state.anchor)
+    jacobian = shift - _cross(state.axis, point - state.anchor)
     supports = state.limb_touch.sum(axis=1, keepdims=True)
     share = state.limb_touch[:, limbs.limb] / np.maximum(supports, 1)  # (N, n)
     return share * np.einsum("nji,ni->nj", jacobian, force)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Compute cross products (..., 3); in half of the time of ``np.cross`` on few of them."""
+    y, z = [1, 2, 0], [2, 0, 1]
+    return a[..., y] * b[..., z] - a[..., z] * b[..., y]

@@ -46,6 +46,8 @@ class Feedback:
     """Input of a feedback law: N rollouts at the start of a control period."""
 
     step: int
+    joint_pos: Array
+    """Joint angles [rad], (N, n)."""
     com: Array
     """Center of mass of each body's subtree [m], (N, nbody, 3)."""
     axis: Array
@@ -58,8 +60,8 @@ class Feedback:
     """Point at which the net contact force of each limb acts [m], (N, limbs, 3)."""
 
 
-FeedbackLaw = Callable[[Feedback, Array], Array]
-"""Maps feedback and the planned targets (N, n) to the targets that are sent (N, n)."""
+FeedbackLaw = Callable[[Feedback], Array | None]
+"""Maps feedback to the targets that are sent (N, n), or to ``None`` at the end."""
 
 
 class Rollout:
@@ -67,41 +69,47 @@ class Rollout:
 
     def __init__(self, world: World, n: int, *, threads: int = 0) -> None:
         self.world, self.sim = world, VecSim(world, n, threads=threads)
-        self.sim.bind("sensordata", "subtree_com", "xaxis", "xanchor")
+        self.sim.bind(*RECORDED, "subtree_com", "xaxis", "xanchor")
         model, robot = world.model, world.robot
         self._hold = count_substeps(model, robot.control_period)
         self._limbs = [int(self.world.model.sensor(f"limb_{b}").adr[0]) for b in world.limbs]
+        self._layout = robot.layout(model)
         self._joint_ids = [model.joint(name).id for name in robot.joint_names]
 
-    def play(
-        self,
-        starts: Array,
-        targets: Array,
-        parameters: DomainParameters,
-        *,
-        feedback: FeedbackLaw | None = None,
-    ) -> Trace:
+    def play(self, starts: Array, targets: Array, parameters: DomainParameters) -> Trace:
         """Play targets [rad], (N, T, n), from MuJoCo positions (N, nq), at rest.
 
-        Targets last a control period each; those that ``feedback`` corrects are recorded so.
+        Targets last a control period each.
         """
-        sim, length, sent = self.sim, targets.shape[1], targets.copy()
-        sim.set_parameters(sim.everyone, parameters)
-        sim.place(sim.everyone, starts)
-        parts: dict[str, list[Array]] = {name: [] for name in RECORDED}
-        chunk = CHUNK if feedback is None else 1
-        for first in range(0, length, chunk):
-            if feedback is not None:
-                sent[:, first] = feedback(self._observe(first), targets[:, first])
-            some = sent[:, first : first + chunk]
-            for name, values in sim.advance(some, self._hold, RECORDED).items():
-                parts[name].append(values)
-        return self._read({name: np.concatenate(parts[name], axis=1) for name in RECORDED}, sent)
+        self._place(starts, parameters)
+        parts = [
+            self.sim.advance(targets[:, first : first + CHUNK], self._hold, RECORDED)
+            for first in range(0, targets.shape[1], CHUNK)
+        ]
+        record = {name: np.concatenate([part[name] for part in parts], axis=1) for name in RECORDED}
+        return self._read(record, targets)
+
+    def track(self, starts: Array, law: FeedbackLaw, parameters: DomainParameters) -> Trace:
+        """Play what a feedback law sends, from MuJoCo positions (N, nq), at rest, until it ends."""
+        self._place(starts, parameters)
+        records: dict[str, list[Array]] = {name: [] for name in RECORDED}
+        sent: list[Array] = []
+        while (target := law(self._observe(len(sent)))) is not None:
+            self.sim.hold(target, self._hold)
+            sent.append(target)
+            for name, record in records.items():
+                record.append(self.sim.read(name).copy())
+        return self._read({k: np.stack(v, axis=1) for k, v in records.items()}, np.stack(sent, 1))
+
+    def _place(self, starts: Array, parameters: DomainParameters) -> None:
+        self.sim.set_parameters(self.sim.everyone, parameters)
+        self.sim.place(self.sim.everyone, starts)
 
     def _observe(self, step: int) -> Feedback:
         contact = self.sim.read("sensordata")
         return Feedback(
             step=step,
+            joint_pos=self.sim.qpos[:, self._layout.qpos],
             com=self.sim.read("subtree_com"),
             axis=self.sim.read("xaxis")[:, self._joint_ids],
             anchor=self.sim.read("xanchor")[:, self._joint_ids],

@@ -112,6 +112,14 @@ class VecSim:
         self.diverged = np.any(warnings > 0, axis=1)
         return {name: rolled[name][:, hold - 1 :: hold] for name in record}
 
+    def hold(self, target: Array, steps: int) -> None:
+        """Send one joint target [rad] to each world, (N, n), and hold it for physics steps."""
+        warnings = self.batch.warning[..., 1]
+        warnings[:] = 0
+        self.read("ctrl")[:] = target
+        self.batch.step(nstep=steps)
+        self.diverged = np.any(warnings > 0, axis=1)
+
     def _compute_sensors(self, ids: Ids) -> None:
         """Bring the outputs of robots just placed up to date."""
         self.batch.forward(ids)

@@ -8,7 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.filtering.dynamics_filter import Candidate, CandidateRollout, DynamicsFilter
+from humanoid_getup.filtering.dynamics_filter import (
+    Candidate,
+    CandidateRollout,
+    DynamicsFilter,
+    Patience,
+)
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
@@ -22,7 +27,12 @@ from robots.kinematics import read_posture
 from robots.quaternion import Array
 
 STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
-SLOW = 0.6  # tempo of the second version of a path
+SLOW = 0.6  # tempo at which a tangled robot is pulled free
+PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)
+OTHER_PATIENCE = (
+    Patience(tolerance=0.25, band=0.15, slowest=0.2),
+    Patience(tolerance=0.15, band=0.15, slowest=0.4),
+)
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
 FINALISTS = 3  # rollouts of a round that are checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
@@ -103,7 +113,10 @@ class PlannedRise:
             self._round(progress, self._pull_free(progress, connections[:FIRST_CONNECTIONS]))
         elif not progress.is_done:
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
-            self._round(progress, further + [replace(c, tempo=SLOW) for c in first + further])
+            self._round(progress, further + [replace(c, patience=PATIENT) for c in first + further])
+        if progress.tried and not progress.is_done:
+            stubborn = [replace(c, patience=p) for p in OTHER_PATIENCE for c in first]
+            self._round(progress, stubborn)
         for _ in range(SECOND_TRIES):
             if not progress.is_done:
                 self._try_again(progress)

@@ -5,7 +5,12 @@ import numpy as np
 import pytest
 
 from humanoid_getup.filtering import dynamics_filter as dynamics_filter_module
-from humanoid_getup.filtering.dynamics_filter import Candidate, DynamicsFilter
+from humanoid_getup.filtering.dynamics_filter import (
+    LONGEST_STRETCH,
+    Candidate,
+    DynamicsFilter,
+    Patience,
+)
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.motions.motion import join
 from humanoid_getup.motions.motion_database import load_database
@@ -144,16 +149,15 @@ def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
     stands[list(falls), -round(3.0 / period)] = False
     played = []
 
-    def play(_, starts, targets, conditions, **options):
-        played.append((starts, targets, conditions, options))
+    def play(_, starts, targets, conditions):
+        played.append((starts, targets, conditions))
         return SimpleNamespace(period=period)
 
     monkeypatch.setattr(Rollout, "play", play)
     monkeypatch.setattr(dynamics_filter_module, "measure_stance", lambda *_: None)
     monkeypatch.setattr(dynamics_filter_module, "is_upright", lambda *_: stands)
     assert checked.check(fall, target, np.random.default_rng(0)) == share
-    ((starts, targets, conditions, options),) = played
-    assert options == {"feedback": None}
+    ((starts, targets, conditions),) = played
     assert targets.shape == (16, length, world.robot.n)
     assert np.all(targets == fall.joint_pos)
     np.testing.assert_array_equal(starts[0], place(world.robot, world.model, fall))
@@ -192,3 +196,56 @@ def test_a_straight_path_moves_its_fastest_joint_at_the_speed_asked_for(fall, da
     assert speed == pytest.approx(2.0, rel=0.02)
     np.testing.assert_allclose(path.joint_pos[-1], goal.joint_pos)
     np.testing.assert_allclose(path.joint_pos[0], fall.joint_pos)
+
+
+WEAK = TorqueLimit(1.6, "pwm")
+PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)
+
+
+@pytest.fixture(scope="module")
+def waiting(world, fall, database):
+    """A candidate under a limit that is too weak for its speed, without patience and with it."""
+    candidate = _candidates(world, fall, database)[1]
+    weak = DynamicsFilter(world, torque_limit=WEAK)
+    return weak.roll_out(fall, [candidate, replace(candidate, patience=PATIENT)])
+
+
+def test_a_patient_motion_waits_for_its_servos(world, waiting):
+    layout = world.robot.layout(world.model)
+    lag = []
+    for one in waiting:
+        behind = np.abs(one.target - one.qpos[:, layout.qpos])[: one.moving]
+        lag.append(np.percentile(behind.max(axis=1), 90))
+    impatient, patient = waiting
+    assert 1.2 * impatient.moving < patient.moving <= LONGEST_STRETCH * impatient.moving
+    assert lag[1] < lag[0]
+
+
+def test_a_patient_motion_visits_the_same_targets(waiting):
+    """Each of its targets lies between two neighbors of the motion at its own speed."""
+    impatient, patient = waiting
+    quick = impatient.target[: impatient.moving]
+    for target in patient.target[: patient.moving : 25]:
+        assert np.abs(quick - target).max(axis=1).min() < 0.06
+
+
+def test_patience_leaves_a_motion_alone_that_its_servos_follow(world, fall, database):
+    candidate = _candidates(world, fall, database)[0]
+    endless = Patience(tolerance=10.0, band=0.1, slowest=0.1)
+    one, other = DynamicsFilter(world).roll_out(
+        fall, [candidate, replace(candidate, patience=endless)]
+    )
+    np.testing.assert_array_equal(one.target, other.target)
+    assert one.moving == other.moving
+
+
+def test_a_motion_waits_for_some_multiple_of_its_duration_at_most(fall, database, world):
+    candidate = _candidates(world, fall, database)[0]
+    stuck = Patience(tolerance=0.0, band=1e-3, slowest=1e-3)
+    impatient, patient = DynamicsFilter(world).roll_out(
+        fall, [candidate, replace(candidate, patience=stuck)]
+    )
+    assert patient.moving == pytest.approx(LONGEST_STRETCH * impatient.moving, abs=1.0)
+    hold = patient.target[patient.moving + 10 :]  # the virtual actuator has let go by then
+    assert np.ptp(hold, axis=0).max() < 1e-12
+    assert not patient.stood

@@ -26,6 +26,7 @@ def _observe(world: World, joint_pos: np.ndarray, touching: list[str]) -> Feedba
             point[0, i] = data.site(f"{limb[0]}_sole").xpos
     return Feedback(
         step=0,
+        joint_pos=joint_pos[None],
         com=data.subtree_com[None].copy(),
         axis=data.xaxis[None, ids].copy(),
         anchor=data.xanchor[None, ids].copy(),

@@ -104,14 +104,16 @@ def test_feedback_sees_the_robot_and_its_targets_are_recorded(world):
         robot, world.model, p.position[None], p.orientation[None], p.joint_pos[None]
     )[0]
 
-    def steer(observation, planned):
+    def steer(observation):
+        if observation.step == len(targets[0]):
+            return None
+        assert observation.joint_pos == pytest.approx(targets[:, 0], abs=0.01)
         seen.append(
             (observation.step, observation.limb_touch.sum(), observation.com[0, torso].copy())
         )
-        return planned + 0.01
+        return targets[:, observation.step] + 0.01
 
-    rollout = Rollout(world, 1)
-    trace = rollout.play(starts, targets, DomainParameters.nominal(world, 1), feedback=steer)
+    trace = Rollout(world, 1).track(starts, steer, DomainParameters.nominal(world, 1))
     assert [step for step, *_ in seen] == [0, 1, 2, 3, 4]
     for _, _, com in seen:  # the first time, too
         np.testing.assert_allclose(com, expected, atol=1e-3)

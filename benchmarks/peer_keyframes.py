@@ -24,7 +24,7 @@ plan that finds no rise, or that its preflight refuses, counts as not stood.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -195,6 +195,7 @@ def compare(
     seed: int,
     each: int,
     limits: dict[str, TorqueLimit] = LIMITS,
+    ways: Sequence[str] = (),
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Get up from the same falls under each torque limit by plans, `robust` and the keyframes.
@@ -205,6 +206,7 @@ def compare(
         seed: Of the falls and the plans.
         each: Falls of each class: supine, prone, lateral.
         limits: Torque limits by name.
+        ways: Names of the strategies; none for all.
         report: Called with the record of each rise.
     """
     database = load_database(world.robot)
@@ -221,7 +223,8 @@ def compare(
             ROBUST: LearnedRise(world, ROBUST, torque_limit=limit),
             PEER: KeyframeRise(peers, world, limit),
         }
-        result = bench_methods(strategies, seed=seed, each=each, heat=False, report=keep)
+        chosen = {way: strategies[way] for way in ways or strategies}
+        result = bench_methods(chosen, seed=seed, each=each, heat=False, report=keep)
         cases[name] = {
             way: summary | _count(records, way) for way, summary in result["cases"].items()
         }
@@ -279,6 +282,10 @@ class Options:
     seed: int = 11
     robot: str = "op3"
     scene: str = "flat"
+    limits: tuple[str, ...] = ()
+    """Torque limits by their names in the table; none for all."""
+    ways: tuple[str, ...] = ()
+    """Strategies by their names in the table; none for all."""
     json: Path | None = None
     """Where figures are written."""
 
@@ -286,12 +293,16 @@ class Options:
 def main(options: Options) -> None:
     """Measure, print, write."""
     world = World(load_robot(options.robot), load_scene(options.scene))
-    with counting("rises", len(LIMITS) * 3 * len(BENCH_CLASSES) * options.n) as count:
+    limits = {name: LIMITS[name] for name in options.limits or LIMITS}
+    rises = len(limits) * (len(options.ways) or 3) * len(BENCH_CLASSES) * options.n
+    with counting("rises", rises) as count:
         result = compare(
             world,
             options.peers,
             seed=options.seed,
             each=options.n,
+            limits=limits,
+            ways=options.ways,
             report=lambda _: count(1),
         )
     print_table(result)

@@ -13,7 +13,7 @@ from robots.kinematics import place
 from sim2real.environment.get_up_env import HELD, EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
 from sim2real.environment.randomization import DomainRandomization
-from sim2real.environment.rewards import Reward, stands
+from sim2real.environment.rewards import Reward, action_change, haste, stands
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
 STANDING = replace(FALLEN, falls=0.0, motions=0.0)
@@ -170,3 +170,15 @@ def test_a_restored_environment_goes_on_to_the_bit(op3, action, pool, options):
         assert np.array_equal(one[1], another[1])
         assert np.array_equal(one[3], another[3])
         assert np.array_equal(one[4]["critic"], another[4]["critic"])
+
+
+@pytest.mark.parametrize("asked", [-4.0, -1.0, -0.5, 0.5, 1.0, 4.0])
+def test_an_action_counts_up_to_one_and_is_asked_for_beyond(op3, action, pool, asked):
+    options = EnvOptions(
+        robots=1, rewards=(Reward(haste, 1.0), Reward(action_change, 1.0)), threads=1
+    )
+    env = GetUpEnv(op3, action, pool, options)
+    env.reset(seed=0)
+    for change in (min(abs(asked), 1.0), 0.0):
+        rewards = env.step(np.full((1, action.size), asked))[4]["rewards"]
+        assert rewards == pytest.approx({"haste": asked**2, "action_change": change**2})

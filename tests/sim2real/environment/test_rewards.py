@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from robots.kinematics import place
-from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
-from sim2real.environment.initial_states import StartPool
 from sim2real.environment.rewards import (
     MOST_REQUESTED,
     NECK_LOW,
@@ -189,18 +187,6 @@ def test_costs_alone_count_by_their_share():
     assert parts["torque"].item() == pytest.approx(-0.4 * 0.25 * 0.5)
     assert total.item() == pytest.approx(0.45)
     assert score(rewards, inputs)[0].item() == pytest.approx(0.3)
-
-
-@pytest.mark.parametrize("asked", [-4.0, -1.0, -0.5, 0.5, 1.0, 4.0])
-def test_an_action_counts_up_to_one_and_is_asked_for_beyond(op3, action, falls, asked):
-    options = EnvOptions(
-        robots=1, rewards=(Reward(haste, 1.0), Reward(action_change, 1.0)), threads=1
-    )
-    env = GetUpEnv(op3, action, StartPool.of(falls), options)
-    env.reset(seed=0)
-    for change in (min(abs(asked), 1.0), 0.0):
-        rewards = env.step(np.full((1, action.size), asked))[4]["rewards"]
-        assert rewards == pytest.approx({"haste": asked**2, "action_change": change**2})
 
 
 def test_a_rising_torso_and_servos_torque_in_the_robots_measures(op3, world, falls):

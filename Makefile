@@ -46,13 +46,13 @@ check: setup  ## Run ruff, pyright and the import rules.
 
 test: setup  ## Run the tests, but for those of learning and the slow ones.
 	$(BIN)/pytest -n 2 -m "not slow and not train and not realtime"
-	$(BIN)/pytest -m "realtime and not slow"
 
 test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
 	$(BIN)/pytest -n 2 -m "train and not slow"
 
 test-slow: $(VENV)/train  ## Run the slow tests, those of learning included.
 	$(BIN)/pytest -n 2 -m slow
+	$(BIN)/pytest -m realtime
 
 wheel-test: setup  ## Build the wheel; use it from a fresh environment outside the repository.
 	$(BIN)/pytest -m slow tests/packaging

@@ -60,8 +60,9 @@ LIMITS = {
     "3.0 N·m by PWM": TorqueLimit(3.0, "pwm"),
     "2.5 N·m by PWM": TorqueLimit(2.5, "pwm"),
     "2.0 N·m by PWM": TorqueLimit(2.0, "pwm"),
-    "2.5 N·m ideal": TorqueLimit(2.5),
-    "2.0 N·m ideal": TorqueLimit(2.0),
+    "3.0 N·m by current": TorqueLimit(3.0, "current"),
+    "2.5 N·m by current": TorqueLimit(2.5, "current"),
+    "2.0 N·m by current": TorqueLimit(2.0, "current"),
 }
 """Torque limits by how the tables name them."""
 PLANNED, ROBUST, PEER = "planned", "robust", "maker's keyframes"

@@ -42,9 +42,9 @@ GROUPS: dict[str, dict[str, Perturbation]] = {
         "3.0 N·m": Perturbation(torque_limit=3.0),
         "2.5 N·m": Perturbation(torque_limit=2.5),
         "2.0 N·m": Perturbation(torque_limit=2.0),
-        "3.0 N·m by PWM": Perturbation(torque_limit=3.0, pwm_limited=True),
-        "2.5 N·m by PWM": Perturbation(torque_limit=2.5, pwm_limited=True),
-        "2.0 N·m by PWM": Perturbation(torque_limit=2.0, pwm_limited=True),
+        "3.0 N·m by PWM": Perturbation(torque_limit=3.0, limit_by="pwm"),
+        "2.5 N·m by PWM": Perturbation(torque_limit=2.5, limit_by="pwm"),
+        "2.0 N·m by PWM": Perturbation(torque_limit=2.0, limit_by="pwm"),
     },
     "robustness": {
         "delay 20 ms": Perturbation(delay=0.02),

@@ -6,6 +6,7 @@ from typing import Protocol, Self, runtime_checkable
 
 from drivers.state import Command, State
 from robots import Robot
+from robots.servo import LimitMode
 
 
 @runtime_checkable
@@ -20,6 +21,8 @@ class Backend(Protocol):
     robot: Robot
     period: float
     """Control period [s]."""
+    limit_by: LimitMode
+    """What the torque limits of commands act on."""
 
     def connect(self) -> None:
         """Open the devices, torque off; harmless if they are open."""

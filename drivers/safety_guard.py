@@ -66,6 +66,7 @@ class SafetyGuard(Backend):
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
         self.backend = backend
         self.robot, self.period = backend.robot, backend.period
+        self.limit_by = backend.limit_by
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self._reach = self.limits.max_velocity * self.period
         # Half a period less: ages are sums of periods, beyond rounding.

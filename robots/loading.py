@@ -10,7 +10,7 @@ from robots.model_checks import find_model_problems
 from robots.posture import Posture
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.schema import JointRow, RobotTable, read_description
-from robots.servo import Servo, servo_models
+from robots.servo import LimitMode, Servo, servo_models
 from robots.validation import load_toml, shown
 
 
@@ -95,7 +95,14 @@ def _build_robot(folder: Path, table: RobotTable, model: mujoco.MjModel) -> Robo
         bus=table.bus,
         rising_joints=table.rising_joints or (),
         spreading_joints=table.spreading_joints,
+        limit_by=table.limit_by or _choose_limit_mode(rows),
     )
+
+
+def _choose_limit_mode(rows: tuple[JointRow, ...]) -> LimitMode:
+    """Limit torque by current where every servo senses it."""
+    all_sense = all(servo_models()[row.servo].has_current_mode for row in rows)
+    return "current" if all_sense else "pwm"
 
 
 def _build_joint(row: JointRow, model: mujoco.MjModel) -> Joint:

@@ -13,7 +13,7 @@ from msgspec import Meta
 
 from robots.posture import Posture
 from robots.quaternion import Array
-from robots.servo import Servo, round_pwm
+from robots.servo import COUNT_ROUNDING, LimitMode, Servo
 from robots.validation import Names, Sign, positive, whole
 
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
@@ -59,9 +59,6 @@ class BusSettings:
 
 
 ROBOTS_FOLDER = Path(__file__).parent
-
-GAIN_RESISTANCE, GAIN_MOTOR_CONSTANT = 0, 1  # columns of a dcmotor's gainprm
-GAIN_KP, GAIN_KD, GAIN_VMAX = 4, 6, 7
 
 
 class RobotError(ValueError):
@@ -138,6 +135,8 @@ class Robot:
     """One joint of each mirrored pair that a learned rise moves."""
     spreading_joints: tuple[str, ...] = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
+    limit_by: LimitMode = "pwm"
+    """What a torque limit acts on, if nothing else is asked for: ``"current"`` or ``"pwm"``."""
 
     @property
     def n(self) -> int:
@@ -179,6 +178,22 @@ class Robot:
         """Return the torque lost to back-EMF per speed [N·m·s/rad], (n,)."""
         return np.array([joint.servo.model.torque_speed_slope for joint in self.joints])
 
+    @cached_property
+    def current_damping(self) -> Array:
+        """Return the damping of current-based position mode [N·m·s/rad], (n,)."""
+        models = [joint.servo.model for joint in self.joints]
+        return np.array([m.damping_gain(m.d_gain) for m in models])
+
+    @cached_property
+    def torque_per_ampere(self) -> Array:
+        """Return the torque per motor current at the servos' stall points [N·m/A], (n,)."""
+        return np.array([joint.servo.model.torque_per_ampere for joint in self.joints])
+
+    @cached_property
+    def current_step(self) -> Array:
+        """Return the current of a count [A], (n,); 0 for servos without current sensor."""
+        return np.array([joint.servo.model.current_step for joint in self.joints])
+
     def mirror_joints(self, joint_pos: Array) -> Array:
         """Exchange left and right in joint angles, (..., n)."""
         return joint_pos[..., self.mirror_index] * self.mirror_sign
@@ -203,40 +218,27 @@ class Robot:
             torso=model.body(self.torso).id,
         )
 
-    def pwm_limit(self, torque_limit: Array | float) -> Array:
-        """Compute the share of the supply that limits torques [N·m], in whole counts, (..., n).
+    def round_current(self, torque: Array | float) -> Array:
+        """Round torques down to those of whole counts of the motors' current [N·m], (..., n)."""
+        return self.count_current(torque) * self.current_step * self.torque_per_ampere
 
-        Position mode limits the motor's voltage, not its torque: at standstill the servo then
-        has the requested torque, rounded down, and less the faster it turns.
+    def count_current(self, torque: Array | float) -> Array:
+        """Convert torques [N·m] to whole counts of the motors' current, (..., n)."""
+        return np.floor(torque / (self.current_step * self.torque_per_ampere) + COUNT_ROUNDING)
+
+    def check_limit_mode(self, by: LimitMode) -> None:
+        """Refuse a way to limit torque that a servo does not have.
+
+        Raises:
+            ValueError: naming the servo.
         """
-        return round_pwm(torque_limit / self.max_torque)
-
-    def drive_gains(
-        self,
-        voltage: Array | float,
-        gain_scale: Array | float = 1.0,
-        pwm_limit: Array | float = 1.0,
-    ) -> Array:
-        """Compute the servos' ``actuator_gainprm`` at a supply voltage, (..., n, 10).
-
-        Position mode sets a share of the supply, so stiffness and largest drive voltage both
-        follow it.
-
-        Args:
-            voltage: Supply [V], shape (...).
-            gain_scale: Share of the position gain, shape (..., n) or a number.
-            pwm_limit: Largest share of the supply, shape (..., n) or a number.
-        """
-        models = [joint.servo.model for joint in self.joints]
-        voltage = np.asarray(voltage, dtype=float)[..., None]
-        gains = np.zeros((*voltage.shape[:-1], self.n, 10))
-        gains[..., GAIN_RESISTANCE] = [m.resistance for m in models]
-        gains[..., GAIN_MOTOR_CONSTANT] = [m.motor_constant for m in models]
-        nominal = np.array([m.nominal_voltage for m in models])
-        gains[..., GAIN_KP] = self.position_gain * gain_scale * voltage / nominal
-        gains[..., GAIN_KD] = self.torque_speed_slope
-        gains[..., GAIN_VMAX] = voltage * pwm_limit
-        return gains
+        for joint in self.joints:
+            model = joint.servo.model
+            if by == "current" and not model.has_current_mode:
+                raise ValueError(
+                    f"torque limit is by 'current', expected 'pwm': the {model.name} of joint "
+                    f"'{joint.name}' has no current sensor"
+                )
 
 
 def _add_servo(spec: mujoco.MjSpec, joint: Joint) -> None:

@@ -60,6 +60,8 @@ class RobotTable:
     """One joint of each mirrored pair that a learned rise moves; those of all limbs if left out."""
     spreading_joints: Names = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
+    limit_by: Literal["current", "pwm"] | None = None
+    """What a torque limit acts on; if left out the current, where all servos sense it."""
 
 
 def read_description(toml: dict[str, Any]) -> tuple[RobotTable, list[str]]:
@@ -84,6 +86,7 @@ def read_description(toml: dict[str, Any]) -> tuple[RobotTable, list[str]]:
     problems += _repeated(table.joints)
     problems += _wrong_mirrors(table.joints)
     problems += _wrong_supply(table)
+    problems += _wrong_limit_mode(table)
     return replace(table, rising_joints=rising), problems
 
 
@@ -185,6 +188,17 @@ def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:
                 f"{shown(image.name)} is {image.mirror_sign}, expected the same for both"
             )
     return problems
+
+
+def _wrong_limit_mode(table: RobotTable) -> list[str]:
+    if table.limit_by != "current":
+        return []
+    return [
+        f'limit_by is "current", expected "pwm": the {row.servo} of joint {shown(row.name)} has no '
+        "current sensor"
+        for row in table.joints
+        if row.servo in servo_models() and not servo_models()[row.servo].has_current_mode
+    ][:1]
 
 
 def _wrong_supply(table: RobotTable) -> list[str]:

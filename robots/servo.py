@@ -5,6 +5,7 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -16,9 +17,17 @@ MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manu
 RAD_PER_TICK = 2.0 * math.pi / TICKS_PER_TURN
 
 PWM_FULL_SCALE = 885  # counts at 100 % of the supply (e-manual, PWM limit)
-PWM_ROUNDING = 1e-9  # of a count: what was rounded once stays the same
+COUNT_ROUNDING = 1e-9  # of a count: what was rounded once stays the same
 GAIN_DIVISOR = 128  # register value of the P gain per PWM count and tick (e-manual)
+D_GAIN_DIVISOR = 16  # the same of the D gain, per change of the error in one sample (e-manual)
+SAMPLE_TIME = 0.001  # s between two samples of the position loop; not published
 DEFAULT_P_GAIN = 800  # position P gain as shipped
+
+LimitMode = Literal["current", "pwm", "ideal"]
+"""What a torque limit acts on; see :class:`robots.torque_limit.TorqueLimit`."""
+LIMIT_MODES: tuple[LimitMode, ...] = get_args(LimitMode)
+CURRENT, PWM, IDEAL = range(len(LIMIT_MODES))
+"""Places of the modes in that order, for arrays of modes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +47,8 @@ class ServoModel:
     """Rotor inertia seen at the horn [kg·m²]."""
     friction: float
     """Dry friction at the horn [N·m]."""
+    current_step: float
+    """Current of a count, measured and limited [A]; 0 for a servo without current sensor."""
     min_voltage: float
     """[V]"""
     max_voltage: float
@@ -57,6 +68,33 @@ class ServoModel:
     def torque_speed_slope(self) -> float:
         """Return the torque lost per speed to back-EMF [N·m·s/rad]."""
         return self.stall_torque / self.no_load_speed
+
+    @property
+    def torque_per_ampere(self) -> float:
+        """Return the torque per motor current at the stall point, friction included [N·m/A]."""
+        return self.stall_torque / self.stall_current
+
+    @property
+    def has_current_mode(self) -> bool:
+        """Return whether it can limit its current, in current-based position mode."""
+        return self.current_step > 0.0
+
+    @property
+    def d_gain(self) -> int:
+        """Return the D gain that damps current-based position mode as back-EMF damps the other.
+
+        The current loop makes up for back-EMF, so that without a D gain only friction is left.
+        """
+        return round(self.torque_speed_slope / self.damping_gain(1))
+
+    def damping_gain(self, d_gain: int) -> float:
+        """Compute the damping of a D gain in current-based position mode [N·m·s/rad].
+
+        The scale of the gains is taken to be that of position mode, where a count of PWM gives
+        about the torque that a count of current gives: the manual does not state it.
+        """
+        stiffness = self.position_gain(GAIN_DIVISOR)  # of a P gain of one
+        return stiffness * d_gain / D_GAIN_DIVISOR * SAMPLE_TIME
 
     def position_gain(self, p_gain: int = DEFAULT_P_GAIN) -> float:
         """Compute the stiffness of position mode at nominal voltage [N·m/rad].
@@ -103,7 +141,7 @@ def servo_models() -> dict[str, ServoModel]:
 
 def count_pwm(share: Array | float) -> Array:
     """Convert shares of the supply to whole counts of the PWM, from none to all of them, (...)."""
-    counts = np.floor(PWM_FULL_SCALE * share + PWM_ROUNDING)
+    counts = np.floor(PWM_FULL_SCALE * share + COUNT_ROUNDING)
     return np.minimum(np.maximum(counts, 0.0), PWM_FULL_SCALE)
 
 

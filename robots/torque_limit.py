@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, replace
+from typing import get_args
 
 from robots.robot import Robot
-
-LimitedBy = Literal["torque", "pwm"]
+from robots.servo import LimitMode
 
 
 @dataclass(frozen=True)
@@ -17,28 +16,43 @@ class TorqueLimit:
 
     value: float | None = None
     """[N·m]; None for no limit below the servos' stall torque."""
-    by: LimitedBy = "torque"
-    """``"pwm"``: the motor's voltage is limited, as servos in position mode do it, so that less
-    torque is left the faster the servo turns. ``"torque"``: ideal, at the torque itself."""
+    by: LimitMode | None = None
+    """``"current"``: the motor's current is limited, in current-based position mode. ``"pwm"``:
+    its voltage is, in position mode, so that less torque is left the faster the servo turns.
+    ``"ideal"``: the torque itself, which no servo can; for comparison only. None: as the robot's
+    description says."""
 
     def __post_init__(self) -> None:
-        if self.by not in get_args(LimitedBy):
-            expected = " or ".join(map(repr, get_args(LimitedBy)))
-            raise ValueError(f"torque limit is by {self.by!r}, expected {expected}")
+        if self.by not in (None, *get_args(LimitMode)):
+            expected = ", ".join(map(repr, get_args(LimitMode)))
+            raise ValueError(f"torque limit is by {self.by!r}, expected one of {expected}")
         if self.value is not None and not 0.0 < self.value < math.inf:
             raise ValueError(
                 f"torque limit is {self.value:g} N·m, expected a finite number above 0 N·m"
             )
 
-    @property
-    def by_pwm(self) -> bool:
-        """Return whether the motor's voltage is limited, not the torque itself."""
-        return self.by == "pwm"
+    def on(self, robot: Robot) -> TorqueLimit:
+        """Return this limit with the mode in which a robot's servos apply it.
 
-    def largest(self, robot: Robot) -> float:
-        """Return the largest torque that any servo of a robot may have [N·m]."""
+        Raises:
+            ValueError: if they do not have the mode, or cannot make that torque.
+        """
+        by = robot.limit_by if self.by is None else self.by
+        robot.check_limit_mode(by)
         full = float(robot.max_torque.max())
-        return full if self.value is None else min(self.value, full)
+        if self.value is not None and self.value > full:
+            raise ValueError(
+                f"torque limit is {self.value:g} N·m, expected at most {full:g} N·m, the stall "
+                f"torque of the servos of robot '{robot.name}'"
+            )
+        return replace(self, by=by)
+
+    @property
+    def mode(self) -> LimitMode:
+        """Return the mode of a limit on a robot, one that :meth:`on` returned."""
+        if self.by is None:
+            raise ValueError("torque limit has no mode yet, expected TorqueLimit(...).on(robot)")
+        return self.by
 
 
 FULL_TORQUE = TorqueLimit()

@@ -19,6 +19,7 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import place
 from robots.quaternion import Array
+from robots.servo import LimitMode
 from sim2real.environment.model_variants import MODEL_VARIANTS, ModelVariant, backlash
 from sim2real.environment.randomization import NOISE
 from sim2real.environment.training_simulation import TrainingSim
@@ -45,8 +46,8 @@ class Perturbation:
 
     torque_limit: float | None = None
     """Torque limit of every servo [N·m]."""
-    pwm_limited: bool = False
-    """Whether the torque limit is a PWM limit, as in a servo's position mode."""
+    limit_by: LimitMode | None = None
+    """What the torque limit acts on; ``None`` for the robot's own."""
     delay: float = 0.0
     """Delay of targets on their way to the servos [s]."""
     voltage: float | None = None
@@ -179,7 +180,7 @@ def make_parameters(
         friction=perturbation.friction,
         voltage=perturbation.voltage,
         torque_limit=perturbation.torque_limit,
-        pwm_limited=perturbation.pwm_limited,
+        limit_by=perturbation.limit_by,
     )
     p.mass[:] = perturbation.mass
     p.action_delay[:] = perturbation.delay

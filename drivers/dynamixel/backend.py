@@ -33,6 +33,7 @@ from drivers.errors import NoBusError, NotConnectedError, SetupError
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import BusSettings, Joint, Robot
+from robots.servo import LimitMode
 
 READ_SHARE = 0.75  # of the period within which all reads must end
 FRESH = 2.5  # periods; torque does not begin from an older position
@@ -78,6 +79,7 @@ class DynamixelBackend(Backend):
         answer_margin: float = ANSWER_MARGIN,
         make_port: MakePort = SerialPort,
         release: Release = Release.LIMP,
+        limit_by: LimitMode | None = None,
     ) -> None:
         """Prepare a backend; nothing is opened yet.
 
@@ -90,15 +92,19 @@ class DynamixelBackend(Backend):
             answer_margin: How long a reply may take beyond its bytes' own time [s].
             make_port: `SerialPort` or `SdkPort`.
             release: State of the joints after `close`; it may be changed until then.
+            limit_by: What torque limits act on: the current, in current-based position mode, or
+                the PWM, in position mode; ``None`` for the robot's own.
 
         Raises:
-            SetupError: if the robot has no bus, no IMU, or other ports.
+            SetupError: if the robot has no bus, no IMU, or other ports, or if its servos do not
+                limit torque like that.
         """
         self.robot, self._bus_settings = robot, _check_robot(robot, ports)
         self.period = robot.control_period if period is None else period
         self._clock = clock or Clock()
         self.release = release
-        self._converter, self._units = CommandConverter(robot), ServoUnits(robot)
+        self.limit_by: LimitMode = _check_limit_mode(robot, limit_by or robot.limit_by)
+        self._converter, self._units = CommandConverter(robot, self.limit_by), ServoUnits(robot)
         self._margin = answer_margin
         self._watchdog = max(1, round(self._bus_settings.watchdog / WATCHDOG_STEP))
         self.diagnostics = Diagnostics((), ())
@@ -162,7 +168,7 @@ class DynamixelBackend(Backend):
             self.close()
             raise
         for servo in self.diagnostics.servos:
-            self._converter.pwm_limit[states.row(servo.id)] = servo.registers["pwm_limit"]
+            self._converter.note_limits(states.row(servo.id), servo.registers)
         self._connected = True
 
     def close(self) -> None:
@@ -308,12 +314,22 @@ class DynamixelBackend(Backend):
             board = settings.board
             here = OpenCr(bus, board) if board and board.port == port else None
             rows = np.sort([names.index(joint) for joint in joints])
-            chains.append(ServoChain(bus, self.robot, rows, self._watchdog, here))
+            chains.append(ServoChain(bus, self.robot, rows, self._watchdog, here, self.limit_by))
         return chains
 
     def _check_connected(self) -> None:
         if not self._connected:
             raise NotConnectedError(f"{self.robot.name} on its servo bus")
+
+
+def _check_limit_mode(robot: Robot, by: LimitMode) -> LimitMode:
+    if by == "ideal":
+        raise SetupError("torque limit is by 'ideal', which no servo can, expected another mode")
+    try:
+        robot.check_limit_mode(by)
+    except ValueError as error:
+        raise SetupError(str(error)) from error
+    return by
 
 
 def _check_robot(robot: Robot, ports: Mapping[str, str]) -> BusSettings:

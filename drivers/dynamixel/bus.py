@@ -194,6 +194,10 @@ class DynamixelBus:
         """Restart a device; ``None`` if it does not confirm."""
         return self.request(Request(protocol2.reboot(device), {device: 0}), tries).get(device)
 
+    def clear_turns(self, device: int, tries: int = 1) -> Status | None:
+        """Bring a position back into one turn; ``None`` if the device does not confirm."""
+        return self.request(Request(protocol2.clear_turns(device), {device: 0}), tries).get(device)
+
     # All devices ------------------------------------------------------------------------------
 
     def ping_all(self) -> dict[int, Status]:

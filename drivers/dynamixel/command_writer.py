@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,17 @@ from drivers.servo_units import ServoUnits
 from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
 from robots.quaternion import Array
-from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, TICKS_PER_TURN, count_pwm
+from robots.servo import (
+    DEFAULT_P_GAIN,
+    MAX_TICKS,
+    PWM_FULL_SCALE,
+    TICKS_PER_TURN,
+    LimitMode,
+    count_pwm,
+)
 
 FAR = 100.0  # rad, beyond any servo; keeps absurd targets within whole numbers
+MOST_CURRENT = 0xFFFF  # counts, more than any servo's limit
 # Gains and limits are sent again every so many cycles, in case a servo has missed them.
 REFRESH = 64
 WRITTEN = (
@@ -31,6 +40,13 @@ WRITTEN = (
     "goal_position",
 )
 """Registers that are written to all servos of a bus together."""
+WRITTEN_BY_CURRENT = (*WRITTEN, "goal_current")
+"""The same in current-based position mode."""
+GOAL_RANGES: dict[LimitMode, tuple[int, int]] = {
+    "current": (-MAX_TICKS, MAX_TICKS),
+    "pwm": (0, TICKS_PER_TURN - 1),
+}
+"""Goals that the operating mode for a kind of torque limit takes [ticks]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +59,8 @@ class RegisterCommands:
     """Register value."""
     pwm: Integers
     """Goal PWM [counts]."""
+    current: Integers
+    """Goal Current [counts]; used in current-based position mode only."""
     torque: NDArray[np.bool_]
     """Whether torque is on."""
 
@@ -50,12 +68,19 @@ class RegisterCommands:
 class CommandConverter:
     """Converts commands to register values, and register values to the command really sent."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, limit_by: LimitMode) -> None:
+        self._robot = robot
+        self._limit_by: LimitMode = limit_by
         self._units = ServoUnits(robot)
-        self._names = robot.joint_names
-        self._stall = np.array([joint.servo.model.stall_torque for joint in robot.joints])
         self.pwm_limit = np.full(robot.n, PWM_FULL_SCALE)
-        """PWM limit register of each servo [counts]."""
+        """PWM Limit register of each servo [counts]."""
+        self.current_limit = np.full(robot.n, MOST_CURRENT)
+        """Current Limit register of each servo [counts]."""
+
+    def note_limits(self, row: int, registers: Mapping[str, int]) -> None:
+        """Note the limits that a servo's EEPROM puts on its goals."""
+        self.pwm_limit[row] = registers["pwm_limit"]
+        self.current_limit[row] = registers.get("current_limit", MOST_CURRENT)
 
     def to_registers(self, command: Command) -> RegisterCommands:
         """Convert a command; rounding never exceeds its limits.
@@ -63,20 +88,32 @@ class CommandConverter:
         Raises:
             CommandError: if it has wrong shapes, negative limits, or NaN or inf.
         """
-        check_command(command, self._names)
+        robot = self._robot
+        check_command(command, robot.joint_names)
         target = np.minimum(np.maximum(command.joint_pos, -FAR), FAR)
         goal = self._units.to_ticks(self._units.round_goal(target))
-        share = np.minimum(command.torque_limit / self._stall, command.pwm_limit)
-        pwm = np.minimum(count_pwm(share), self.pwm_limit).astype(int)
+        torque = np.minimum(command.torque_limit, robot.max_torque)
+        share, current = command.pwm_limit, self.current_limit
+        if self._limit_by == "current":
+            current = np.minimum(robot.count_current(torque), current)
+        else:
+            share = np.minimum(torque / robot.max_torque, share)
+        pwm = np.minimum(count_pwm(share), self.pwm_limit)
         gain = np.rint(DEFAULT_P_GAIN * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
         return RegisterCommands(
-            goal=_limit_to_turn(goal), p_gain=gain.astype(int), pwm=pwm, torque=pwm > 0
+            goal=np.clip(goal, *GOAL_RANGES[self._limit_by]),
+            p_gain=gain.astype(int),
+            pwm=pwm.astype(int),
+            current=current.astype(int),
+            torque=(pwm > 0) & (current > 0) & (torque > 0.0),
         )
 
     def to_command(self, registers: RegisterCommands, requested: Command) -> Command:
         """Convert register values to the command that they carry out."""
-        share = registers.pwm / PWM_FULL_SCALE
-        torque: Array = share * self._stall
+        robot, share = self._robot, registers.pwm / PWM_FULL_SCALE
+        torque: Array = share * robot.max_torque
+        if self._limit_by == "current":
+            torque = registers.current * robot.current_step * robot.torque_per_ampere
         limit = np.where(registers.torque, np.minimum(torque, requested.torque_limit), 0.0)
         return Command(
             joint_pos=self._units.to_rad(registers.goal),
@@ -118,11 +155,17 @@ class CommandWriter:
     """
 
     def __init__(
-        self, bus: DynamixelBus, joints: list[Joint], rows: np.ndarray, watchdog: int
+        self,
+        bus: DynamixelBus,
+        joints: list[Joint],
+        rows: np.ndarray,
+        watchdog: int,
+        limit_by: LimitMode,
     ) -> None:
         """Prepare to write to joints at some places in the robot's joint order.
 
-        ``watchdog`` is the register value of the bus watchdog under torque.
+        ``watchdog`` is the register value of the bus watchdog under torque, and ``limit_by`` what
+        torque limits act on.
 
         Raises:
             SetupError: if the servos cannot be written to together.
@@ -130,8 +173,12 @@ class CommandWriter:
         self._bus, self._rows, self._watchdog = bus, rows, watchdog
         self._ids = [joint.servo.id for joint in joints]
         tables = [table_named(joint.servo.model.name) for joint in joints]
-        self._writers = {name: _make_writer(name, self._ids, tables) for name in WRITTEN}
-        self._last = {"position_p_gain": LastWritten(len(rows)), "goal_pwm": LastWritten(len(rows))}
+        is_by_current = limit_by == "current"
+        names = WRITTEN_BY_CURRENT if is_by_current else WRITTEN
+        self._writers = {name: _make_writer(name, self._ids, tables) for name in names}
+        changing = ("position_p_gain", "goal_pwm", *(("goal_current",) if is_by_current else ()))
+        self._last = {name: LastWritten(len(rows)) for name in changing}
+        self._goal_range = GOAL_RANGES[limit_by]
         self._all = np.ones(len(rows), dtype=bool)
         self._cycle = 0
 
@@ -155,10 +202,14 @@ class CommandWriter:
             states.note_off(rows[off])
         on = wanted & fresh[rows] & (~was_on | states.must_seed[rows])
         switches_on = bool(on.any())
-        values = {"position_p_gain": commands.p_gain[rows], "goal_pwm": commands.pwm[rows]}
+        values = {
+            "position_p_gain": commands.p_gain[rows],
+            "goal_pwm": commands.pwm[rows],
+            "goal_current": commands.current[rows],
+        }
         for i, (name, last) in enumerate(self._last.items()):
             due = last.find_due(values[name])
-            if self._cycle % REFRESH == i * REFRESH // 2:
+            if self._cycle % REFRESH == i * REFRESH // len(self._last):
                 due = self._all
             if switches_on:
                 due = due | on  # a servo may have lost what was written before
@@ -166,7 +217,7 @@ class CommandWriter:
                 self._write_some(name, due, values[name])
         if switches_on:
             self._switch_on(on, states)
-        present = _limit_to_turn(states.ticks[rows])
+        present = np.clip(states.ticks[rows], *self._goal_range)
         self.write_all("goal_position", np.where(states.is_on[rows], commands.goal[rows], present))
 
     def forget(self) -> None:
@@ -188,9 +239,9 @@ class CommandWriter:
         # Not a sync write: on a virtual bus in lock-step that would end the cycle.
         goal = self._writers["goal_position"].address
         ids = (self._ids[i] for i in np.flatnonzero(on))
-        present = _limit_to_turn(states.ticks[chosen])
+        present = np.clip(states.ticks[chosen], *self._goal_range)
         seeds = {
-            i: (goal, int(ticks).to_bytes(4, "little"))
+            i: (goal, int(ticks).to_bytes(4, "little", signed=True))
             for i, ticks in zip(ids, present, strict=True)
         }
         self._bus.send(bulk_write(seeds))
@@ -206,7 +257,3 @@ def _make_writer(name: str, ids: list[int], tables: list[ControlTable]) -> SyncW
         raise SetupError(f"servos {models} keep {name} in different places: give each a port")
     address, size = places.pop()
     return SyncWriter(address, {1: "u1", 2: "<i2", 4: "<i4"}[size], ids)
-
-
-def _limit_to_turn(ticks: Integers) -> Integers:
-    return np.minimum(np.maximum(ticks, 0), TICKS_PER_TURN - 1)

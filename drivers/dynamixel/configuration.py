@@ -5,16 +5,24 @@ from __future__ import annotations
 from dataclasses import replace
 
 from drivers.dynamixel.bus import TRIES, DynamixelBus
-from drivers.dynamixel.control_table import ControlTable, DriveMode, OperatingMode
+from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts
-from robots.servo import DEFAULT_P_GAIN, TICKS_PER_TURN
+from drivers.dynamixel.protocol2 import is_confirmed
+from robots.servo import DEFAULT_P_GAIN, TICKS_PER_TURN, LimitMode
 
 ALL_ANSWERED = 2  # Status Return Level: every instruction is confirmed
 RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
 """EEPROM items that are read again when a servo may have restarted."""
 
 
-def list_eeprom_settings(servo: ServoFacts) -> dict[str, int]:
+OPERATING_MODES: dict[LimitMode, OperatingMode] = {
+    "current": OperatingMode.CURRENT_BASED_POSITION,
+    "pwm": OperatingMode.POSITION,
+}
+"""Operating mode for each way in which servos limit their torque."""
+
+
+def list_eeprom_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, int]:
     """List the EEPROM items that differ from what the driver needs, and the needed values.
 
     The servo accepts every tick of its turn: the guard limits the joint's range, and a joint
@@ -25,22 +33,25 @@ def list_eeprom_settings(servo: ServoFacts) -> dict[str, int]:
         # Neither time-based profiles nor torque on by goal update; the direction is up to the
         # calibration.
         "drive_mode": servo.registers["drive_mode"] & DriveMode.REVERSE,
-        "operating_mode": int(OperatingMode.POSITION),
+        "operating_mode": int(OPERATING_MODES[limit_by]),
         "max_position_limit": TICKS_PER_TURN - 1,
         "min_position_limit": 0,
     }
     return {name: value for name, value in wanted.items() if servo.registers[name] != value}
 
 
-def list_ram_settings(table: ControlTable) -> dict[str, int]:
+def list_ram_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, int]:
     """List the registers that power-up resets, to be set each time.
 
     The watchdog goes off here, tripped or not; it comes on with the torque.
     """
+    d_gain = servo.table["position_d_gain"].default or 0
+    if limit_by == "current":  # whose loop takes the damping by back-EMF away
+        d_gain = servo.joint.servo.model.d_gain
     return {
         "status_return_level": ALL_ANSWERED,
         "bus_watchdog": 0,
-        "position_d_gain": table["position_d_gain"].default or 0,
+        "position_d_gain": d_gain,
         "position_i_gain": 0,
         "position_p_gain": DEFAULT_P_GAIN,
         "feedforward_2nd_gain": 0,
@@ -56,9 +67,13 @@ class ServoSetup:
     Torque goes off first, for the EEPROM is locked under torque.
     """
 
-    def __init__(self, servo: ServoFacts, *, recheck: bool = False) -> None:
-        """Prepare to set up a servo; ``recheck`` first whether it still is the same one."""
+    def __init__(self, servo: ServoFacts, limit_by: LimitMode, *, recheck: bool = False) -> None:
+        """Prepare to set up a servo that limits its torque in a certain way.
+
+        ``recheck`` first whether it still is the same one.
+        """
         self._servo = servo
+        self._limit_by: LimitMode = limit_by
         self._must_check = recheck
         self.eeprom_writes = 0
         """Number of writes to the EEPROM, which wears out."""
@@ -69,12 +84,14 @@ class ServoSetup:
     @property
     def done(self) -> bool:
         """Return whether the servo is ready."""
-        return not self._left and not self._must_check
+        return not (self._left or self._must_check or self._must_clear)
 
     def step(self, bus: DynamixelBus, tries: int = 1) -> bool:
         """Send the next instruction; return whether the servo confirmed it."""
         if self._must_check:
             return self._check(bus, tries)
+        if self._must_clear:
+            return self._clear(bus, tries)
         name, value = self._left[0]
         item = self._servo.table[name]
         status = bus.write(self._servo.id, item.address, item.encode(value), tries)
@@ -95,11 +112,21 @@ class ServoSetup:
         return True
 
     def _begin(self) -> None:
+        # Only position mode brings the position back into one turn by itself.
+        position = self._servo.registers["present_position"]
+        self._must_clear = self._limit_by == "current" and not 0 <= position < TICKS_PER_TURN
         self._left = [
             ("torque_enable", 0),
-            *list_eeprom_settings(self._servo).items(),
-            *list_ram_settings(self._servo.table).items(),
+            *list_eeprom_settings(self._servo, self._limit_by).items(),
+            *list_ram_settings(self._servo, self._limit_by).items(),
         ]
+
+    def _clear(self, bus: DynamixelBus, tries: int) -> bool:
+        """Bring the position back into one turn; the torque is off since the diagnosis."""
+        confirmed = is_confirmed(bus.clear_turns(self._servo.id, tries))
+        self._must_clear = not confirmed
+        self.failed = "" if confirmed else "its position is beyond one turn and cannot be cleared"
+        return confirmed
 
     def _check(self, bus: DynamixelBus, tries: int) -> bool:
         """Read the servo's model and EEPROM; refuse another model or firmware."""

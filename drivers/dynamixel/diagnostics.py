@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -139,6 +140,7 @@ DIAGNOSED = (
     "max_voltage_limit",
     "min_voltage_limit",
     "pwm_limit",
+    "current_limit",
     "velocity_limit",
     "max_position_limit",
     "min_position_limit",
@@ -244,6 +246,13 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
         warn(
             f"PWM limit is {registers['pwm_limit']} of {PWM_FULL_SCALE}: it has less torque",
             f"set it to {PWM_FULL_SCALE} unless that is intended",
+        )
+    stalled = model.stall_current / model.current_step if model.has_current_mode else 0.0
+    if registers.get("current_limit", math.inf) < stalled:
+        warn(
+            f"current limit is {registers['current_limit']}, {math.ceil(stalled)} is its stall "
+            "current: it has less torque where torque is limited by current",
+            f"set it to {math.ceil(stalled)} or more unless that is intended",
         )
     if registers.get("startup_configuration", 0) & 1:
         warn("switches torque on by itself at power-up", "set its startup configuration to 0")

@@ -182,6 +182,11 @@ def reboot(device: int) -> bytes:
     return Packet(device, Instruction.REBOOT).encode()
 
 
+def clear_turns(device: int) -> bytes:
+    """Bring a position of many turns back into one turn; for a servo without torque, at rest."""
+    return Packet(device, Instruction.CLEAR, bytes((0x01, *b"DXL\x22"))).encode()
+
+
 def sync_read(devices: Sequence[int], span: Span, *, fast: bool = False) -> bytes:
     """Read the same registers of several devices."""
     kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.dynamixel.background_read import BackgroundRead, has_time
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.command_writer import CommandWriter, RegisterCommands
+from drivers.dynamixel.command_writer import GOAL_RANGES, CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
@@ -21,7 +21,7 @@ from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies, Request
 from drivers.dynamixel.servo_states import TORQUE, ServoStates
 from robots import Joint, Robot
-from robots.servo import TICKS_PER_TURN
+from robots.servo import LimitMode
 
 REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
 MUTE_TIME = 1.0  # s without a single byte after which a port is opened again
@@ -51,6 +51,7 @@ class ServoChain:
         rows: np.ndarray,
         watchdog: int,
         board: OpenCr | None,
+        limit_by: LimitMode,
     ) -> None:
         """Prepare the chain of some of a robot's joints.
 
@@ -60,12 +61,14 @@ class ServoChain:
             rows: Places of the joints in the robot's joint order.
             watchdog: Register value of the bus watchdog under torque.
             board: The controller board, if it is on this port.
+            limit_by: What the servos' torque limits act on.
         """
         self.bus, self.rows, self.board = bus, rows, board
         self.joints: list[Joint] = [robot.joints[row] for row in rows]
         self.is_lost = False
         self.eeprom_writes = 0
-        self.writer = CommandWriter(bus, self.joints, rows, watchdog)
+        self.writer = CommandWriter(bus, self.joints, rows, watchdog, limit_by)
+        self._limit_by: LimitMode = limit_by
         self._torque = table_named(self.joints[0].servo.model.name)[TORQUE]
         self._facts: dict[int, ServoFacts] = {}
         self._setups: dict[int, ServoSetup] = {}
@@ -85,7 +88,7 @@ class ServoChain:
 
     def configure(self, row: int) -> str:
         """Set a servo's registers; return what it does not confirm, or nothing."""
-        setup = ServoSetup(self._facts[row])
+        setup = ServoSetup(self._facts[row], self._limit_by)
         setup.run(self.bus)
         self.eeprom_writes += setup.eeprom_writes
         return setup.failed
@@ -97,7 +100,8 @@ class ServoChain:
         if ticks is None:
             return False
         self.writer.forget()
-        goal = min(max(ticks, 0), TICKS_PER_TURN - 1)
+        lowest, highest = GOAL_RANGES[self._limit_by]
+        goal = min(max(ticks, lowest), highest)
         return self.bus.write_item(servo.id, servo.table["goal_position"], goal)
 
     # Reading ----------------------------------------------------------------------------------
@@ -276,7 +280,8 @@ class ServoChain:
         for row in np.roll(waiting, self._cycle).tolist():
             if self._facts[row].id in out:
                 continue
-            setup = self._setups.setdefault(row, ServoSetup(self._facts[row], recheck=True))
+            again = ServoSetup(self._facts[row], self._limit_by, recheck=True)
+            setup = self._setups.setdefault(row, again)
             while not setup.done:
                 if steps == SETUP_STEPS or time.monotonic() + STEP_TIME > limit:
                     return

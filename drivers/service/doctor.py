@@ -30,6 +30,7 @@ from drivers.safety_limits import DERATE_TEMPERATURE, MAX_TEMPERATURE
 from drivers.service.session import BusPort, RobotBus
 from robots import Joint, Robot
 from robots.calibration import CALIBRATION_FILE
+from robots.servo import LimitMode
 
 ROUNDS = 50  # reads that are timed
 BEST_TIMER = 1  # ms, the least that an adapter's latency timer can be
@@ -113,7 +114,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     imu = bus.board.read_imu() if bus.board else None
     findings = [*diagnostics.findings, *_check_torque(torque), *_check_heat(servos)]
     findings += [f for port in ports for f in _check_port(port, robot.control_period)]
-    findings += [*_check_imu(imu), *_check_settings(servos)]
+    findings += [*_check_imu(imu), *_check_settings(servos, robot.limit_by)]
     is_calibrated = (robot.folder / CALIBRATION_FILE).exists()
     if not is_calibrated:
         text = "no calibration: zeros and signs are those of the description"
@@ -216,11 +217,11 @@ def _check_heat(servos: Sequence[ServoFacts]) -> list[Finding]:
     return findings
 
 
-def _check_settings(servos: Sequence[ServoFacts]) -> list[Finding]:
+def _check_settings(servos: Sequence[ServoFacts], limit_by: LimitMode) -> list[Finding]:
     """List the EEPROM items that the driver is going to set, equal ones together."""
     groups: dict[tuple[str, int, int], list[Joint]] = {}
     for servo in servos:
-        for name, value in list_eeprom_settings(servo).items():
+        for name, value in list_eeprom_settings(servo, limit_by).items():
             groups.setdefault((name, servo.registers[name], value), []).append(servo.joint)
     return [
         Finding(

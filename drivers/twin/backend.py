@@ -18,7 +18,8 @@ from drivers.twin.servo_model import (
 )
 from drivers.twin.simulation import CompiledWorld, Simulation
 from robots import Posture, Robot
-from robots.servo import round_pwm
+from robots.drive import limit_servos
+from robots.servo import LimitMode
 
 
 class Twin(Backend):
@@ -36,7 +37,7 @@ class Twin(Backend):
         *,
         voltage: float | None = None,
         supply_resistance: float = 0.0,
-        pwm_limited: bool = False,
+        limit_by: LimitMode | None = None,
         period: float | None = None,
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
@@ -46,8 +47,7 @@ class Twin(Backend):
         Args:
             world, voltage, supply_resistance, period, noise, rng: As in `Simulation`.
             start: Where the robot is, at rest; ``None`` for its standing posture.
-            pwm_limited: Limit torques by PWM, as servos in position mode do, and not at the
-                torque itself.
+            limit_by: What torque limits act on; ``None`` for the robot's own.
         """
         self.simulation = Simulation(
             world,
@@ -60,7 +60,8 @@ class Twin(Backend):
         self.robot, self.period = self.simulation.robot, self.simulation.period
         self.model, self.data = self.simulation.model, self.simulation.data
         self.truth = self.simulation.truth
-        self._units, self.pwm_limited = ServoUnits(self.robot), pwm_limited
+        self._units = ServoUnits(self.robot)
+        self.limit_by: LimitMode = limit_by or self.robot.limit_by
         self._filter = OrientationFilter(self.period)
         self._connected = False
         if start is not None:
@@ -105,17 +106,21 @@ class Twin(Backend):
         self._check_connected()
         check_command(command, self.robot.joint_names)
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
-        share = round_pwm(command.pwm_limit)
-        if self.pwm_limited:
-            share = np.minimum(share, self.robot.pwm_limit(limit))
+        drive = limit_servos(
+            self.robot,
+            limit,
+            self.limit_by,
+            gain_scale=command.gain_scale,
+            pwm_limit=command.pwm_limit,
+        )
         sent = Command(
             joint_pos=self._units.round_goal(command.joint_pos),
             gain_scale=command.gain_scale,
-            torque_limit=np.where(share > 0.0, limit, 0.0),
-            pwm_limit=share,
+            torque_limit=np.minimum(limit, drive.torque),
+            pwm_limit=drive.pwm,
         )
         body = self.simulation
-        body.drive(sent)
+        body.drive(sent.joint_pos, drive)
         body.step(body.steps_per_period)
         body.update_sensors(self.period)
         self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)

@@ -41,7 +41,9 @@ class Windings:
 
     def __init__(self, robot: Robot) -> None:
         models = [joint.servo.model for joint in robot.joints]
-        self._torque_per_ampere = np.array([m.stall_torque / m.stall_current for m in models])
+        self._torque_per_ampere = robot.torque_per_ampere
+        self._motor_constant = np.array([m.motor_constant for m in models])
+        self._volts_per_torque = np.array([m.resistance for m in models]) / self._motor_constant
         self._resistance = np.array([m.nominal_voltage / m.stall_current for m in models])
         self.cool()
 
@@ -52,6 +54,10 @@ class Windings:
     def compute_current(self, torque: Array) -> Array:
         """Compute the motor currents [A] that make torques [N·m], shape (n,)."""
         return torque / self._torque_per_ampere
+
+    def compute_voltage(self, torque: Array, velocity: Array) -> Array:
+        """Compute the voltages [V] at which ideal motors make torques [N·m] at speeds, (n,)."""
+        return torque * self._volts_per_torque + self._motor_constant * velocity
 
     def compute_power(self, current: Array, torque: Array, velocity: Array) -> float:
         """Compute the electrical power [W] that all servos draw; braking gives none back."""

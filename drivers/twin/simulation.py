@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Protocol
 
 import mujoco
 import numpy as np
 
 from drivers.errors import ModelError
-from drivers.state import Command
 from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
 from robots import Posture, Robot
+from robots.drive import Drive
 from robots.ground import GROUND_FRICTION, add_ground
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -41,7 +40,7 @@ class CompiledWorld(Protocol):
 
 
 class Simulation:
-    """Simulates a robot: `drive` sets the servos' command, `step` advances time.
+    """Simulates a robot: `drive` sets what the servos do, `step` advances time.
 
     It depends on no bus and no controller: the twin and the virtual bus are two interfaces to it.
     """
@@ -111,7 +110,7 @@ class Simulation:
     @property
     def has_torque(self) -> bool:
         """Return whether any servo drives its motor."""
-        return self._command is not None and bool(self._command.torque_limit.any())
+        return self._drive is not None and bool(self._drive.torque.any())
 
     @property
     def temperature(self) -> Array:
@@ -130,36 +129,32 @@ class Simulation:
         data.qpos[:] = place(self.robot, self.model, posture)
         self._windings.cool()
         self._current = np.zeros(self.robot.n)
+        self.pwm_share = np.zeros(self.robot.n)
+        """Share of the supply that drives each motor, -1 to 1, (n,)."""
         self.voltage = self._supply
         """Supply at the servos [V]."""
-        self._command: Command | None = None
-        self.drive(replace(Command.limp(self.robot.n), joint_pos=posture.joint_pos))
+        self._drive: Drive | None = None
+        self.drive(posture.joint_pos, Drive.released(self.robot.n))
         mujoco.mj_step1(self.model, data)
         self.imu.start(data)
 
-    def drive(self, command: Command) -> None:
-        """Set the command that the servos follow from now on."""
-        last, self._command = self._command, command
-        self.data.ctrl[self._actuators] = command.joint_pos
-        if last is None or not np.array_equal(last.torque_limit, command.torque_limit):
+    def drive(self, target: Array, drive: Drive) -> None:
+        """Set the targets [rad], (n,), and the gains and limits of the servos from now on."""
+        last, self._drive = self._drive, drive
+        self.data.ctrl[self._actuators] = target
+        if last is None or not np.array_equal(last.torque, drive.torque):
             # A force range of [0, 0] is torque off: friction and rotor inertia stay.
-            self.model.actuator_forcerange[self._actuators, 0] = -command.torque_limit
-            self.model.actuator_forcerange[self._actuators, 1] = command.torque_limit
+            self.model.actuator_forcerange[self._actuators, 0] = -drive.torque
+            self.model.actuator_forcerange[self._actuators, 1] = drive.torque
             self._rest_time = 0.0
             self.model.opt.noslip_iterations = 0
-        if (
-            last is None
-            or self._supply_varies
-            or not np.array_equal(last.gain_scale, command.gain_scale)
-            or not np.array_equal(last.pwm_limit, command.pwm_limit)
-        ):
-            gains = self.robot.drive_gains(self.voltage, command.gain_scale, command.pwm_limit)
+        if last is None or self._supply_varies or not drive.equals(last):
+            gains = drive.gains(self.robot, self.voltage)
             self.model.actuator_gainprm[self._actuators] = gains
 
     def release(self) -> None:
         """Switch off the torque of every servo."""
-        target = self.data.ctrl[self._actuators]
-        self.drive(replace(Command.limp(self.robot.n), joint_pos=target))
+        self.drive(self.data.ctrl[self._actuators], Drive.released(self.robot.n))
 
     def step(self, steps: int) -> None:
         """Advance by some steps of physics."""
@@ -173,6 +168,7 @@ class Simulation:
         torque = self.data.actuator_force[self._actuators]
         self._current = self._windings.compute_current(torque)
         self._windings.heat(self._current, duration)
+        self._update_pwm_share(torque)
         self.imu.advance(self.data, duration)
         self._hold_at_rest(duration)
         if self._supply_resistance:
@@ -181,6 +177,12 @@ class Simulation:
             self.voltage = self._supply - self._supply_resistance * power / self.voltage
         for callback in self.on_sensor_update:
             callback()
+
+    def _update_pwm_share(self, torque: Array) -> None:
+        assert self._drive is not None  # it is set whenever the robot is placed
+        velocity = self.data.qvel[self._layout.dof]
+        share = self._windings.compute_voltage(torque, velocity) / self.voltage
+        self.pwm_share = np.where(self._drive.torque > 0.0, np.clip(share, -1.0, 1.0), 0.0)
 
     def _hold_at_rest(self, duration: float) -> None:
         """Let friction hold a robot that has come to rest without torque."""

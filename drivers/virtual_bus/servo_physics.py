@@ -10,17 +10,17 @@ import numpy as np
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.servo_units import ServoUnits
-from drivers.state import Command
 from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured
 from drivers.virtual_bus.devices.servo import MotorCommand, VirtualServo
 from robots import Posture
+from robots.drive import Drive
 from robots.quaternion import Array
 from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, RAD_PER_TICK
 
-POSITION_LOOP_MODES = (OperatingMode.POSITION, OperatingMode.EXTENDED_POSITION)
+BY_CURRENT = OperatingMode.CURRENT_BASED_POSITION
 CONTROL_RATE = 1000.0  # Hz, of a servo's integrators; not published
 
 
@@ -31,7 +31,7 @@ class ServoPhysics:
     sensors are updated. The position loops are the simulation's own, so a robot behind the bus
     moves as its twin does, bit for bit. In the other modes, a target that makes the position loop
     produce the commanded torque is computed in each physics step. Of the position loop's gains,
-    only P has an effect. Thread-safe.
+    only P has an effect, and D in current-based position mode. Thread-safe.
     """
 
     def __init__(
@@ -52,12 +52,11 @@ class ServoPhysics:
         self._units = ServoUnits(robot)
         self._sign = np.array([float(joint.servo.sign) for joint in joints])
         self._zero = np.array([joint.servo.zero_ticks for joint in joints])
-        models = [joint.servo.model for joint in joints]
-        self._torque_per_ampere = np.array([m.stall_torque / m.stall_current for m in models])
+        self._models = [joint.servo.model for joint in joints]
         self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
         self._steps_since_sensing = 0
-        self._driven: Command | None = None
+        self._driven: tuple[Array, Drive] | None = None
         self._last_commands: list[MotorCommand] = []
         self.on_advance: list[Callable[[], None]] = []
         """Called after each run of physics steps, in the thread that advances time."""
@@ -101,13 +100,13 @@ class ServoPhysics:
         """Run as many steps as need no new motor commands or sensor update; return how many."""
         simulation = self.simulation
         commands = [servo.motor_command() for servo in self._servos]
-        plain = all(not d.torque_on or d.mode in POSITION_LOOP_MODES for d in commands)
+        plain = all(not d.torque_on or d.mode in POSITION_MODES for d in commands)
         moving = not plain or any(servo.has_profile for servo in self._servos)
         until_sensing = simulation.steps_per_period - self._steps_since_sensing
         steps = 1 if moving else min(left, until_sensing)
         if moving or self._driven is None or not _are_the_same(commands, self._last_commands):
             self._driven, self._last_commands = self._convert(commands, step), commands
-        simulation.drive(self._driven)
+        simulation.drive(*self._driven)
         simulation.step(steps)
         self.time += steps * step
         self._steps_since_sensing += steps
@@ -123,22 +122,27 @@ class ServoPhysics:
             callback()
         return steps
 
-    def _convert(self, commands: list[MotorCommand], step: float) -> Command:
+    def _convert(self, commands: list[MotorCommand], step: float) -> tuple[Array, Drive]:
+        """Return the targets of the position loops [rad], (n,), and their gains and limits."""
         robot = self.simulation.robot
         on = np.array([d.torque_on for d in commands])
         target = self._units.to_rad(np.array([d.target_ticks for d in commands]))
         gain = np.array([d.p_gain for d in commands]) / DEFAULT_P_GAIN
-        pwm_limit = np.array([d.pwm_limit for d in commands])
+        by_current = np.array([d.mode == BY_CURRENT for d in commands])
+        current = np.array([d.current_limit for d in commands])
+        torque = np.where(by_current, current * robot.torque_per_ampere, robot.max_torque)
+        damping = [m.damping_gain(d.d_gain) for m, d in zip(self._models, commands, strict=True)]
         for i, command in enumerate(commands):
-            if command.torque_on and command.mode not in POSITION_LOOP_MODES:
+            if command.torque_on and command.mode not in POSITION_MODES:
                 # The position loop only transmits the torque here: at its default gain.
                 gain[i] = 1.0
                 target[i] = self._find_target(i, command, step)
-        return Command(
-            joint_pos=target,
+        return target, Drive(
+            torque=np.where(on, np.minimum(torque, robot.max_torque), 0.0),
+            pwm=np.array([d.pwm_limit for d in commands]),
             gain_scale=gain,
-            torque_limit=np.where(on, robot.max_torque, 0.0),
-            pwm_limit=pwm_limit,
+            by_current=by_current,
+            damping=np.array(damping),
         )
 
     def _find_target(self, i: int, command: MotorCommand, step: float) -> float:
@@ -153,13 +157,9 @@ class ServoPhysics:
         elif command.mode == OperatingMode.VELOCITY:
             torque = self._run_velocity_loop(i, command, velocity, step) * robot.max_torque[i]
         else:
-            current = command.goal_current * self._sign[i]
-            if command.mode == OperatingMode.CURRENT_BASED_POSITION:
-                target = self._sign[i] * (command.target_ticks - self._zero[i]) * RAD_PER_TICK
-                current = command.p_gain / DEFAULT_P_GAIN * robot.position_gain[i]
-                current *= (target - position) / self._torque_per_ampere[i]
             limit = command.current_limit
-            torque = float(np.clip(current, -limit, limit)) * self._torque_per_ampere[i] + back_emf
+            current = float(np.clip(command.goal_current * self._sign[i], -limit, limit))
+            torque = current * robot.torque_per_ampere[i] + back_emf
         return position + torque / stiffness
 
     def _run_velocity_loop(
@@ -178,11 +178,11 @@ class ServoPhysics:
         ticks = self._zero + self._sign * simulation.joint_pos / RAD_PER_TICK
         velocity = self._sign * simulation.joint_vel
         current = self._sign * simulation.joint_current
-        rows = np.column_stack((ticks, velocity, current, simulation.temperature)).tolist()
-        for servo, (position, speed, amperes, degrees) in zip(self._servos, rows, strict=True):
-            servo.sense(
-                Measured(position, speed, amperes, voltage=simulation.voltage, temperature=degrees)
-            )
+        share = self._sign * simulation.pwm_share
+        columns = (ticks, velocity, current, share, simulation.temperature)
+        for servo, row in zip(self._servos, np.column_stack(columns).tolist(), strict=True):
+            position, speed, amperes, pwm, degrees = row
+            servo.sense(Measured(position, speed, amperes, pwm, simulation.voltage, degrees))
         if self._board is not None:
             self._board.sense_voltage(simulation.voltage)
             self._board.sense_imu(

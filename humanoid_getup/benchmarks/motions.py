@@ -19,6 +19,7 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.rollout import Rollout, RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE
 from robots.ground import GROUND
 from robots.kinematics import read_posture
 from robots.quaternion import Array
@@ -93,9 +94,8 @@ def _play_disturbed(
     world: World, motion: Motion, start: Array, plays: int, rng: np.random.Generator
 ) -> list[bool]:
     robot = world.robot
-    torque = float(robot.max_torque.max())
     starts, parameters = randomize_rollouts(
-        world, start, plays + 1, RolloutRandomization(), torque, rng
+        world, start, plays + 1, RolloutRandomization(), FULL_TORQUE, rng
     )
     stood = []
     for i in range(1, plays + 1):  # the first is the undisturbed one

@@ -40,6 +40,7 @@ def bench_rise(
         "robot": strategy.world.robot.name,
         "scene": strategy.world.scene.name,
         "torque_limit_nm": strategy.torque_limit.value,
+        "limit_by": strategy.torque_limit.by,
         "planning": strategy.planning,
         "filtering": strategy.filtering,
         "assistance": strategy.assistance,
@@ -86,7 +87,7 @@ def bench_methods(
         "robot": first.world.robot.name,
         "scene": first.world.scene.name,
         "torque_limit_nm": first.torque_limit.value,
-        "pwm_limited": first.torque_limit.by_pwm,
+        "limit_by": first.torque_limit.by,
         "cases": cases,
     }
 

@@ -17,7 +17,7 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.inputs import name_ports
 from humanoid_getup.cli.options.shared import RunOptions
-from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import Strategy
 from robots import Posture
 
 RELEASES = {"limp": Release.LIMP, "hold": Release.HOLD}
@@ -38,15 +38,18 @@ class BackendChoice:
 
 
 @contextmanager
-def open_backend(command: RunOptions, world: World) -> Iterator[BackendChoice]:
+def open_backend(command: RunOptions, strategy: Strategy) -> Iterator[BackendChoice]:
     """Open the backend of a command, ready to connect; remove what was created at the end."""
+    world, limit_by = strategy.world, strategy.torque_limit.mode
     robot, realtime, release = world.robot, command.realtime, RELEASES[command.release]
     if command.backend == "twin":
         twin = Twin(world)
         yield BackendChoice(backend=twin, realtime=realtime, place=twin.place)
         return
     if command.port:  # a robot, or a virtual bus of another process
-        driver = DynamixelBackend(robot, name_ports(robot, command.port), release=release)
+        driver = DynamixelBackend(
+            robot, name_ports(robot, command.port), release=release, limit_by=limit_by
+        )
         with driver:  # a problem of the port or of servos is reported before anything is planned
             pass
         yield BackendChoice(backend=driver, realtime=True)
@@ -61,6 +64,7 @@ def open_backend(command: RunOptions, world: World) -> Iterator[BackendChoice]:
             clock=None if realtime else CycleClock(),
             answer_margin=ANSWER_MARGIN if realtime else LOCK_STEP_MARGIN,
             release=release,
+            limit_by=limit_by,
         )
         with driver:  # switches servo power on, as on a robot that was used before
             pass

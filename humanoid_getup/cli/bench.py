@@ -61,7 +61,7 @@ def bench_rise(command: BenchRise) -> int:
         planning=command.planning,
         filtering=command.filtering,
         assistance=command.assistance,
-        torque_limit=make_torque_limit(command),
+        torque_limit=make_torque_limit(command, world.robot),
     )
     rises = len(rise.BENCH_CLASSES) * command.n
     return _run(command, rise.bench_rise, planner, count=rises, of="rises")
@@ -70,7 +70,7 @@ def bench_rise(command: BenchRise) -> int:
 def bench_methods(command: BenchMethods) -> int:
     """Compare plans and policies on the same falls."""
     world, database = _load(command)
-    limit = make_torque_limit(command)
+    limit = make_torque_limit(command, world.robot)
 
     def make_strategy(name: str) -> Strategy:
         if name == PLAN:

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.dynamixel.backend import READ_SHARE
+from drivers.dynamixel.configuration import OPERATING_MODES
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
@@ -53,6 +54,7 @@ def to_record(health: HealthCheck) -> dict[str, Any]:
         "written": health.written,
         "calibrated": health.is_calibrated,
         "torque_on": [joint.name for joint in health.torque],
+        "limit_by": health.robot.limit_by,
         "period_s": health.robot.control_period,
         "reading_allowed_s": READ_SHARE * health.robot.control_period,
         "ports": [asdict(port) for port in health.ports],
@@ -96,6 +98,8 @@ def print_health(health: HealthCheck, console: Console) -> None:
     if health.imu is not None:
         x, y, z = health.imu.accelerometer
         console.print(f"[bold]IMU[/]: up is ({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s² in its axes")
+    mode = _name_mode(OPERATING_MODES[health.robot.limit_by])
+    console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
     calibrated = "present" if health.is_calibrated else "none: getup calibrate"
     console.print(f"[bold]calibration[/]: {calibrated}")
     console.print(f"[dim]{escape('; '.join((NOTHING_SET, *health.written)))}")

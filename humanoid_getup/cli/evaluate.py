@@ -9,7 +9,7 @@ from rich.table import Table
 
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.inputs import load_world
+from humanoid_getup.cli.inputs import load_world, make_torque_limit
 from humanoid_getup.cli.options.policies import Evaluate
 from humanoid_getup.cli.output import (
     console_for,
@@ -30,13 +30,14 @@ FIGURES = ("n", "stood", "stood_interval_95", "stand_time_s", "rms_torque_nm", "
 def evaluate(command: Evaluate) -> int:
     """Sample falls, let the policy get up from each, judge."""
     world = load_world(command)
-    policy = load_policy(world.robot, command.policy, command.torque_limit)
+    limit = make_torque_limit(command, world.robot)
+    policy = load_policy(world.robot, command.policy, limit.value)
     _check_physics(command, policy)
     with phase("loading"):
         from sim2real.perturbations import Perturbation, evaluate_policy, summarize_rollouts
     perturbation = Perturbation(
-        torque_limit=command.torque_limit,
-        pwm_limited=command.pwm_limited,
+        torque_limit=limit.value,
+        limit_by=limit.by,
         delay=command.delay / 1000.0,
         voltage=command.voltage,
         friction=command.friction,

@@ -33,9 +33,10 @@ def load_world(options: SceneOptions) -> World:
         return World(load_robot(options), scene)
 
 
-def make_torque_limit(options: TorqueOptions) -> TorqueLimit:
-    """Make the torque limit of a command."""
-    return TorqueLimit(options.torque_limit, "pwm" if options.pwm_limited else "torque")
+def make_torque_limit(options: TorqueOptions, robot: Robot) -> TorqueLimit:
+    """Make the torque limit of a command on its robot."""
+    with refusing():
+        return TorqueLimit(options.torque_limit, options.limit_by).on(robot)
 
 
 def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:

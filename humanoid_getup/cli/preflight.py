@@ -9,14 +9,14 @@ from rich.markup import escape
 
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import find_motion, load_world
+from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.cli.options.motions import Preflight
 from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.preflight import MotionVerdict, Severity
 from humanoid_getup.playback.preflight import preflight as judge_motion
 from humanoid_getup.playback.preflight_rollout import MOST_RISES
-from robots import Robot, TorqueLimit
+from robots import Robot
 
 HEADINGS = ("joint", "peak N·m", "of stall", "RMS N·m", "at its line s", "after °C")
 SHOWN = 6  # joints in the table, the most loaded first
@@ -26,19 +26,21 @@ def preflight(command: Preflight) -> int:
     """Roll out, judge, report; 0 if the motion may be played, 1 if it is refused."""
     world = load_world(command)
     robot, motion = world.robot, find_motion(world.robot, command.motion)
+    limit = make_torque_limit(command, robot)
     with phase("rolling out"), refusing():
         verdict = judge_motion(
             world,
             motion,
             voltage=robot.supply_voltage if command.voltage is None else command.voltage,
-            torque_limit=TorqueLimit(command.torque_limit, "pwm"),
+            torque_limit=limit,
             temperature=command.temperature,
         )
     about = {
         "robot": robot.name,
         "motion": motion.name,
         "scene": command.scene,
-        "torque_limit_nm": command.torque_limit,
+        "torque_limit_nm": limit.value,
+        "limit_by": limit.by,
         "temperature_c": command.temperature,
     }
     write_json(to_json(about | record_verdict(robot, verdict)), command.json)

@@ -19,6 +19,7 @@ from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supp
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import load_robot
+from robots.servo import LIMIT_MODES, LimitMode
 
 FIGURES, FLIGHT, DIFFERENCE = REPLAY_FILES
 
@@ -51,11 +52,16 @@ def _load_world(command: Replay, record: FlightRecord) -> World:
 
 def _replay(command: Replay, record: FlightRecord, world: World) -> ReplayReport:
     supply = choose_supply(record, world.robot) if command.voltage is None else command.voltage
-    twin = Twin(world, voltage=supply)
+    twin = Twin(world, voltage=supply, limit_by=_find_limit_mode(record))
     if not record.cycles:
         raise ValueError(f"flight log {command.log}: contains no cycle, expected at least one")
     start = record.start or estimate_posture(world, record.measurement(0))
     return replay(record, twin, start, threshold=command.threshold or THRESHOLD)
+
+
+def _find_limit_mode(record: FlightRecord) -> LimitMode | None:
+    """Find what the flight's torque limit acted on; a log that does not say it flew as usual."""
+    return next((mode for mode in LIMIT_MODES if mode == record.about.get("limit_by")), None)
 
 
 def _describe(record: FlightRecord) -> dict[str, Any]:

@@ -37,6 +37,7 @@ def hand_over(
         "scene": options.scene,
         "backend": options.backend,
         "torque_limit_nm": options.torque_limit,
+        "limit_by": options.limit_by or world.robot.limit_by,
     }
     report = make_report(result, settings | extra)
     files: list[str] = []

@@ -12,7 +12,7 @@ from drivers.flight_log.writer import FlightLog
 from drivers.stop_key import StopKey
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.inputs import find_motion, find_start, load_world
+from humanoid_getup.cli.inputs import find_motion, find_start, load_world, make_torque_limit
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.output import phase
@@ -38,7 +38,6 @@ from humanoid_getup.strategies.track_record import (
     TrackRecord,
     load_track_record,
 )
-from robots import TorqueLimit
 from robots.kinematics import read_posture
 
 WHERE_IT_LAY = "where the robot lay"
@@ -66,7 +65,9 @@ def run_policy(command: RunPolicy) -> int:
     world = load_world(command)
     policy = load_policy(world.robot, command.policy, command.torque_limit, command.longest)
     name = Path(command.policy).stem
-    strategy = LearnedRise(world, policy, torque_limit=_limit_torque(command), name=name)
+    strategy = LearnedRise(
+        world, policy, torque_limit=make_torque_limit(command, world.robot), name=name
+    )
     return _get_up(command, strategy, extra={"method": POLICY})
 
 
@@ -76,21 +77,16 @@ def play(command: Play) -> int:
     motion = find_motion(world.robot, command.motion)
     return _get_up(
         command,
-        StoredMotion(world, motion, torque_limit=_limit_torque(command)),
+        StoredMotion(world, motion, torque_limit=make_torque_limit(command, world.robot)),
         motion,
         preflight=command.preflight,
         extra={"motion": motion.name, "strategy": motion.strategy},
     )
 
 
-def _limit_torque(command: RunOptions) -> TorqueLimit:
-    """Make the torque limit of a command: by PWM as on servos, or ideal on the twin."""
-    return TorqueLimit(command.torque_limit, "torque" if command.backend == "twin" else "pwm")
-
-
 def _select_strategy(command: Rise, world: World) -> Strategy:
     """Load what the method needs, before any robot is touched."""
-    robot, limit = world.robot, _limit_torque(command)
+    robot, limit = world.robot, make_torque_limit(command, world.robot)
     with refusing():
         records = load_track_record(robot) if command.method == "auto" else TrackRecord()
         database = None if command.method == POLICY else load_database(robot)
@@ -125,7 +121,7 @@ def _get_up(
     extra keys are those of the report.
     """
     world, rng = strategy.world, np.random.default_rng(command.seed)
-    with phase("opening the backend") as report, open_backend(command, world) as choice:
+    with phase("opening the backend") as report, open_backend(command, strategy) as choice:
         start = _choose_start(command, world, motion, rng)
         if start is not None and choice.place is not None:
             choice.place(start.posture)
@@ -173,7 +169,13 @@ def _make_log(
 ) -> FlightLog | None:
     if command.out is None:
         return None
-    about = {"seed": command.seed, "scene": command.scene, "backend": command.backend}
+    limit_by = command.limit_by or world.robot.limit_by
+    about = {
+        "seed": command.seed,
+        "scene": command.scene,
+        "backend": command.backend,
+        "limit_by": limit_by,
+    }
     if motion is not None:
         about["motion"] = motion.name
     start = own_start and own_start.posture

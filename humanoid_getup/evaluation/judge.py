@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from drivers import Cycle, State
 from drivers.twin.simulation import Simulation
 from humanoid_getup.evaluation.standing import StanceMeter, Stand, is_upright, judge
+from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.simulation.scene import GroundHeight, flat_ground
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
@@ -30,11 +31,13 @@ class RunOutcome:
 
     stand: Stand
     peak_torque: float
-    """[N·m]"""
+    """Greatest torque with which a servo drove its joint [N·m]."""
+    peak_braking_torque: float
+    """Greatest torque with which a servo was turned from outside [N·m]."""
     peak_velocity: float
     """[rad/s]"""
     torque_use: float
-    """Largest torque of any servo as a share of its limit."""
+    """Largest driving torque of any servo as a share of its limit."""
     rms_torque: float
     """RMS over all joints, up to the stand [N·m]."""
     self_collisions: int | None
@@ -65,15 +68,18 @@ def limit_torque(robot: Robot, torque_limit: float | None) -> Array:
 
 
 def _make_outcome(
-    stand: Stand, torque: Array, limit: Array, period: float, **others: Any
+    stand: Stand, torque: Array, velocity: Array, limit: Array, period: float, **others: Any
 ) -> RunOutcome:
-    """Make an outcome of torques (T, n) under their limits (n,) [N·m]."""
+    """Make an outcome of torques [N·m] and speeds [rad/s], (T, n), under torque limits (n,)."""
+    shares = split_torque(torque, velocity)
     rising = torque[: round(stand.start_time / period) + 1] if stand.stood else torque
     return RunOutcome(
         stand=stand,
         torque=torque,
-        peak_torque=float(np.abs(torque).max(initial=0.0)),
-        torque_use=float((np.abs(torque) / limit).max(initial=0.0)),
+        peak_torque=float(shares.driving.max(initial=0.0)),
+        peak_braking_torque=float(shares.braking.max(initial=0.0)),
+        peak_velocity=float(np.abs(velocity).max(initial=0.0)),
+        torque_use=float((shares.driving / limit).max(initial=0.0)),
         rms_torque=float(np.sqrt(np.mean(rising**2))) if len(rising) else 0.0,
         **others,
     )
@@ -108,7 +114,7 @@ class GroundTruthJudge:
         self._site_pos: list[Array] = []
         self._non_foot_contact: list[bool] = []
         self._torque: list[Array] = []
-        self._velocity: list[float] = []
+        self._velocity: list[Array] = []
         self._qpos: list[Array] = []
         self._head_impact: list[tuple[bool, float]] = []
         self._faults: list[tuple[bool, bool, bool]] = []
@@ -125,7 +131,7 @@ class GroundTruthJudge:
         self._site_pos.append(truth.site_pos)
         self._non_foot_contact.append(not self._is_foot[touching].all())
         self._torque.append(truth.joint_torque.copy())
-        self._velocity.append(float(np.abs(truth.joint_vel).max()))
+        self._velocity.append(truth.joint_vel.copy())
         self._qpos.append(truth.qpos)
         if self._head is not None:
             head_contact = bool(np.any(touching == self._head))
@@ -160,9 +166,9 @@ class GroundTruthJudge:
         return _make_outcome(
             stand,
             np.array(self._torque).reshape(-1, robot.n),
+            np.array(self._velocity).reshape(-1, robot.n),
             self._limit,
             period,
-            peak_velocity=max(self._velocity, default=0.0),
             self_collisions=faults[0],
             ground_penetrations=faults[1],
             limit_violations=faults[2],
@@ -183,8 +189,7 @@ def estimate_torque(robot: Robot, current: Array) -> Array:
 
     The datasheet's stall point gives the ratio; gear friction is not in it.
     """
-    models = [joint.servo.model for joint in robot.joints]
-    return current * np.array([m.stall_torque / m.stall_current for m in models])
+    return current * robot.torque_per_ampere
 
 
 def _find_feet_and_head(
@@ -232,9 +237,9 @@ class SensorJudge:
         return _make_outcome(
             stand,
             estimate_torque(robot, current),
+            velocity,
             self._limit,
             self._period,
-            peak_velocity=float(np.abs(velocity).max(initial=0.0)),
             self_collisions=None,
             ground_penetrations=None,
             limit_violations=left[0],

@@ -162,6 +162,7 @@ class RiseResult:
             record |= {
                 "judged_by": "sensors" if outcome.is_sensed else "truth",
                 "peak_torque_nm": outcome.peak_torque,
+                "peak_braking_torque_nm": outcome.peak_braking_torque,
                 "peak_velocity_rad_s": outcome.peak_velocity,
                 "torque_use": outcome.torque_use,
                 "rms_torque_nm": outcome.rms_torque,

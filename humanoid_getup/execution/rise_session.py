@@ -51,18 +51,26 @@ class RiseSession:
         """Let the robot of a backend get up; ``options`` are further fields of the session.
 
         A backend without a guard is put behind one with the strategy's torque limit. A twin
-        limits torque as the strategy says, by PWM or not, and is judged by ground truth; other
-        backends reboot servos if they can.
+        limits torque in the mode of the strategy and is judged by ground truth; other backends
+        reboot servos if they can.
+
+        Raises:
+            ValueError: if the backend limits torque in another mode.
         """
         limit, guard = strategy.torque_limit, backend
         if not isinstance(guard, SafetyGuard):
             guard = SafetyGuard(backend, GuardLimits.of(backend.robot, limit.value))
         body = guard.backend
         if isinstance(body, Twin):
-            body.pwm_limited = limit.by_pwm
+            body.limit_by = limit.mode
             options["simulation"] = body.simulation
         elif isinstance(body, RebootsServos):
             options["services"] = body
+        if body.limit_by != limit.mode:
+            raise ValueError(
+                f"the backend limits torque by '{body.limit_by}', expected '{limit.mode}' as the "
+                "strategy: build both with one mode"
+            )
         return cls(guard=guard, strategy=strategy, **options)
 
     def make_judge(self) -> Judge:

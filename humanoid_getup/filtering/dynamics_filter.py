@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -107,7 +107,7 @@ class DynamicsFilter:
         torque_limit: TorqueLimit = FULL_TORQUE,
         threads: int = 0,
     ) -> None:
-        self.world, self.torque_limit = world, torque_limit
+        self.world, self.torque_limit = world, torque_limit.on(world.robot)
         self.count = 0
         self._threads = threads
         self._limbs = LimbMap.of(world)
@@ -119,10 +119,13 @@ class DynamicsFilter:
         references = [self._refer(c) for c in candidates]
         tracker = _Tracker(world, self._limbs, start, references, candidates)
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
-        limit = self.torque_limit.value
-        limits = DomainParameters.nominal(world, len(candidates), torque_limit=limit)
-        rollout, limits = self._prepare(limits)
-        trace = rollout.track(starts, tracker, limits)
+        parameters = DomainParameters.nominal(
+            world,
+            len(candidates),
+            torque_limit=self.torque_limit.value,
+            limit_by=self.torque_limit.mode,
+        )
+        trace = self._simulate(len(candidates)).track(starts, tracker, parameters)
         stance = measure_stance(world, trace)
         return [
             self._read(trace, stance, i, c, tracker.moving[i]) for i, c in enumerate(candidates)
@@ -138,27 +141,28 @@ class DynamicsFilter:
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
         world, robot = self.world, self.world.robot
-        limit = self.torque_limit.largest(robot)
         starts, parameters = randomize_rollouts(
-            world, place(robot, world.model, start), CHECKS, CHECK_DISTURBANCE, limit, rng
+            world,
+            place(robot, world.model, start),
+            CHECKS,
+            CHECK_DISTURBANCE,
+            self.torque_limit,
+            rng,
         )
         more = round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
         longer = hold_last(target, len(target) + more)
-        rollout, parameters = self._prepare(parameters)
-        trace = rollout.play(starts, np.tile(longer, (CHECKS, 1, 1)), parameters)
+        targets = np.tile(longer, (CHECKS, 1, 1))
+        trace = self._simulate(CHECKS).play(starts, targets, parameters)
         upright = is_upright(measure_stance(world, trace), robot)
         stood = [judge(u, trace.period).stood for u in upright]
         return float(np.mean(stood)) if stood[0] else 0.0
 
-    def _prepare(self, parameters: DomainParameters) -> tuple[Rollout, DomainParameters]:
-        """Return rollouts of that many robots, and the parameters under the torque limit."""
-        n = parameters.n
+    def _simulate(self, n: int) -> Rollout:
+        """Return the simulation of that many robots, and count them."""
         self.count += n
         if n not in self._simulations:
             self._simulations[n] = Rollout(self.world, n, threads=self._threads)
-        return self._simulations[n], replace(
-            parameters, pwm_limited=np.full(n, self.torque_limit.by_pwm)
-        )
+        return self._simulations[n]
 
     def _read(
         self, trace: Trace, stance: Stance, i: int, candidate: Candidate, moving: int

@@ -18,6 +18,7 @@ from humanoid_getup.simulation.rollout import (
     randomize_rollouts,
 )
 from humanoid_getup.simulation.world import World
+from robots import TorqueLimit
 from robots.quaternion import Array
 
 POPULATION = 14
@@ -134,8 +135,9 @@ class TrajectoryOptimizer:
         targets = np.array(
             [np.concatenate([np.repeat(p[:1], lead, 0), hold_last(p, length)]) for p in plays]
         )
+        limit = TorqueLimit(candidates[0].torque_limit)
         starts, parameters = randomize_rollouts(
-            world, self.start, each, RolloutRandomization(), candidates[0].torque_limit, rng
+            world, self.start, each, RolloutRandomization(), limit, rng
         )
         full = float(robot.max_torque.max())
         # The second is undisturbed, too, and at full torque.

@@ -115,6 +115,7 @@ def preflight(
     """
     robot = world.robot
     _check_input(voltage, temperature)
+    torque_limit = torque_limit.on(robot)
     heat = np.broadcast_to(np.asarray(temperature, dtype=float), (robot.n,))
     figures = measure(world, motion, voltage, torque_limit, heat, start)
     reasons = [

@@ -13,6 +13,7 @@ from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD, Stand
+from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.playback.motion_player import MotionPlayer
@@ -43,7 +44,7 @@ class Figures:
     target_speed: Array
     """Fastest change of the targets [rad/s]."""
     peak_torque: Array
-    """[N·m]"""
+    """Greatest torque with which a servo drives its joint [N·m]."""
     rms_torque: Array
     """[N·m]"""
     torque_use: Array
@@ -80,6 +81,7 @@ def measure(
     along = np.maximum(np.sign(rollout.torque) * rollout.velocity, 0.0)  # (T, n)
     line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
     saturated = np.abs(rollout.torque) >= np.maximum(SATURATED * line, 0.05 * stall)
+    peak_torque = split_torque(rollout.torque, rollout.velocity).driving.max(axis=0, initial=0.0)
     period = robot.control_period
     end, rises = predict_heat(robot, rollout.torque, temperature)
     steps = np.diff(motion.joint_target, axis=0) / np.diff(motion.time)[:, None]
@@ -89,9 +91,9 @@ def measure(
         stood=rollout.stand.stood,
         stand_time=rollout.stand.start_time,
         target_speed=np.abs(steps).max(axis=0, initial=0.0),
-        peak_torque=np.abs(rollout.torque).max(axis=0, initial=0.0),
+        peak_torque=peak_torque,
         rms_torque=np.sqrt(np.mean(rollout.torque**2, axis=0)),
-        torque_use=np.abs(rollout.torque).max(axis=0, initial=0.0) / limit,
+        torque_use=peak_torque / limit,
         saturation=saturated.sum(axis=0) * period,
         longest_saturation=_longest(saturated) * period,
         end_temperature=end,
@@ -116,7 +118,7 @@ def _roll_out(
 ) -> _Rollout:
     """Play the motion on a twin, without the guard's limits of supply and temperature."""
     robot = world.robot
-    twin = Twin(world, voltage=voltage, pwm_limited=torque_limit.by_pwm)
+    twin = Twin(world, voltage=voltage, limit_by=torque_limit.by)
     twin.place(start)
     limits = replace(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf

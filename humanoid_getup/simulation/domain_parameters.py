@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
+from robots.servo import LIMIT_MODES, LimitMode
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,8 +30,8 @@ class DomainParameters:
     """Supply [V], (N,)."""
     torque_limit: Array
     """Torque limit of every servo [N·m], (N,)."""
-    pwm_limited: NDArray[np.bool_]
-    """Whether the torque limit is a PWM limit, as in a servo's position mode, (N,)."""
+    limit_by: NDArray[np.int_]
+    """What the torque limit acts on, a place in ``LIMIT_MODES`` each, (N,)."""
     strength: Array
     """Scale of each servo's torque and gain, (N, n)."""
     armature: Array
@@ -63,12 +64,13 @@ class DomainParameters:
         friction: Array | float | None = None,
         voltage: Array | float | None = None,
         torque_limit: Array | float | None = None,
-        pwm_limited: bool = False,
+        limit_by: LimitMode | None = None,
     ) -> DomainParameters:
         """Make the nominal parameters of ``n`` robots.
 
         Friction, voltage [V] and torque limit [N·m], each (N,) or a number, override those of
-        the scene, of the robot and of its servos.
+        the scene, of the robot and of its servos; the limit acts on what the robot's own does,
+        if nothing else is asked for.
         """
         robot = world.robot
         friction = world.scene.friction if friction is None else friction
@@ -80,7 +82,7 @@ class DomainParameters:
             friction=np.full(n, friction),
             voltage=np.full(n, voltage),
             torque_limit=np.full(n, limit),
-            pwm_limited=np.full(n, pwm_limited),
+            limit_by=np.full(n, LIMIT_MODES.index(limit_by or robot.limit_by)),
             strength=np.ones((n, robot.n)),
             armature=np.ones(n),
             friction_loss=np.ones(n),

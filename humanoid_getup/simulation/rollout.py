@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
-from robots import quaternion
+from robots import TorqueLimit, quaternion
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
 
@@ -149,12 +149,12 @@ def randomize_rollouts(
     start: Array,
     n: int,
     randomization: RolloutRandomization,
-    torque_limit: float,
+    torque_limit: TorqueLimit,
     rng: np.random.Generator,
 ) -> tuple[Array, DomainParameters]:
     """Make starts, MuJoCo positions (n, nq), and parameters, of which the first are nominal.
 
-    The nominal ``start`` has shape (nq,); the torque limit [N·m] is that of every servo.
+    The nominal ``start`` has shape (nq,); the torque limit is that of every servo.
     """
     robot = world.robot
     layout = robot.layout(world.model)
@@ -174,5 +174,10 @@ def randomize_rollouts(
         row[layout.root_qpos + 2] += rest - lowest_point(world.model, row)
     voltage = supply * robot.supply_voltage
     return starts, DomainParameters.nominal(
-        world, n, friction=friction, voltage=voltage, torque_limit=torque_limit
+        world,
+        n,
+        friction=friction,
+        voltage=voltage,
+        torque_limit=torque_limit.value,
+        limit_by=torque_limit.by,
     )

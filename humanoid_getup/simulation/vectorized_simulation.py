@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
+from robots.drive import limit_servos
 from robots.quaternion import Array
-from robots.servo import round_pwm
 
 Ids = NDArray[np.int_]
 
@@ -39,7 +39,7 @@ class VecSim:
         """Whether a world's physics diverged in the last advance: its state is invalid, (N,)."""
         self.everyone = np.arange(n)
         self._layout = world.robot.layout(world.model)
-        self._pwm_limit = round_pwm(pwm_limit)
+        self._pwm_limit = pwm_limit
         self._servos = np.array([self.model.actuator(name).id for name in self.robot.joint_names])
         dcmotor = mujoco.mjtGain.mjGAIN_DCMOTOR
         self._has_motors = bool(np.all(self.model.actuator_gaintype[self._servos] == dcmotor))
@@ -130,11 +130,16 @@ class VecSim:
         fields["geom_friction"][ids, :, 0] = p.friction[:, None]
         if not self._has_motors:
             return
-        limit = np.minimum(p.torque_limit[:, None], robot.max_torque) * p.strength
-        pwm = np.where(p.pwm_limited[:, None], robot.pwm_limit(limit), 1.0)
-        gains = robot.drive_gains(p.voltage, p.strength, np.minimum(pwm, self._pwm_limit))
+        drive = limit_servos(
+            robot,
+            np.minimum(p.torque_limit[:, None], robot.max_torque) * p.strength,
+            p.limit_by[:, None],
+            gain_scale=p.strength,
+            pwm_limit=self._pwm_limit,
+        )
+        limit = np.minimum(drive.torque, robot.max_torque * p.strength)
         gainprm = np.tile(model.actuator_gainprm, (p.n, 1, 1))
-        gainprm[:, self._servos] = gains
+        gainprm[:, self._servos] = drive.gains(robot, p.voltage)
         fields["actuator_gainprm"][ids] = gainprm
         force = np.tile(model.actuator_forcerange, (p.n, 1, 1))
         force[:, self._servos, 0], force[:, self._servos, 1] = -limit, limit

@@ -68,7 +68,7 @@ class LearnedRise:
             ValueError: if the policy is unknown, does not fit the robot, or was loaded with
                 another torque limit.
         """
-        self.world, self.torque_limit = world, check_torque_limit(torque_limit)
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         if not isinstance(policy, OnnxPolicy):
             file, robot = find_policy(world.robot, str(policy)), world.robot
             name = name or file.stem

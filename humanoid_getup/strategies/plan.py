@@ -17,7 +17,7 @@ from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
-from robots import Posture, TorqueLimit
+from robots import Posture, Robot, TorqueLimit
 
 MOTION = "motion.npz"
 
@@ -168,8 +168,13 @@ class Strategy(Protocol):
         ...
 
 
-def check_torque_limit(limit: TorqueLimit) -> TorqueLimit:
-    """Return a torque limit; raise TypeError for anything else, such as a number."""
+def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
+    """Return a torque limit with the mode in which a robot's servos apply it.
+
+    Raises:
+        TypeError: if it is anything else, such as a number.
+        ValueError: if the servos do not have its mode or its torque.
+    """
     if not isinstance(limit, TorqueLimit):
         raise TypeError(f"torque_limit is {limit!r}, expected e.g. TorqueLimit(2.5)")
-    return limit
+    return limit.on(robot)

@@ -83,12 +83,12 @@ class PlannedRise:
             assistance: Share of the virtual actuator's torques that the filter uses.
             torque_limit: Of the servos.
         """
-        self.world, self.torque_limit = world, check_torque_limit(torque_limit)
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.planning, self.filtering, self.assistance = planning, filtering, assistance
         self.database = load_database(world.robot) if database is None else database
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
-        self.filter = DynamicsFilter(world, torque_limit=torque_limit)
+        self.filter = DynamicsFilter(world, torque_limit=self.torque_limit)
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.

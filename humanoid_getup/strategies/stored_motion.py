@@ -31,7 +31,7 @@ class StoredMotion:
         Raises:
             ValueError: if the motion is unknown, or another robot's.
         """
-        self.world, self.torque_limit = world, check_torque_limit(torque_limit)
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         is_loaded = isinstance(motion, Motion)
         self.motion = motion if is_loaded else find_motion(world.robot, str(motion))
 

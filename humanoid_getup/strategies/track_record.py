@@ -1,8 +1,8 @@
 """Track record: how often each strategy of a robot has ended in a held stand.
 
 The file is ``policies/records.toml`` in the robot's folder, one table per strategy and torque
-limit. A class that was not measured is left out, and so is ``cap`` at the servos' full torque,
-where both kinds of limits are the same::
+limit. A class that was not measured is left out, and so is ``limit_by`` at the servos' full
+torque, where all kinds of limits are the same::
 
     [[record]]
     method = "plan"        # or "policy"
@@ -14,7 +14,7 @@ where both kinds of limits are the same::
     method = "policy"
     policy = "robust"      # name; with method "policy" only
     torque_limit = 2.5
-    cap = "pwm"            # how the limit acts: "pwm" or "torque"
+    limit_by = "pwm"       # what the limit acts on: "current", "pwm" or "ideal"
     supine = { stood = 240, n = 250 }
 """
 
@@ -30,7 +30,7 @@ from msgspec import Meta
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.simulation.falls import CLASSES
 from robots import Robot, TorqueLimit
-from robots.torque_limit import LimitedBy
+from robots.servo import LimitMode
 from robots.validation import load_toml, positive, read_table, whole
 
 PLAN, POLICY = "plan", "policy"
@@ -72,8 +72,8 @@ class StrategyRecord:
     torque_limit: Annotated[float, positive(MOST_TORQUE, "N·m")]
     """Torque limit of every servo [N·m]."""
     policy: str = ""
-    cap: LimitedBy | None = None
-    """Kind of the limit; None if both kinds are the same."""
+    limit_by: LimitMode | None = None
+    """What the limit acts on; None if that makes no difference."""
     supine: ClassCount = None
     prone: ClassCount = None
     left: ClassCount = None
@@ -114,7 +114,7 @@ class TrackRecord:
             if record.strategy == strategy
             and start_class in record.counts
             and record.torque_limit <= limit + LIMIT_SLACK
-            and record.cap in (None, torque_limit.by)
+            and record.limit_by in (None, torque_limit.by)
         ]
         if not fitting:
             return 0.0

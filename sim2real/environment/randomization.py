@@ -10,6 +10,7 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
+from robots.servo import LIMIT_MODES, PWM
 
 Bounds = tuple[float, float]
 
@@ -50,8 +51,8 @@ class DomainRandomization:
     """Torque limit as a fraction of stall torque; 0.42 is 1.7 N·m of the OP3's 4.1 N·m."""
     full_torque: float = 0.35
     """Probability that there is no torque limit."""
-    pwm_limited: float = 0.5
-    """Probability that the torque limit is a PWM limit."""
+    by_pwm: float = 0.5
+    """Probability that the torque limit acts on the PWM; else as the robot's own does."""
     weak_servo: Bounds = (0.55, 1.0)
     """Factor on the strength of one weak servo."""
     weak_share: float = 0.15
@@ -107,7 +108,7 @@ class DomainRandomization:
             friction=within(self.friction, n),
             voltage=robot.supply_voltage * within(self.voltage, n),
             torque_limit=own * share,
-            pwm_limited=rng.random(n) < self.pwm_limited,
+            limit_by=np.where(rng.random(n) < self.by_pwm, PWM, LIMIT_MODES.index(robot.limit_by)),
             strength=strength,
             armature=armature,
             friction_loss=within(self.friction_loss, n),
@@ -129,7 +130,7 @@ TORQUE = DomainRandomization(
     voltage=ONE,
     torque_share=(0.6, 1.0),
     full_torque=0.7,
-    pwm_limited=0.0,
+    by_pwm=0.0,
     weak_share=0.0,
     strength=ONE,
     armature=ONE,

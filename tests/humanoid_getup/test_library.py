@@ -97,11 +97,11 @@ def test_a_twin_starts_where_it_is_put(world):
 def test_a_strategy_brings_its_torque_limit_to_the_twin_and_its_guard(world):
     twin, strategy = hg.Twin(world), hg.StoredMotion(world, MOTION, torque_limit=LIMIT)
     session = RiseSession.on(twin, strategy)
-    assert twin.pwm_limited
+    assert twin.limit_by == "pwm"
     assert np.all(session.guard.limits.torque_limit == 2.5)
     assert isinstance(session.make_judge(), GroundTruthJudge)
     RiseSession.on(twin, hg.StoredMotion(world, MOTION))
-    assert not twin.pwm_limited
+    assert twin.limit_by == "current", "OP3's own"
 
 
 def test_a_guard_is_taken_as_it_is(world):

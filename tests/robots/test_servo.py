@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots import Servo
-from robots.servo import RAD_PER_TICK, count_pwm, round_pwm, servo_models
+from robots.drive import Drive, limit_servos
+from robots.servo import CURRENT, PWM, RAD_PER_TICK, count_pwm, round_pwm, servo_models
 
 XM430 = servo_models()["XM430-W350"]
 servos = st.builds(
@@ -58,8 +59,15 @@ def test_motor_constants_follow_from_the_datasheet():
 
 def actuator_torque(robot, voltage: float, velocity: float, error: float) -> float:
     """The torque of the compiled model's first servo at a speed and position error."""
+    drive = limit_servos(robot, robot.max_torque, "pwm")
+    return drive_torque(robot, drive, voltage, velocity, error)
+
+
+def drive_torque(robot, drive: Drive, voltage: float, velocity: float, error: float) -> float:
+    """The same of a drive: what VecSim and Simulation write to the model."""
     model = robot.spec().compile()
-    model.actuator_gainprm[:] = robot.drive_gains(voltage)
+    model.actuator_gainprm[:] = drive.gains(robot, voltage)
+    model.actuator_forcerange[:] = np.stack([-drive.torque, drive.torque], axis=1)
     data, layout = mujoco.MjData(model), robot.layout(model)
     data.qvel[layout.dof[0]] = velocity
     data.ctrl[0] = data.qpos[layout.qpos[0]] + error
@@ -87,9 +95,53 @@ def test_the_compiled_motor_keeps_the_torque_speed_line(op3, voltage, velocity, 
 
 
 def test_gains_of_many_supplies_come_at_once(op3):
-    many = op3.drive_gains(np.array([11.0, 12.0]), np.full((2, op3.n), 0.5))
+    halves = np.full((2, op3.n), 0.5)
+    both = limit_servos(op3, 2.0, np.array([[CURRENT], [PWM]]), gain_scale=halves)
+    many = both.gains(op3, np.array([11.0, 12.0]))
     assert many.shape == (2, op3.n, 10)
-    assert np.array_equal(many[1], op3.drive_gains(12.0, np.full(op3.n, 0.5)))
+    one = limit_servos(op3, 2.0, "pwm", gain_scale=halves[0])
+    assert np.array_equal(many[1], one.gains(op3, 12.0))
+    assert np.array_equal(both.torque[1], one.torque)
+
+
+@pytest.mark.parametrize(
+    ("by", "velocity", "error", "torque"),
+    [
+        ("ideal", 0.0, 1.0, 2.0),
+        ("ideal", 2.0, 1.0, 2.0),
+        ("pwm", 0.0, 1.0, 4.1 * 431 / 885),  # 431.7 counts, rounded down
+        ("pwm", 2.0, 1.0, 4.1 * (431 / 885 - 2.0 / 4.82)),  # less the faster it turns
+        ("pwm", -2.0, 1.0, 4.1 * (431 / 885 + 2.0 / 4.82)),  # more where it is turned back
+        ("current", 0.0, 1.0, 417 * 0.00269 * 4.1 / 2.3),  # 417.09 counts
+        ("current", 2.0, 1.0, 417 * 0.00269 * 4.1 / 2.3),  # at any speed that
+        ("current", 3.0, 1.0, 4.1 * (1.0 - 3.0 / 4.82)),  # the supply allows
+        ("current", -2.0, 1.0, 417 * 0.00269 * 4.1 / 2.3),
+        ("current", 0.0, 0.1, 1.8876),  # stiffness
+        ("current", 1.0, 0.1, 1.8876 - 4.1 / 4.82),  # damped by its D gain
+    ],
+)
+def test_a_limit_of_2_newton_metres_leaves_what_its_mode_leaves(op3, by, velocity, error, torque):
+    drive = limit_servos(op3, 2.0, by)
+    assert drive_torque(op3, drive, 12.0, velocity, error) == pytest.approx(torque, abs=1e-3)
+
+
+def test_a_current_loop_keeps_its_stiffness_at_any_supply(op3):
+    for by, stiffness in (("current", 1.8876), ("pwm", 1.8876 * 11.0 / 12.0)):
+        drive = limit_servos(op3, 2.5, by)
+        assert drive_torque(op3, drive, 11.0, 0.0, 0.1) == pytest.approx(stiffness, abs=1e-3)
+
+
+@pytest.mark.parametrize("by", ["current", "pwm", "ideal"])
+def test_no_limit_and_no_share_of_the_supply_are_torque_off(op3, by):
+    assert not limit_servos(op3, 0.0, by).torque.any()
+    assert not limit_servos(op3, 2.0, by, pwm_limit=0.0).torque.any()
+    assert np.array_equal(limit_servos(op3, 2.0, by, pwm_limit=0.2).pwm, np.full(op3.n, 177 / 885))
+
+
+def test_the_d_gain_replaces_the_damping_of_back_emf(op3):
+    """By hand: 4.1 / 4.82 N·m·s/rad over 18.876 / 6.25 N·m/rad a count, D over 16, each 1 ms."""
+    assert XM430.d_gain == round(4.1 / 4.82 / (18.876 / 6.25 / 16 * 0.001))
+    assert op3.current_damping == pytest.approx(op3.torque_speed_slope, rel=2e-4)
 
 
 @given(share=st.floats(-10.0, 10.0))

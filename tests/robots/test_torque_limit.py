@@ -1,15 +1,28 @@
-"""The torque limit: what it leaves of a robot's torque, and which values it refuses."""
+"""The torque limit: how it acts on a robot's servos, and which values it refuses."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from robots import Robot, TorqueLimit
+from robots import FULL_TORQUE, Robot, TorqueLimit
+from robots.servo import servo_models
 
 
-@pytest.mark.parametrize(("value", "largest"), [(None, 4.1), (9.0, 4.1), (2.5, 2.5)])
-def test_no_servo_has_more_than_its_stall_torque(op3: Robot, value: float | None, largest: float):
-    assert TorqueLimit(value).largest(op3) == pytest.approx(largest)
+@pytest.fixture
+def without_current_sensors(op3: Robot) -> Robot:
+    """OP3 with other servos, which limit torque by PWM alone."""
+    model = servo_models()["XL430-W250"]
+    joints = tuple(replace(j, servo=replace(j.servo, model=model)) for j in op3.joints)
+    return replace(op3, joints=joints, limit_by="pwm")
+
+
+def test_a_limit_acts_as_the_robot_says_unless_it_says_otherwise(op3: Robot):
+    assert TorqueLimit(2.5).on(op3) == TorqueLimit(2.5, "current")
+    assert TorqueLimit(2.5).on(replace(op3, limit_by="pwm")) == TorqueLimit(2.5, "pwm")
+    for by in ("current", "pwm", "ideal"):
+        assert TorqueLimit(2.5, by).on(op3).mode == by
+    assert FULL_TORQUE.on(op3).value is None
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
@@ -18,6 +31,25 @@ def test_a_limit_that_is_no_torque_is_refused(value: float):
         TorqueLimit(value)
 
 
-def test_a_limit_acts_in_one_of_two_ways():
-    with pytest.raises(ValueError, match=r"torque limit is by 'PWM', expected 'torque' or 'pwm'"):
+def test_a_limit_beyond_the_servos_is_refused(op3: Robot):
+    assert TorqueLimit(4.1).on(op3).value == 4.1
+    with pytest.raises(ValueError, match=r"is 4.2 N·m, expected at most 4.1 N·m, the stall torque"):
+        TorqueLimit(4.2).on(op3)
+
+
+def test_a_limit_acts_in_one_of_three_ways():
+    expected = r"torque limit is by 'PWM', expected one of 'current', 'pwm', 'ideal'"
+    with pytest.raises(ValueError, match=expected):
         TorqueLimit(2.5, "PWM")  # type: ignore[arg-type]
+
+
+def test_a_mode_that_the_servos_lack_is_refused(without_current_sensors: Robot):
+    assert TorqueLimit(1.0).on(without_current_sensors).mode == "pwm"
+    expected = r"by 'current', expected 'pwm': the XL430-W250 of joint 'r_sho_pitch' has no current"
+    with pytest.raises(ValueError, match=expected):
+        TorqueLimit(1.0, "current").on(without_current_sensors)
+
+
+def test_a_limit_without_a_robot_has_no_mode():
+    with pytest.raises(ValueError, match="no mode yet"):
+        _ = TorqueLimit(1.0).mode

@@ -30,6 +30,7 @@ class RecordingBackend(Backend):
     """Its clock moves with each write; its joints never move."""
 
     period = 0.008
+    limit_by = "current"
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot

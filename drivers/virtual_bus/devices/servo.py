@@ -38,7 +38,8 @@ class MotorCommand:
     target_ticks: float
     """Target of the position loop, turns included, without homing offset."""
     p_gain: int
-    """Register value of the position loop's gain."""
+    """Register value of the position loop's gain, as is the next."""
+    d_gain: int
     velocity_p_gain: int
     """Register value of the velocity loop's gain, as is the next."""
     velocity_i_gain: int
@@ -200,6 +201,7 @@ class VirtualServo(VirtualDevice):
             mode=OperatingMode(self._mode),
             target_ticks=self._sensors.to_horn(self._control.position),
             p_gain=registers["position_p_gain"],
+            d_gain=registers["position_d_gain"],
             velocity_p_gain=registers["velocity_p_gain"],
             velocity_i_gain=registers["velocity_i_gain"],
             pwm_limit=min(abs(pwm), 1.0),

@@ -15,7 +15,7 @@ from humanoid_getup.cli.options.shared import (
     MotionName,
     RobotOption,
     Seed,
-    TorqueLimitValue,
+    TorqueOptions,
     WorldOptions,
 )
 from humanoid_getup.cli.output import find_folder_faults
@@ -56,13 +56,12 @@ class ShowMotion(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Preflight(WorldOptions):
+class Preflight(TorqueOptions, WorldOptions):
     """Judge a motion by limits, speed, torque at a supply, heat and self-collision."""
 
     motion: Positional[MotionName]
     voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
     """Supply voltage at the servos [V]; default: the robot's nominal one."""
-    torque_limit: TorqueLimitValue = None
     temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
     """Temperature of all servos before the rise [°C]."""
 

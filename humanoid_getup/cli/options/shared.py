@@ -10,6 +10,7 @@ from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
+from robots.servo import LimitMode
 
 Count = Annotated[int, at_least(1)]
 JsonTarget = Annotated[
@@ -88,12 +89,13 @@ class TorqueOptions(CommandOptions):
     """A torque limit, and what it acts on."""
 
     torque_limit: TorqueLimitValue = None
-    pwm_limited: bool = False
-    """Apply the torque limit as a PWM limit, as servos in position mode do."""
+    limit_by: LimitMode | None = None
+    """What the torque limit acts on: the motors' current, in current-based position mode; their
+    PWM, in position mode; or, on the twin, ideally the torque; default: the robot's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions(WorldOptions):
+class RunOptions(TorqueOptions, WorldOptions):
     """Options of every command that moves a robot."""
 
     backend: Literal["twin", "virtual", "dynamixel"] = "twin"
@@ -103,7 +105,6 @@ class RunOptions(WorldOptions):
     serves a virtual robot of its own."""
     release: Literal["limp", "hold"] = "limp"
     """State of the servos at the end: torque off, or holding the last position."""
-    torque_limit: TorqueLimitValue = None
     realtime: bool = False
     """Run a simulated robot in real time."""
     out: Annotated[Path | None, arg(metavar="DIR")] = None
@@ -118,6 +119,8 @@ class RunOptions(WorldOptions):
         if self.backend == "twin" and self.port:
             ports = ", ".join(self.port)
             faults.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
+        if self.backend != "twin" and self.limit_by == "ideal":
+            faults.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and not self.port:
             faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
         if self.out is not None:

@@ -36,6 +36,13 @@ def rig(tiny):
 
 
 @pytest.fixture
+def pwm_rig(tiny):
+    """Servos in position mode, whose PWM limits their torque."""
+    with Rig(tiny, limit_by="pwm") as rig:
+        yield rig
+
+
+@pytest.fixture
 def op3_rig(op3):
     with Rig(op3) as rig:
         yield rig
@@ -74,12 +81,12 @@ def test_connecting_powers_the_servos_sets_them_up_and_measures_them_limp(op3_ri
 
 
 def test_kept_registers_are_written_only_where_they_differ(rig):
-    assert rig.backend.eeprom_writes == 2, "return delay of two servos as shipped"
+    assert rig.backend.eeprom_writes == 4, "return delay and mode of two servos as shipped"
     rig.servo("l_hip").poke("operating_mode", OperatingMode.VELOCITY)
     rig.backend.close()
     rig.backend.connect()
-    assert rig.backend.eeprom_writes == 3
-    assert rig.peek("operating_mode") == [OperatingMode.POSITION] * 2
+    assert rig.backend.eeprom_writes == 5
+    assert rig.peek("operating_mode") == [OperatingMode.CURRENT_BASED_POSITION] * 2
 
 
 def test_registers_that_power_up_resets_are_always_set(tiny):
@@ -174,30 +181,30 @@ def test_the_robot_goes_where_it_is_sent(rig):
     assert state.joint_pos == pytest.approx(target, abs=0.05)
 
 
-def test_gain_and_limit_reach_the_servos_and_are_told_as_they_are(rig):
+def test_gain_and_limit_reach_the_servos_and_are_told_as_they_are(pwm_rig):
     command = Command(
         joint_pos=np.array([0.1, -0.1]),
         gain_scale=np.array([0.5, 1.0]),
         torque_limit=np.array([1.0, 4.1]),
         pwm_limit=np.array([0.5, 0.75]),
     )
-    rig.turn(command)
-    assert rig.peek("position_p_gain") == [400, 800]
+    pwm_rig.turn(command)
+    assert pwm_rig.peek("position_p_gain") == [400, 800]
     # 1.0 / 4.1 of 885 counts, and 0.75 of them, rounded down: whichever limit is lower.
-    assert rig.peek("goal_pwm") == [215, 663]
-    assert rig.sent.torque_limit == pytest.approx([215 / 885 * 4.1, 663 / 885 * 4.1])
-    assert rig.sent.pwm_limit == pytest.approx([215 / 885, 663 / 885])
-    assert rig.sent.joint_pos == pytest.approx(command.joint_pos, abs=0.5 * ONE_TICK)
+    assert pwm_rig.peek("goal_pwm") == [215, 663]
+    assert pwm_rig.sent.torque_limit == pytest.approx([215 / 885 * 4.1, 663 / 885 * 4.1])
+    assert pwm_rig.sent.pwm_limit == pytest.approx([215 / 885, 663 / 885])
+    assert pwm_rig.sent.joint_pos == pytest.approx(command.joint_pos, abs=0.5 * ONE_TICK)
 
 
-def test_gains_and_limits_are_sent_when_they_change_and_once_more(rig):
-    command = Command.position(rig.robot, np.zeros(2))
-    rig.turn(command, 4)
-    rig.port.sent.clear()
-    rig.turn(command, 20)
-    assert writes_to(rig, PWM) == []
-    rig.turn(replace(command, torque_limit=np.array([1.0, 2.0])), 6)
-    assert len(writes_to(rig, PWM)) == 2
+def test_gains_and_limits_are_sent_when_they_change_and_once_more(pwm_rig):
+    command = Command.position(pwm_rig.robot, np.zeros(2))
+    pwm_rig.turn(command, 4)
+    pwm_rig.port.sent.clear()
+    pwm_rig.turn(command, 20)
+    assert writes_to(pwm_rig, PWM) == []
+    pwm_rig.turn(replace(command, torque_limit=np.array([1.0, 2.0])), 6)
+    assert len(writes_to(pwm_rig, PWM)) == 2
 
 
 def test_a_limit_that_rounds_to_nothing_is_torque_off(rig):
@@ -214,7 +221,7 @@ def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
     pos = np.array(data.draw(st.lists(numbers, min_size=2, max_size=2)))
     gain = np.array(data.draw(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2)))
     torque = np.array(data.draw(st.lists(st.floats(0.0, 10.0), min_size=2, max_size=2)))
-    translator = CommandConverter(tiny)
+    translator = CommandConverter(tiny, "pwm")
     share = np.array(data.draw(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2)))
     asked = Command(joint_pos=pos, gain_scale=gain, torque_limit=torque, pwm_limit=share)
     orders = translator.to_registers(asked)
@@ -456,12 +463,14 @@ def test_torque_on_that_nobody_heard_is_said_again(rig):
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_a_limit_that_nobody_heard_is_sent_again(rig, lost):
-    rig.turn(cycles=3)
-    drop(rig, PWM, lost)
-    command = replace(Command.position(rig.robot, np.zeros(2)), torque_limit=np.array([1.0, 1.0]))
-    rig.turn(command, 66)
-    assert rig.peek("goal_pwm") == [215, 215]
+def test_a_limit_that_nobody_heard_is_sent_again(pwm_rig, lost):
+    pwm_rig.turn(cycles=3)
+    drop(pwm_rig, PWM, lost)
+    command = replace(
+        Command.position(pwm_rig.robot, np.zeros(2)), torque_limit=np.array([1.0, 1.0])
+    )
+    pwm_rig.turn(command, 66)
+    assert pwm_rig.peek("goal_pwm") == [215, 215]
 
 
 # Answers that lie ----------------------------------------------------------------------------

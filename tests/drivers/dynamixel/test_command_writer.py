@@ -17,13 +17,14 @@ from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ServoStates
 
 # Registers of an XM430 (e-manual).
-TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, GOAL = 64, 68, 84, 98, 100, 116
+TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, CURRENT, GOAL = 64, 68, 84, 98, 100, 102, 116
 NAMES = {
     TORQUE: "torque",
     RETURN_LEVEL: "return level",
     P_GAIN: "gain",
     WATCHDOG: "watchdog",
     PWM: "pwm",
+    CURRENT: "current",
     GOAL: "goal",
 }
 Write = tuple[str, dict[int, int]]
@@ -74,14 +75,23 @@ def states(tiny) -> ServoStates:
 
 @pytest.fixture
 def writer(tiny, bus) -> CommandWriter:
-    return CommandWriter(bus, list(tiny.joints), np.arange(2), 5)  # type: ignore[arg-type]
+    return CommandWriter(bus, list(tiny.joints), np.arange(2), 5, "pwm")  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def current_writer(tiny, bus) -> CommandWriter:
+    """A writer to servos in current-based position mode."""
+    return CommandWriter(bus, list(tiny.joints), np.arange(2), 5, "current")  # type: ignore[arg-type]
 
 
 BOTH, NONE = np.array([True, True]), np.array([False, False])
 
 
 def registers(torque=BOTH, goal=(2048, 1000), p_gain=(800, 800), pwm=(885, 885)):
-    return RegisterCommands(np.array(goal), np.array(p_gain), np.array(pwm), np.array(torque))
+    current = np.array([855, 855])
+    return RegisterCommands(
+        np.array(goal), np.array(p_gain), np.array(pwm), current, np.array(torque)
+    )
 
 
 def test_torque_comes_on_after_gain_limit_watchdog_and_present_position(bus, writer, states):
@@ -170,6 +180,60 @@ def test_goals_and_seeds_stay_in_one_turn(bus, writer, states):
     assert bus.take()[-1] == ("goal", {1: 0, 2: 4095})
 
 
+def test_goal_currents_are_set_before_torque_and_seeds_may_lie_beyond_a_turn(
+    bus, current_writer, states
+):
+    """Current-based position mode counts turns: a goal in another turn would be a leap."""
+    states.ticks[:] = [-40, 5000]
+    current_writer.write(registers(), states, BOTH)
+    assert bus.take() == [
+        ("gain", {1: 800, 2: 800}),
+        ("pwm", {1: 885, 2: 885}),
+        ("current", {1: 855, 2: 855}),
+        ("watchdog", {1: 0, 2: 0}),
+        ("seed", {1: 2**32 - 40, 2: 5000}),
+        ("watchdog", {1: 5, 2: 5}),
+        ("torque", {1: 1, 2: 1}),
+        ("goal", {1: 2048, 2: 1000}),
+    ]
+
+
+def test_a_current_limit_is_rounded_down_to_counts_and_told_as_it_is(tiny):
+    """2.0 N·m are 417.09 counts of 2.69 mA at 4.1 N·m / 2.3 A."""
+    converter = CommandConverter(tiny, "current")
+    command = Command(
+        joint_pos=np.zeros(2),
+        gain_scale=np.ones(2),
+        torque_limit=np.array([2.0, 9.0]),
+        pwm_limit=np.array([1.0, 0.25]),
+    )
+    found = converter.to_registers(command)
+    assert found.current.tolist() == [417, 855], "no more than the stall current"
+    assert found.pwm.tolist() == [885, 221]
+    sent = converter.to_command(found, command)
+    assert sent.torque_limit == pytest.approx(
+        [417 * 0.00269 * 4.1 / 2.3, 855 * 0.00269 * 4.1 / 2.3]
+    )
+    assert sent.pwm_limit == pytest.approx([1.0, 221 / 885])
+    again = converter.to_registers(sent)
+    assert np.array_equal(again.current, found.current)
+
+
+def test_the_current_limit_of_a_servo_limits_its_torque(tiny):
+    converter = CommandConverter(tiny, "current")
+    converter.note_limits(1, {"pwm_limit": 885, "current_limit": 100})
+    found = converter.to_registers(Command.position(tiny, np.zeros(2)))
+    assert found.current.tolist() == [855, 100]
+
+
+@pytest.mark.parametrize("limit", [0.0, 1e-4])
+def test_a_limit_that_rounds_to_no_count_of_current_is_torque_off(tiny, limit):
+    command = replace(Command.position(tiny, np.zeros(2)), torque_limit=np.array([limit, 0.005]))
+    found = CommandConverter(tiny, "current").to_registers(command)
+    assert found.current.tolist() == [0, 1]
+    assert found.torque.tolist() == [False, True]
+
+
 def test_all_servos_are_released_disarmed_or_told_their_return_level_at_once(bus, writer):
     writer.write_all("torque_enable", 0)
     writer.write_all("bus_watchdog", 0)
@@ -207,7 +271,7 @@ def test_a_command_becomes_registers_of_each_servo(tiny):
         torque_limit=np.array([2.05, 4.1]),
         pwm_limit=np.array([1.0, 0.25]),
     )
-    found = CommandConverter(tiny).to_registers(command)
+    found = CommandConverter(tiny, "pwm").to_registers(command)
     assert found.goal.tolist() == [2048 + 65, 1000 - 65]
     assert found.p_gain.tolist() == [200, 800]
     assert found.pwm.tolist() == [442, 221], "half and a quarter of 885, rounded down"
@@ -217,13 +281,13 @@ def test_a_command_becomes_registers_of_each_servo(tiny):
 @pytest.mark.parametrize("limit", [0.0, 1e-4])
 def test_a_limit_that_rounds_to_no_count_is_torque_off(tiny, limit):
     command = replace(Command.position(tiny, np.zeros(2)), torque_limit=np.array([limit, 0.005]))
-    found = CommandConverter(tiny).to_registers(command)
+    found = CommandConverter(tiny, "pwm").to_registers(command)
     assert found.pwm.tolist() == [0, 1]
     assert found.torque.tolist() == [False, True]
 
 
 def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
-    converter = CommandConverter(tiny)
+    converter = CommandConverter(tiny, "pwm")
     converter.pwm_limit = np.array([100, 885])
     command = Command.position(tiny, np.zeros(2))
     found = converter.to_registers(command)
@@ -234,7 +298,7 @@ def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
 
 
 def test_a_command_that_was_sent_says_where_torque_is_off(tiny):
-    converter = CommandConverter(tiny)
+    converter = CommandConverter(tiny, "pwm")
     command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([0.5, 1.0]))
     found = replace(converter.to_registers(command), torque=np.array([False, True]))
     sent = converter.to_command(found, command)
@@ -245,10 +309,10 @@ def test_a_command_that_was_sent_says_where_torque_is_off(tiny):
 
 @pytest.mark.parametrize("angle", [1e9, -1e9])
 def test_an_absurd_target_becomes_the_end_of_the_turn(tiny, angle):
-    found = CommandConverter(tiny).to_registers(Command.position(tiny, np.full(2, angle)))
+    found = CommandConverter(tiny, "pwm").to_registers(Command.position(tiny, np.full(2, angle)))
     assert np.all((found.goal >= 0) & (found.goal <= 4095))
 
 
 def test_a_negative_gain_is_none(tiny):
     command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([-0.5, -3.0]))
-    assert CommandConverter(tiny).to_registers(command).p_gain.tolist() == [0, 0]
+    assert CommandConverter(tiny, "pwm").to_registers(command).p_gain.tolist() == [0, 0]

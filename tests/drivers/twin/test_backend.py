@@ -43,7 +43,7 @@ def play(twin, command, cycles):
 
 def test_a_period_is_bit_for_bit_four_plain_physics_steps(op3):
     target = ServoUnits(op3).round_goal(op3.standing.joint_pos + 0.1)
-    twin = Twin(op3)
+    twin = Twin(op3, limit_by="pwm")
     play(twin, Command.position(op3, target), 100)
 
     model = build_flat_world(op3)

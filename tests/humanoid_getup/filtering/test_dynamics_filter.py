@@ -20,6 +20,7 @@ from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.rollout import Rollout
 from robots import TorqueLimit
 from robots.kinematics import place
+from robots.servo import LIMIT_MODES
 
 
 @pytest.fixture(scope="module")
@@ -69,19 +70,20 @@ def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fa
         np.testing.assert_array_equal(trace.qpos[0], one.qpos)
 
 
-@pytest.mark.parametrize("by", ["pwm", "torque"])
+@pytest.mark.parametrize("by", ["pwm", "current"])
 def test_rollouts_and_checks_run_under_the_torque_limit_as_it_acts(world, fall, database, by):
     """A limited PWM leaves less torque to a servo that turns: the robot goes another way."""
     limited = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, by))
     candidate = _candidates(world, fall, database)[0]
     (one,) = limited.roll_out(fall, [candidate])
     starts = place(world.robot, world.model, fall)[None]
-    nominal = DomainParameters.nominal(world, 1, torque_limit=2.0)
     same, other = (
         Rollout(world, 1).play(
-            starts, one.target[None], replace(nominal, pwm_limited=np.array([pwm]))
+            starts,
+            one.target[None],
+            DomainParameters.nominal(world, 1, torque_limit=2.0, limit_by=mode),
         )
-        for pwm in (by == "pwm", by != "pwm")
+        for mode in (by, "ideal")
     )
     np.testing.assert_array_equal(same.qpos[0], one.qpos)
     assert np.abs(other.qpos[0] - one.qpos).max() > 0.01
@@ -137,7 +139,7 @@ def test_an_earlier_try_is_sent_first_and_unassisted(fall, rollouts):
 @pytest.mark.parametrize(
     ("falls", "share"), [((), 1.0), ((3, 7, 15), 13 / 16), ((0,), 0.0), (range(16), 0.0)]
 )
-@pytest.mark.parametrize("by", ["pwm", "torque"])
+@pytest.mark.parametrize("by", ["pwm", "current"])
 def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
     world, fall, monkeypatch, falls, share, by
 ):
@@ -162,7 +164,7 @@ def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
     assert np.all(targets == fall.joint_pos)
     np.testing.assert_array_equal(starts[0], place(world.robot, world.model, fall))
     assert len({row.tobytes() for row in starts}) == 16
-    assert conditions.pwm_limited.tolist() == [by == "pwm"] * 16
+    assert conditions.limit_by.tolist() == [LIMIT_MODES.index(by)] * 16
     assert np.all(conditions.torque_limit <= 2.0)
     assert conditions.torque_limit[0] == 2.0
     assert checked.count == 16

@@ -14,6 +14,7 @@ from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import place
+from robots.servo import PWM, LimitMode
 
 
 def load_motion(robot: Robot, name: str) -> Motion:
@@ -38,33 +39,31 @@ def play_on_twin(twin: Twin, start: Posture, targets: np.ndarray, limit: float) 
 
 @pytest.mark.parametrize("name", ["supine_sit_up_gentle", "prone_push_up_fast"])
 @pytest.mark.parametrize(
-    ("limit", "pwm_limited"),
-    [(4.1, False), (2.0, False), (2.0, True)],
-    ids=["unlimited", "torque limit", "PWM limit"],
+    ("limit", "limit_by"), [(4.1, "current"), (2.0, "current"), (2.0, "pwm"), (2.0, "ideal")]
 )
 def test_twin_and_vectorized_simulation_agree_to_the_bit(
-    world: World, op3: Robot, name: str, limit: float, pwm_limited: bool
+    world: World, op3: Robot, name: str, limit: float, limit_by: LimitMode
 ):
     """Joint by joint, over a whole stored motion, also on the twin's own ground."""
     motion = load_motion(op3, name)
     start, targets = motion.posture(0), sample_targets(op3, motion)
     qpos = place(op3, world.model, start)
-    parameters = DomainParameters.nominal(world, 1, torque_limit=limit, pwm_limited=pwm_limited)
+    parameters = DomainParameters.nominal(world, 1, torque_limit=limit, limit_by=limit_by)
     trace = Rollout(world, 1).play(qpos[None], targets[None], parameters)
     for model in (world.model, None):
-        twin = Twin(World(op3, model=model), pwm_limited=pwm_limited)
+        twin = Twin(World(op3, model=model), limit_by=limit_by)
         went = play_on_twin(twin, start, targets, limit)
         assert len(went) > 150
         assert np.array_equal(trace.qpos[0], went)
 
 
 def test_limits_are_told_apart(world: World, op3: Robot):
-    """A torque limit, a PWM limit and none: three different ways."""
+    """A current limit, a PWM limit and none: three different ways."""
     motion = load_motion(op3, "prone_push_up_fast")
     targets = np.tile(sample_targets(op3, motion), (3, 1, 1))
     starts = np.tile(place(op3, world.model, motion.posture(0)), (3, 1))
     parameters = DomainParameters.nominal(world, 3, torque_limit=np.array([4.1, 2.0, 2.0]))
-    parameters.pwm_limited[2] = True
+    parameters.limit_by[2] = PWM
     qpos = Rollout(world, 3).play(starts, targets, parameters).qpos
     for one, other in ((0, 1), (1, 2), (2, 0)):
         assert not np.array_equal(qpos[one], qpos[other])
@@ -75,7 +74,7 @@ def test_limits_of_one_world_leave_the_others_as_they_are(world: World, op3: Rob
     motion = load_motion(op3, "supine_sit_up_gentle")
     targets = sample_targets(op3, motion)[None, :60]
     start = place(op3, world.model, motion.posture(0))[None]
-    parameters = DomainParameters.nominal(world, 1, torque_limit=1.5, pwm_limited=True)
+    parameters = DomainParameters.nominal(world, 1, torque_limit=1.5, limit_by="pwm")
     parameters.mass[:] = 1.2
     together, alone = VecSim(world, 3), VecSim(world, 1)
     together.set_parameters(np.array([1]), parameters)

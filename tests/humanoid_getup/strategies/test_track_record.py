@@ -34,14 +34,14 @@ left = { stood = 4, n = 4 }
 method = "policy"
 policy = "robust"
 torque_limit = 2.0
-cap = "torque"
+limit_by = "current"
 supine = { stood = 170, n = 250 }
 
 [[record]]
 method = "policy"
 policy = "robust"
 torque_limit = 2.0
-cap = "pwm"
+limit_by = "pwm"
 supine = { stood = 120, n = 250 }
 """
 
@@ -68,7 +68,7 @@ def test_records_are_read_from_the_robots_folder(tmp_path: Path):
 def test_a_robot_without_records_has_none(tmp_path: Path):
     records = load_track_record(replace(load_robot("op3"), folder=tmp_path))
     assert records.records == ()
-    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(4.1)) == 0.0
+    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(4.1, "current")) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,8 @@ def test_what_counts_is_the_strongest_servo_not_stronger_than_mine(
 ):
     records = load_track_record(robot_with(TEXT, tmp_path))
     assert (
-        records.success(ROBUST, "supine", TorqueLimit(torque_limit)) == wilson_interval(stood, n)[0]
+        records.success(ROBUST, "supine", TorqueLimit(torque_limit, "current"))
+        == wilson_interval(stood, n)[0]
     )
 
 
@@ -93,18 +94,18 @@ def test_a_cap_by_pwm_has_records_of_its_own(tmp_path: Path, torque_limit: float
 
 def test_nothing_is_promised_of_what_was_not_measured(tmp_path: Path):
     records = load_track_record(robot_with(TEXT, tmp_path))
-    assert records.success(ROBUST, "supine", TorqueLimit(1.9)) == 0.0
-    assert records.success(ROBUST, "prone", TorqueLimit(4.1)) == 0.0
-    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(2.0)) == 0.0
+    assert records.success(ROBUST, "supine", TorqueLimit(1.9, "current")) == 0.0
+    assert records.success(ROBUST, "prone", TorqueLimit(4.1, "current")) == 0.0
+    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(2.0, "current")) == 0.0
 
 
 def test_few_rises_promise_little(tmp_path: Path):
     """4 of 4 is 51 % at worst, 248 of 250 is 97 %: Wilson's score by hand."""
     records = load_track_record(robot_with(TEXT, tmp_path))
-    assert records.success(ROBUST, "left", TorqueLimit(4.1)) == pytest.approx(
+    assert records.success(ROBUST, "left", TorqueLimit(4.1, "current")) == pytest.approx(
         4 / (4 + 1.96**2), abs=1e-4
     )
-    assert records.success(ROBUST, "supine", TorqueLimit(4.1)) > 0.97
+    assert records.success(ROBUST, "supine", TorqueLimit(4.1, "current")) > 0.97
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path: Path):
@@ -116,7 +117,7 @@ torque_limit = 0
 [[record]]
 method = "policy"
 torque_limit = 2.0
-cap = "hat"
+limit_by = "hat"
 supine = { stood = 9, n = 8 }
 prone = 3
 """
@@ -126,7 +127,7 @@ prone = 3
         "records.toml: record number 1: method is 'luck', expected plan, policy",
         "record number 1: torque_limit is 0",
         "record number 2: policy is missing",
-        "record number 2: cap is 'hat', expected torque, pwm",
+        "record number 2: limit_by is 'hat', expected current, pwm, ideal",
         "record number 2: supine.stood is 9, expected an integer from 0 to 8",
         "record number 2: prone is 3, expected { stood = ..., n = ... }",
     ):

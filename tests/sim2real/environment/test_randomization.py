@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from robots.servo import CURRENT, PWM
 from sim2real.environment.randomization import MOST_DELAY, DomainRandomization
 
 R = DomainRandomization()
@@ -66,7 +67,8 @@ def test_what_is_drawn_has_the_shapes_of_the_nominal_parameters(world, drawn):
 def test_a_share_of_robots_has_all_its_torque_and_a_share_one_weak_servo(op3, drawn):
     own = op3.max_torque.max()
     assert np.mean(drawn.torque_limit == own) == pytest.approx(R.full_torque, abs=0.08)
-    assert np.mean(drawn.pwm_limited) == pytest.approx(R.pwm_limited, abs=0.08)
+    assert np.mean(drawn.limit_by == PWM) == pytest.approx(R.by_pwm, abs=0.08)
+    assert set(drawn.limit_by.tolist()) == {CURRENT, PWM}, "OP3's own, else"
     weak = drawn.strength < R.strength[0]
     assert np.all(weak.sum(axis=1) <= 1)
     assert drawn.strength.min() >= R.strength[0] * R.weak_servo[0]

@@ -11,8 +11,9 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot
+from robots.drive import KP, VMAX
 from robots.kinematics import place
-from robots.robot import GAIN_KP, GAIN_VMAX
+from robots.servo import PWM
 from sim2real.environment.model_variants import backlash
 from sim2real.environment.randomization import DomainRandomization, ObservationNoise
 from sim2real.environment.training_simulation import BACKLASH_TORQUE, TrainingSim
@@ -128,12 +129,11 @@ def test_the_past_of_a_robot_just_placed_is_its_present(op3, delayed_world, fall
 def test_a_policys_pwm_limit_and_a_users_torque_limit_both_hold(op3, world):
     sim = TrainingSim(world, 3, cycles=CYCLES, pwm_limit=0.55, threads=1)
     nominal = DomainParameters.nominal(world, 2)
-    pwm = np.array([True, True])
-    caps = replace(nominal, torque_limit=np.array([1.0, 4.0]), pwm_limited=pwm)
+    caps = replace(nominal, torque_limit=np.array([1.0, 4.0]), limit_by=np.full(2, PWM))
     sim.set_parameters(np.array([1, 2]), caps)
     # Whole counts of 885 for 12 V: 0.55 of them, or 1.0 N·m of the 4.1 that the servos have.
     for i, counts in enumerate((486, 215, 486)):
-        volts = sim.batch.get_model(i).actuator_gainprm[:, GAIN_VMAX]
+        volts = sim.batch.get_model(i).actuator_gainprm[:, VMAX]
         assert volts == pytest.approx(np.full(op3.n, 12.0 * counts / 885))
 
 
@@ -160,9 +160,9 @@ def test_masses_gains_and_friction_are_in_the_physics(op3, world):
         [0.01, -0.02, 0.005]
     )
     # Position mode sets a share of the supply: 10.5 V of 12 are 87.5 %.
-    gain = changed.actuator_gainprm[:, GAIN_KP] / plain.actuator_gainprm[:, GAIN_KP]
+    gain = changed.actuator_gainprm[:, KP] / plain.actuator_gainprm[:, KP]
     assert gain == pytest.approx(np.full(op3.n, 0.875))
-    assert changed.actuator_gainprm[:, GAIN_VMAX] == pytest.approx(np.full(op3.n, 10.5))
+    assert changed.actuator_gainprm[:, VMAX] == pytest.approx(np.full(op3.n, 10.5))
     assert changed.geom_friction[:, 0] == pytest.approx(np.full(world.model.ngeom, 0.3))
     dofs = op3.layout(world.model).dof
     assert changed.dof_armature[dofs] == pytest.approx(1.4 * world.model.dof_armature[dofs])

@@ -1,0 +1,107 @@
+"""How simulated servos turn position errors into torque: their gains and limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.quaternion import Array
+from robots.robot import Robot
+from robots.servo import CURRENT, LIMIT_MODES, PWM, LimitMode, round_pwm
+
+RESISTANCE, MOTOR_CONSTANT, KP, KD, VMAX = 0, 1, 4, 6, 7
+"""Columns of a ``dcmotor``'s gainprm."""
+GAIN_COLUMNS = 10
+
+LimitModes = LimitMode | NDArray[np.int_]
+"""A mode, or the places of modes in ``LIMIT_MODES``."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drive:
+    """Gains and limits of servos in a position mode; the arrays have shape (..., n)."""
+
+    torque: Array
+    """Largest torque of each motor [N·m]; 0: torque is off."""
+    pwm: Array
+    """Largest share of the supply on each motor."""
+    gain_scale: Array | float = 1.0
+    """Share of the position gain."""
+    by_current: NDArray[np.bool_] | bool = False
+    """Whether the position loop commands a current, as in current-based position mode, and not a
+    share of the supply."""
+    damping: Array | None = None
+    """Damping of the loop that commands a current [N·m·s/rad]; ``None`` for the robot's own."""
+
+    @staticmethod
+    def released(n: int) -> Drive:
+        """Leave all motors without torque."""
+        return Drive(torque=np.zeros(n), pwm=np.ones(n))
+
+    def equals(self, other: Drive) -> bool:
+        """Return whether all values are the same."""
+        return all(np.array_equal(value, vars(other)[name]) for name, value in vars(self).items())
+
+    def gains(self, robot: Robot, voltage: Array | float) -> Array:
+        """Compute the ``actuator_gainprm`` of a robot's servos at a supply, (..., n, 10).
+
+        Position mode sets a share of the supply, so that stiffness and largest drive voltage both
+        follow it; its motors lose torque to back-EMF as they turn. A current loop makes up for
+        that within the supply: the stiffness is that of the nominal supply, and the damping is
+        that of the D gain alone.
+
+        Args:
+            robot: Robot whose servos are driven.
+            voltage: Supply [V], shape (...).
+        """
+        models = [joint.servo.model for joint in robot.joints]
+        voltage = np.asarray(voltage, dtype=float)[..., None]
+        nominal = np.array([m.nominal_voltage for m in models])
+        damping = robot.current_damping if self.damping is None else self.damping
+        gains = np.zeros((*voltage.shape[:-1], robot.n, GAIN_COLUMNS))
+        gains[..., RESISTANCE] = [m.resistance for m in models]
+        gains[..., MOTOR_CONSTANT] = [m.motor_constant for m in models]
+        stiffness = robot.position_gain * self.gain_scale
+        gains[..., KP] = stiffness * np.where(self.by_current, 1.0, voltage / nominal)
+        gains[..., KD] = np.where(self.by_current, damping, robot.torque_speed_slope)
+        gains[..., VMAX] = voltage * self.pwm
+        return gains
+
+
+def limit_servos(
+    robot: Robot,
+    torque_limit: Array | float,
+    by: LimitModes,
+    *,
+    gain_scale: Array | float = 1.0,
+    pwm_limit: Array | float = 1.0,
+) -> Drive:
+    """Limit the torque of a robot's servos the way that a mode does it.
+
+    Goal Current and Goal PWM are whole counts, rounded down. By current, the limit holds at any
+    speed that the supply allows. By PWM it holds at standstill: there is less torque the faster
+    the servo turns, and more while the joint is turned against its motor.
+
+    Args:
+        robot: Robot whose servos are limited.
+        torque_limit: [N·m], shape (..., n).
+        by: Mode of all servos, or of each row, shape (..., 1).
+        gain_scale: Share of the position gain, shape (..., n).
+        pwm_limit: Largest share of the supply by itself, shape (..., n).
+    """
+    mode = LIMIT_MODES.index(by) if isinstance(by, str) else by
+    is_pwm, is_current = np.equal(mode, PWM), np.equal(mode, CURRENT)
+    limit = np.broadcast_to(torque_limit, np.broadcast_shapes(np.shape(torque_limit), (robot.n,)))
+    share = np.where(is_pwm, round_pwm(limit / robot.max_torque), 1.0)
+    pwm = np.minimum(share, round_pwm(pwm_limit))
+    torque = np.where(is_pwm, robot.max_torque, limit)
+    if np.any(is_current):
+        torque = np.where(is_current, robot.round_current(limit), torque)
+    return Drive(
+        torque=np.where((limit > 0.0) & (pwm > 0.0), torque, 0.0),
+        pwm=pwm,
+        gain_scale=gain_scale,
+        by_current=is_current,
+    )

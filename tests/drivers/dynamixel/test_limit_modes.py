@@ -1,0 +1,87 @@
+"""Modes of a torque limit on servos: what the driver sets, and what the servos then do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from memory_rig import Rig
+
+from drivers import Command
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.control_table import OperatingMode
+from drivers.errors import SetupError
+from robots import Robot
+from robots.servo import TICKS_PER_TURN, servo_models
+
+TORQUE_PER_AMPERE = 4.1 / 2.3
+
+
+@pytest.mark.parametrize(
+    ("by", "mode", "d_gain"),
+    [
+        ("current", OperatingMode.CURRENT_BASED_POSITION, 4506),
+        ("pwm", OperatingMode.POSITION, 0),
+    ],
+)
+def test_the_driver_sets_the_mode_and_its_damping(tiny: Robot, by, mode, d_gain):
+    with Rig(tiny, limit_by=by) as rig:
+        assert rig.backend.limit_by == by
+        assert rig.peek("operating_mode") == [mode] * 2
+        assert rig.peek("position_d_gain") == [d_gain] * 2
+
+
+def test_a_robot_has_a_mode_of_its_own(tiny: Robot):
+    for by in ("current", "pwm"):
+        with Rig(replace(tiny, limit_by=by)) as rig:
+            assert rig.backend.limit_by == by
+
+
+def test_goal_current_limits_the_torque_of_a_blocked_servo(tiny: Robot):
+    """The targets are far beyond the joint stops."""
+    command = Command.position(tiny, tiny.upper + 1.0, torque_limit=1.0)
+    with Rig(tiny, limit_by="current") as rig:
+        rig.turn(command, 3)
+        assert rig.peek("goal_current") == [208, 208]  # 208.55 counts
+        assert rig.peek("goal_pwm") == [885, 885]
+        state = rig.turn(command, 200)
+    torque = np.abs(state.joint_current) * TORQUE_PER_AMPERE
+    assert torque == pytest.approx(208 * 0.00269 * TORQUE_PER_AMPERE, abs=0.005)
+
+
+def test_a_joint_that_was_turned_around_is_brought_back_into_one_turn(tiny: Robot):
+    """Torque would otherwise start a turn away from where the joint is."""
+    with Rig(tiny, limit_by="current") as rig:
+        rig.backend.close()
+        servo = rig.servo("l_hip")
+        measured = servo._sensors.measured
+        servo.sense(measured._replace(ticks=measured.ticks + TICKS_PER_TURN))
+        rig.backend.connect()
+        assert 0 <= rig.peek("present_position")[0] < TICKS_PER_TURN
+        assert np.abs(rig.backend.read().joint_pos).max() < np.pi
+
+
+def test_servos_without_current_sensor_have_no_current_mode(tiny: Robot):
+    model = servo_models()["XL430-W250"]
+    joints = tuple(replace(j, servo=replace(j.servo, model=model)) for j in tiny.joints)
+    robot, ports = replace(tiny, joints=joints, limit_by="pwm"), {"main": "main"}
+    assert DynamixelBackend(robot, ports).limit_by == "pwm"
+    with pytest.raises(SetupError, match=r"'current', expected 'pwm': the XL430-W250 of joint"):
+        DynamixelBackend(robot, ports, limit_by="current")
+
+
+def test_no_servo_limits_its_torque_ideally(tiny: Robot):
+    with pytest.raises(SetupError, match="'ideal', which no servo can"):
+        DynamixelBackend(tiny, {"main": "main"}, limit_by="ideal")
+
+
+@pytest.mark.parametrize("by", ["current", "pwm"])
+def test_present_pwm_is_the_voltage_on_the_motor(tiny: Robot, by):
+    """A blocked servo has all of what limits it; one without torque has nothing."""
+    command = Command.position(tiny, tiny.upper + 1.0, torque_limit=2.05)
+    with Rig(tiny, limit_by=by) as rig:
+        rig.turn(command, 200)
+        signs = [joint.servo.sign for joint in tiny.joints]
+        found = np.array(rig.peek("present_pwm")) * signs
+        assert found == pytest.approx([442, 442], abs=3), "half of 885"
+        rig.turn(Command.limp(2), 3)
+        assert rig.peek("present_pwm") == [0, 0]

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.judge import find_impact
 from humanoid_getup.evaluation.standing import judge
-from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import Floats, compute_torque_share, observe
 from robots.quaternion import Array
@@ -45,8 +44,8 @@ class PolicyRollouts(Record):
         return find_impact(self.head_contact, self.head_speed)
 
     def peak_torque(self) -> Array:
-        """Return the largest torque with which each robot drove a joint [N·m], (N,)."""
-        return split_torque(self.torque, self.joint_vel).driving.max(axis=(1, 2))
+        """Return the largest torque of each robot, braking or driving [N·m], (N,)."""
+        return np.abs(self.torque).max(axis=(1, 2))
 
     def standing_speed(self) -> Array:
         """Compute the RMS joint speed of the last 2 s [rad/s]; nan without a stand, (N,)."""

@@ -131,6 +131,8 @@ class Simulation:
         self._current = np.zeros(self.robot.n)
         self.pwm_share = np.zeros(self.robot.n)
         """Share of the supply that drives each motor, -1 to 1, (n,)."""
+        self.torque_vel = np.zeros(self.robot.n)
+        """Joint speeds at which the present torques were made [rad/s], (n,)."""
         self.voltage = self._supply
         """Supply at the servos [V]."""
         self._drive: Drive | None = None
@@ -158,7 +160,9 @@ class Simulation:
 
     def step(self, steps: int) -> None:
         """Advance by some steps of physics."""
-        for _ in range(steps):
+        for k in range(steps):
+            if k == steps - 1:
+                self.torque_vel = self.data.qvel[self._layout.dof]
             # Together they are mj_step, but leave positions and contacts up to date.
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
@@ -180,8 +184,7 @@ class Simulation:
 
     def _update_pwm_share(self, torque: Array) -> None:
         assert self._drive is not None  # it is set whenever the robot is placed
-        velocity = self.data.qvel[self._layout.dof]
-        share = self._windings.compute_voltage(torque, velocity) / self.voltage
+        share = self._windings.compute_voltage(torque, self.torque_vel) / self.voltage
         self.pwm_share = np.where(self._drive.torque > 0.0, np.clip(share, -1.0, 1.0), 0.0)
 
     def _hold_at_rest(self, duration: float) -> None:

@@ -37,7 +37,7 @@ def evaluate(command: Evaluate) -> int:
         from sim2real.perturbations import Perturbation, evaluate_policy, summarize_rollouts
     perturbation = Perturbation(
         torque_limit=limit.value,
-        limit_by=limit.by,
+        limit_by=command.limit_by,
         delay=command.delay / 1000.0,
         voltage=command.voltage,
         friction=command.friction,
@@ -71,6 +71,7 @@ def evaluate(command: Evaluate) -> int:
         "scene": command.scene,
         "falls_seed": fall_set.seed,
         "falls_scene": fall_set.scene,
+        "limit_by": limit.by,
         "trial": perturbation.label,
         **summarize_rollouts(fall_set.falls, rollouts, CLASSES),
     }

@@ -70,7 +70,7 @@ def limit_torque(robot: Robot, torque_limit: float | None) -> Array:
 def _make_outcome(
     stand: Stand, torque: Array, velocity: Array, limit: Array, period: float, **others: Any
 ) -> RunOutcome:
-    """Make an outcome of torques [N·m] and speeds [rad/s], (T, n), under torque limits (n,)."""
+    """Make an outcome of torques [N·m] and the speeds [rad/s] at which they were made, (T, n)."""
     shares = split_torque(torque, velocity)
     rising = torque[: round(stand.start_time / period) + 1] if stand.stood else torque
     return RunOutcome(
@@ -78,7 +78,6 @@ def _make_outcome(
         torque=torque,
         peak_torque=float(shares.driving.max(initial=0.0)),
         peak_braking_torque=float(shares.braking.max(initial=0.0)),
-        peak_velocity=float(np.abs(velocity).max(initial=0.0)),
         torque_use=float((shares.driving / limit).max(initial=0.0)),
         rms_torque=float(np.sqrt(np.mean(rising**2))) if len(rising) else 0.0,
         **others,
@@ -115,6 +114,7 @@ class GroundTruthJudge:
         self._non_foot_contact: list[bool] = []
         self._torque: list[Array] = []
         self._velocity: list[Array] = []
+        self._torque_vel: list[Array] = []
         self._qpos: list[Array] = []
         self._head_impact: list[tuple[bool, float]] = []
         self._faults: list[tuple[bool, bool, bool]] = []
@@ -132,6 +132,7 @@ class GroundTruthJudge:
         self._non_foot_contact.append(not self._is_foot[touching].all())
         self._torque.append(truth.joint_torque.copy())
         self._velocity.append(truth.joint_vel.copy())
+        self._torque_vel.append(self._simulation.torque_vel)
         self._qpos.append(truth.qpos)
         if self._head is not None:
             head_contact = bool(np.any(touching == self._head))
@@ -166,9 +167,10 @@ class GroundTruthJudge:
         return _make_outcome(
             stand,
             np.array(self._torque).reshape(-1, robot.n),
-            np.array(self._velocity).reshape(-1, robot.n),
+            np.array(self._torque_vel).reshape(-1, robot.n),
             self._limit,
             period,
+            peak_velocity=float(np.abs(self._velocity).max(initial=0.0)),
             self_collisions=faults[0],
             ground_penetrations=faults[1],
             limit_violations=faults[2],
@@ -240,6 +242,7 @@ class SensorJudge:
             velocity,
             self._limit,
             self._period,
+            peak_velocity=float(np.abs(velocity).max(initial=0.0)),
             self_collisions=None,
             ground_penetrations=None,
             limit_violations=left[0],

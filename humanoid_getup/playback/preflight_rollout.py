@@ -128,7 +128,7 @@ def _roll_out(
     overlap: list[float] = []
 
     def record(_cycle: Cycle) -> None:
-        velocity.append(twin.truth.joint_vel.copy())
+        velocity.append(twin.simulation.torque_vel)
         overlap.append(twin.truth.self_penetration)
 
     player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=torque_limit.value)

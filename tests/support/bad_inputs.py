@@ -66,6 +66,22 @@ GROUPS: dict[str, list[Case]] = {
         case(
             "rise --from supine --seed -1 --torque-limit 0", "--seed is -1", "--torque-limit is 0"
         ),
+        case(
+            "rise --from supine --torque-limit 4.2",
+            "torque limit is 4.2 N·m, expected at most 4.1 N·m, the stall torque",
+        ),
+        case("rise --from supine --limit-by luck", "--limit-by is 'luck', expected current, pwm"),
+        case(
+            "rise --from supine --backend virtual --limit-by ideal",
+            "--limit-by is ideal, which no servo can",
+        ),
+        case(
+            "rise --robot other_servos --from supine --limit-by current",
+            "by 'current', expected 'pwm'",
+            "XL430-W250",
+        ),
+        case("bench rise --limit-by torque", "--limit-by is 'torque'"),
+        case("eval robust --n 4 --torque-limit 9", "torque limit is 9 N·m", "at most 4.1 N·m"),
         case("play moonwalk", "unknown motion 'moonwalk'", MOTION, ".npz"),
         case(f"play {MOTION} --from upside", "unknown start 'upside'"),
         case(f"play {MOTION} --torque-limit 0", "--torque-limit is 0 N·m"),
@@ -237,6 +253,11 @@ GROUPS: dict[str, list[Case]] = {
         case("motions list --robot no_model", "no_model/model.xml"),
         case("motions list --robot not_xml", "not_xml/model.xml"),
         case("motions list --robot wrong_joint", "wrong_joint/robot.toml", "l_tail"),
+        case(
+            "motions list --robot wrong_limit",
+            'limit_by is "current", expected "pwm": the XL430-W250 of joint \'r_sho_pitch\'',
+        ),
+        case("motions list --robot no_limit", "limit_by is 'hope', expected current, pwm"),
         case("rise --robot wrong_calibration --from supine", "wrong_calibration/calibration.toml"),
         case("calibrate --robot wrong_calibration --port none", "calibration.toml"),
     ],
@@ -352,6 +373,15 @@ def _make_robots(folder: Path, robot: Robot) -> None:
     (copy("not_xml", "motions") / "model.xml").write_text("<mujoco")
     toml = copy("wrong_joint", "motions") / "robot.toml"
     toml.write_text(toml.read_text("utf-8").replace('"l_knee"', '"l_tail"'), "utf-8")
+    limit, servos = 'limit_by = "current"', ("XM430-W350", "XL430-W250")
+    for name, limit_by, replaced in (
+        ("other_servos", 'limit_by = "pwm"', servos),
+        ("wrong_limit", limit, servos),
+        ("no_limit", 'limit_by = "hope"', servos[:1] * 2),
+    ):
+        toml = copy(name) / "robot.toml"
+        text = toml.read_text("utf-8").replace("supply_voltage = 12.0", "supply_voltage = 11.1")
+        toml.write_text(text.replace(limit, limit_by).replace(*replaced), "utf-8")
     (copy("wrong_calibration") / "calibration.toml").write_text("joints = 3")
 
 

@@ -10,7 +10,6 @@ from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
-from robots.servo import LimitMode
 
 Count = Annotated[int, at_least(1)]
 JsonTarget = Annotated[
@@ -89,7 +88,7 @@ class TorqueOptions(CommandOptions):
     """A torque limit, and what it acts on."""
 
     torque_limit: TorqueLimitValue = None
-    limit_by: LimitMode | None = None
+    limit_by: Literal["current", "pwm", "ideal"] | None = None
     """What the torque limit acts on: the motors' current, in current-based position mode; their
     PWM, in position mode; or, on the twin, ideally the torque; default: the robot's own."""
 

@@ -114,7 +114,9 @@ def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, cap
     assert main(("doctor", "--robot", str(TINY), "--port", tiny_served.path)) == 0
     out = capsys.readouterr().out
     for words in (
-        "tiny: healthy, 2 warnings",
+        "tiny: healthy, 3 warnings",
+        "operating mode is 3; nothing to do: the driver sets it to 5",
+        "torque limits: by current, in current based position mode",
         SHIPPED,
         "l_hip",
         "-90 to +60",
@@ -185,6 +187,7 @@ def test_a_calibrated_robot_is_called_so(tmp_path, tiny_served, capsys):
 
 def test_settings_that_the_driver_will_change_are_warnings_alike_ones_together(tiny_served, capsys):
     tiny_served.poke("l_hip", "return_delay_time", 0)
+    tiny_served.poke("l_hip", "operating_mode", 5)
     tiny_served.poke("r_hip", "operating_mode", 1)
     code, told = examine(tiny_served, capsys)
     warnings = list_findings(told, "warning")

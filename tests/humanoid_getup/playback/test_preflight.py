@@ -88,7 +88,7 @@ def test_a_servo_that_pushes_with_all_it_has_for_long_is_refused(world: World):
 
 def test_pushing_at_a_cap_far_below_stall_is_no_overload(world: World, motion: Motion):
     verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(1.0, "pwm"))
-    assert verdict.figures.torque_use.max() == pytest.approx(1.0)
+    assert 0.99 < verdict.figures.torque_use.max() <= 1.0, "rounded down to a count of PWM"
     assert verdict.figures.saturation.max() < 0.2
 
 

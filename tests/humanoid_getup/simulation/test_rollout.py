@@ -21,7 +21,9 @@ def _stand(world: World, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
 def test_a_rollout_is_bit_equal_to_bare_physics(world):
     starts, targets = _stand(world, 1, 40)
     targets[0, :, :6] += np.linspace(0.0, 0.4, 40)[:, None]
-    trace = Rollout(world, 1).play(starts, targets, DomainParameters.nominal(world, 1))
+    trace = Rollout(world, 1).play(
+        starts, targets, DomainParameters.nominal(world, 1, limit_by="pwm")
+    )
     model = world.model
     data = mujoco.MjData(model)
     data.qpos[:] = starts[0]

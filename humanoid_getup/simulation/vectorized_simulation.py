@@ -137,7 +137,8 @@ class VecSim:
         gainprm[:, self._servos] = gains
         fields["actuator_gainprm"][ids] = gainprm
         force = np.tile(model.actuator_forcerange, (p.n, 1, 1))
-        force[:, self._servos, 0], force[:, self._servos, 1] = -limit, limit
+        most = np.where(p.pwm_limited[:, None], robot.max_torque * p.strength, limit)
+        force[:, self._servos, 0], force[:, self._servos, 1] = -most, most
         fields["actuator_forcerange"][ids] = force
 
     def _set_bodies(self, ids: Ids, parameters: DomainParameters) -> None:

@@ -34,7 +34,7 @@ OTHER_PATIENCE = (
     Patience(tolerance=0.15, band=0.15, slowest=0.4),
 )
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
-FINALISTS = 3  # rollouts of a round that are checked
+FINALISTS = 2  # rollouts of a round that are checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
 HOPEFULS = 2  # failed rollouts that a search begins with, where none stood

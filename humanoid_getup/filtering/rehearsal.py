@@ -157,7 +157,7 @@ class _Tally:
         for name, now in (
             (self._peak, np.abs(torque).max(axis=(1, 2))),
             (self._impact, change.max(axis=1)),
-            (self._deepest, -contact[..., self._overlap].min(axis=1)),
+            (self._deepest, np.maximum(-contact[..., self._overlap].min(axis=1), 0.0)),
         ):
             name[going] = np.maximum(name[going], now)
 

@@ -12,6 +12,7 @@ from robots.quaternion import Array
 STRETCHES = 6  # of equal duration, each with a tempo and a posture of its own
 TEMPO_STEP = 0.45  # standard deviation of the logarithm of a stretch's duration
 OFFSET_STEP = 0.22  # rad, standard deviation of the offset of a pair of joints
+WHOLE, TEMPO_ONLY = 0.3, 0.2  # shares of the samples that change all numbers, or all tempos
 LONGEST, SHORTEST = 2.1, 0.5  # share of its own duration that a stretch may last
 
 
@@ -41,9 +42,9 @@ class Variation:
         offset = size * OFFSET_STEP * rng.normal(size=self.offset.shape)
         kind, stretch = rng.random(), rng.integers(STRETCHES)
         one = np.arange(STRETCHES) == stretch
-        if kind < 0.3:
+        if kind < WHOLE:
             tempo, offset = 0.6 * tempo, 0.6 * offset
-        elif kind < 0.5:
+        elif kind < WHOLE + TEMPO_ONLY:
             offset = np.zeros_like(offset)
         else:
             tempo, offset = tempo * one, offset * one[:, None]

@@ -150,14 +150,22 @@ class DynamicsFilter:
     ) -> tuple[CandidateRollout, float]:
         """Search variations of a rollout's targets that stand under every disturbance.
 
-        The budget is simulated time [s]. Returns the rollout of the best targets, and the share
-        of the disturbed rollouts that they stand in.
+        What stands in all the worlds it was searched in is checked in fresh ones. If it falls in
+        some, the search goes on from it in those. The budget is simulated time [s]. Returns the
+        rollout of the best targets, and the share of their check.
         """
-        worlds = self._disturb(start, rng)
-        moving = rollout.target[: rollout.moving]
-        found = self._search.search(worlds, moving, budget, rng)
-        self.count += found.rehearsals
-        return self._replay(start, rollout.candidate, found.target), found.share
+        target, share = rollout.target[: rollout.moving], 0.0
+        while budget > 0.0:
+            found = self._search.search(self._disturb(start, rng), target, budget, rng)
+            self.count += found.rehearsals
+            budget -= found.simulated
+            target, share = found.target, found.share
+            if share < 1.0:
+                break
+            share = self.check(start, target, rng)
+            if share == 1.0:
+                break
+        return self._replay(start, rollout.candidate, target), share
 
     def _replay(self, start: Posture, candidate: Candidate, target: Array) -> CandidateRollout:
         """Play targets (T, n) in the undisturbed world, and hold the last."""

@@ -10,9 +10,7 @@ from robots import Robot
 from robots.quaternion import Array
 
 STRETCHES = 6  # of equal duration, each with a tempo and a posture of its own
-TEMPO_STEP = 0.45  # standard deviation of the logarithm of a stretch's duration
-OFFSET_STEP = 0.22  # rad, standard deviation of the offset of a pair of joints
-WHOLE, TEMPO_ONLY = 0.3, 0.2  # shares of the samples that change all numbers, or all tempos
+UNIT_TEMPO, UNIT_OFFSET = 0.3, 0.15  # logarithm of a duration, and rad: 1 in a gene
 LONGEST, SHORTEST = 2.1, 0.5  # share of its own duration that a stretch may last
 
 
@@ -27,28 +25,15 @@ class Variation:
     motion evenly; at its first and last target there is no offset."""
 
     @staticmethod
-    def none(robot: Robot) -> Variation:
-        """Return the variation that changes nothing."""
-        pairs = len(pair_directions(robot))
-        return Variation(tempo=np.zeros(STRETCHES), offset=np.zeros((STRETCHES, pairs)))
+    def size(robot: Robot) -> int:
+        """Return how many numbers make a variation."""
+        return STRETCHES * (1 + len(pair_directions(robot)))
 
-    def perturb(self, size: float, rng: np.random.Generator) -> Variation:
-        """Sample a variation near this one; ``size`` 1 is a large step.
-
-        Sometimes all numbers change, sometimes all tempos, mostly one stretch and its posture: a
-        rise fails in one place, and what is good elsewhere is kept.
-        """
-        tempo = size * TEMPO_STEP * rng.normal(size=self.tempo.shape)
-        offset = size * OFFSET_STEP * rng.normal(size=self.offset.shape)
-        kind, stretch = rng.random(), rng.integers(STRETCHES)
-        one = np.arange(STRETCHES) == stretch
-        if kind < WHOLE:
-            tempo, offset = 0.6 * tempo, 0.6 * offset
-        elif kind < WHOLE + TEMPO_ONLY:
-            offset = np.zeros_like(offset)
-        else:
-            tempo, offset = tempo * one, offset * one[:, None]
-        return Variation(tempo=self.tempo + tempo, offset=self.offset + offset)
+    @staticmethod
+    def of(genes: Array) -> Variation:
+        """Read a variation from its genes (size,); 1 is a large one, 0 changes nothing."""
+        offset = UNIT_OFFSET * genes[STRETCHES:]
+        return Variation(tempo=UNIT_TEMPO * genes[:STRETCHES], offset=offset.reshape(STRETCHES, -1))
 
     def apply(self, target: Array, start: Array, robot: Robot) -> Array:
         """Change targets [rad], (T, n), that are sent from joint angles (n,) on.

@@ -13,7 +13,7 @@ def target(op3):
 
 
 def test_no_variation_changes_nothing(op3, target):
-    same = Variation.none(op3).apply(target, target[0], op3)
+    same = Variation.of(np.zeros(Variation.size(op3))).apply(target, target[0], op3)
     np.testing.assert_allclose(same, target, atol=1e-12)
 
 
@@ -24,7 +24,7 @@ def test_a_pair_of_joints_moves_as_its_own_mirror_image(op3):
 
 
 def test_stretches_last_as_much_longer_as_their_tempo_says(op3, target):
-    slow = Variation.none(op3)
+    slow = Variation.of(np.zeros(Variation.size(op3)))
     slow.tempo[0] = np.log(2.0)  # the first of six stretches: a sixth of the motion longer
     longer = slow.apply(target, target[0], op3)
     assert len(longer) == pytest.approx(len(target) * 7.0 / 6.0, abs=2)
@@ -33,7 +33,7 @@ def test_stretches_last_as_much_longer_as_their_tempo_says(op3, target):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_variations_keep_limits_and_speed_and_end_in_the_same_posture(op3, target, seed):
-    varied = Variation.none(op3).perturb(1.0, np.random.default_rng(seed))
+    varied = Variation.of(np.random.default_rng(seed).normal(size=Variation.size(op3)))
     sent = varied.apply(target, target[0], op3)
     steps = np.diff(sent, axis=0, prepend=target[:1])
     assert np.all(np.abs(steps) <= op3.max_velocity * op3.control_period)

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.evaluation.standing import HOLD_TIME, Stance, is_upright, judge, measure_stance
+from humanoid_getup.evaluation.standing import Stance, is_upright, judge, measure_stance
 from humanoid_getup.filtering.reference import Reference, compose
+from humanoid_getup.filtering.rehearsal import Worlds
+from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import Trajectory, hold_last
 from humanoid_getup.motions.motion_database import Connection
@@ -27,7 +29,6 @@ from robots.quaternion import Array
 FADE_CYCLES = 40  # in which the virtual actuator fades out before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
 LONGEST_STRETCH = 2.5  # of its own duration that a motion may last
-FULL_HOLD = HOLD_TIME + 0.3  # s of stand that a check must show
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = RolloutRandomization(
     joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
@@ -112,6 +113,8 @@ class DynamicsFilter:
         self._threads = threads
         self._limbs = LimbMap.of(world)
         self._simulations: dict[int, Rollout] = {}
+        self._search = TargetSearch(world, worlds=CHECKS, threads=threads)
+        self._rehearsal = self._search.rehearsal
 
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Track every candidate from the start posture, at rest."""
@@ -119,13 +122,8 @@ class DynamicsFilter:
         references = [self._refer(c) for c in candidates]
         tracker = _Tracker(world, self._limbs, start, references, candidates)
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
-        parameters = DomainParameters.nominal(
-            world,
-            len(candidates),
-            torque_limit=self.torque_limit.value,
-            limit_by=self.torque_limit.mode,
-        )
-        trace = self._simulate(len(candidates)).track(starts, tracker, parameters)
+        n = len(candidates)
+        trace = self._simulate(n).track(starts, tracker, self._nominal(n))
         stance = measure_stance(world, trace)
         return [
             self._read(trace, stance, i, c, tracker.moving[i]) for i, c in enumerate(candidates)
@@ -140,6 +138,43 @@ class DynamicsFilter:
 
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
+        worlds = self._disturb(start, rng)
+        self.count += CHECKS
+        rehearsed = self._rehearsal.play(worlds, [target], give_up=True)
+        return float(rehearsed.stood.mean()) if rehearsed.stood[0, 0] else 0.0
+
+    def better(
+        self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
+    ) -> tuple[CandidateRollout, float]:
+        """Search variations of a rollout's targets that stand under every disturbance.
+
+        What stands in all the worlds it was searched in is checked in fresh ones. If it falls in
+        some, the search goes on from it in those. The budget is simulated time [s]. Returns the
+        rollout of the best targets, and the share of their check.
+        """
+        target, share = rollout.target[: rollout.moving], 0.0
+        while budget > 0.0:
+            found = self._search.search(self._disturb(start, rng), target, budget, rng)
+            self.count += found.rehearsals
+            budget -= found.simulated
+            target, share = found.target, found.share
+            if share < 1.0:
+                break
+            share = self.check(start, target, rng)
+            if share == 1.0:
+                break
+        return self._replay(start, rollout.candidate, target), share
+
+    def _replay(self, start: Posture, candidate: Candidate, target: Array) -> CandidateRollout:
+        """Play targets (T, n) in the undisturbed world, and hold the last."""
+        world, robot = self.world, self.world.robot
+        longer = hold_last(target, len(target) + round(FIRST_HOLD / robot.control_period))
+        nominal = self._nominal(1)
+        starts = place(robot, world.model, start)[None]
+        trace = self._simulate(1).play(starts, longer[None], nominal)
+        return self._read(trace, measure_stance(world, trace), 0, candidate, len(target))
+
+    def _disturb(self, start: Posture, rng: np.random.Generator) -> Worlds:
         world, robot = self.world, self.world.robot
         starts, parameters = randomize_rollouts(
             world,
@@ -149,13 +184,13 @@ class DynamicsFilter:
             self.torque_limit,
             rng,
         )
-        more = round((FULL_HOLD - FIRST_HOLD) / robot.control_period)
-        longer = hold_last(target, len(target) + more)
-        targets = np.tile(longer, (CHECKS, 1, 1))
-        trace = self._simulate(CHECKS).play(starts, targets, parameters)
-        upright = is_upright(measure_stance(world, trace), robot)
-        stood = [judge(u, trace.period).stood for u in upright]
-        return float(np.mean(stood)) if stood[0] else 0.0
+        return Worlds(starts=starts, parameters=parameters)
+
+    def _nominal(self, n: int) -> DomainParameters:
+        limit = self.torque_limit
+        return DomainParameters.nominal(
+            self.world, n, torque_limit=limit.value, limit_by=limit.mode
+        )
 
     def _simulate(self, n: int) -> Rollout:
         """Return the simulation of that many robots, and count them."""

@@ -99,6 +99,12 @@ class DomainParameters:
         for field in fields(self):
             getattr(self, field.name)[ids] = getattr(others, field.name)
 
+    def take(self, rows: NDArray[np.int_]) -> DomainParameters:
+        """Return the parameters of some robots."""
+        return DomainParameters(
+            **{field.name: getattr(self, field.name)[rows] for field in fields(self)}
+        )
+
     def tile(self, times: int) -> DomainParameters:
         """Repeat all robots a number of times."""
         return DomainParameters(

@@ -34,8 +34,10 @@ OTHER_PATIENCE = (
     Patience(tolerance=0.15, band=0.15, slowest=0.4),
 )
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
-FINALISTS = 3  # rollouts of a round that are checked
+FINALISTS = 2  # rollouts of a round that are checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
+SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
+HOPEFULS = 2  # failed rollouts that a search begins with, where none stood
 TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
 MOST_FAILURES = 2  # searches without a path before the start counts as tangled
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
@@ -114,6 +116,8 @@ class PlannedRise:
         elif not progress.is_done:
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
             self._round(progress, further + [replace(c, patience=PATIENT) for c in first + further])
+        if not progress.is_done:
+            self._search(progress)
         if progress.tried and not progress.is_done:
             stubborn = [replace(c, patience=p) for p in OTHER_PATIENCE for c in first]
             self._round(progress, stubborn)
@@ -170,6 +174,16 @@ class PlannedRise:
             Candidate(path=self._straight(progress.start, c), connection=c, tempo=SLOW)
             for c in connections
         ]
+
+    def _search(self, progress: _Progress) -> None:
+        """Vary the targets of the best rollout, or of the failed ones that rose highest."""
+        failed = sorted(progress.tried, key=lambda r: -r.peak_neck)[:HOPEFULS]
+        for base in [progress.best] if progress.best else failed:
+            better, share = self.filter.better(progress.start, base, SEARCH_BUDGET, progress.rng)
+            if better.stood and share > (progress.robust if progress.best else 0.0):
+                progress.best, progress.robust = better, share
+                if progress.is_done:
+                    return
 
     def _try_again(self, progress: _Progress) -> None:
         """Continue from the ends of failed rollouts."""

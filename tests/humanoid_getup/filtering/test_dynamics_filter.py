@@ -4,7 +4,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from humanoid_getup.filtering import dynamics_filter as dynamics_filter_module
 from humanoid_getup.filtering.dynamics_filter import (
     LONGEST_STRETCH,
     Candidate,
@@ -12,6 +11,7 @@ from humanoid_getup.filtering.dynamics_filter import (
     Patience,
 )
 from humanoid_getup.filtering.reference import compose, straight_path
+from humanoid_getup.filtering.rehearsal import Rehearsal
 from humanoid_getup.motions.motion import join
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
@@ -143,30 +143,26 @@ def test_an_earlier_try_is_sent_first_and_unassisted(fall, rollouts):
 def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
     world, fall, monkeypatch, falls, share, by
 ):
-    """Each stand must last 3 s within the 3.3 s after the targets stand still."""
     checked = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, by))
-    target, period = np.tile(fall.joint_pos, (200, 1)), world.robot.control_period
-    length = 200 + round(2.3 / period)  # the targets stand still for one second already
-    stands = np.ones((16, length), dtype=bool)
-    stands[list(falls), -round(3.0 / period)] = False
+    target = np.tile(fall.joint_pos, (200, 1))
+    stood = np.ones((1, 16), dtype=bool)
+    stood[0, list(falls)] = False
     played = []
 
-    def play(_, starts, targets, conditions):
-        played.append((starts, targets, conditions))
-        return SimpleNamespace(period=period)
+    def play(_, worlds, motions, *, give_up):
+        played.append((worlds, motions, give_up))
+        return SimpleNamespace(stood=stood)
 
-    monkeypatch.setattr(Rollout, "play", play)
-    monkeypatch.setattr(dynamics_filter_module, "measure_stance", lambda *_: None)
-    monkeypatch.setattr(dynamics_filter_module, "is_upright", lambda *_: stands)
+    monkeypatch.setattr(Rehearsal, "play", play)
     assert checked.check(fall, target, np.random.default_rng(0)) == share
-    ((starts, targets, conditions),) = played
-    assert targets.shape == (16, length, world.robot.n)
-    assert np.all(targets == fall.joint_pos)
-    np.testing.assert_array_equal(starts[0], place(world.robot, world.model, fall))
-    assert len({row.tobytes() for row in starts}) == 16
-    assert conditions.limit_by.tolist() == [LIMIT_MODES.index(by)] * 16
-    assert np.all(conditions.torque_limit <= 2.0)
-    assert conditions.torque_limit[0] == 2.0
+    ((worlds, motions, give_up),) = played
+    assert motions == [target]
+    assert give_up
+    np.testing.assert_array_equal(worlds.starts[0], place(world.robot, world.model, fall))
+    assert len({row.tobytes() for row in worlds.starts}) == 16
+    assert worlds.parameters.limit_by.tolist() == [LIMIT_MODES.index(by)] * 16
+    assert np.all(worlds.parameters.torque_limit <= 2.0)
+    assert worlds.parameters.torque_limit[0] == 2.0
     assert checked.count == 16
 
 

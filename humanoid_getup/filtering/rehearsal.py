@@ -1,0 +1,177 @@
+"""Rehearsals: targets replayed in many disturbed worlds, each ended once its outcome is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.evaluation.standing import HOLD_TIME, StanceMeter, is_upright
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.vectorized_simulation import VecSim
+from humanoid_getup.simulation.world import World, count_substeps
+from robots.quaternion import Array
+
+Bools = NDArray[np.bool_]
+
+CHUNK = 25  # control periods between two looks at the worlds
+HELD = HOLD_TIME + 0.3  # s of stand that is a held one
+REST_TIME = 0.6  # s of stand at rest after which nothing can change any more
+REST_SPEED = 0.03  # rad/s and m/s, of every degree of freedom at rest
+LAST_CALL = 1.5  # s after the last target within which a stand must begin
+DOWN_NECK, DOWN_TILT = 0.6, math.radians(60.0)  # of a robot that fell
+DOWN_TIME = 0.2  # s after the last target from which such a robot will not rise any more
+RECORDED = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Worlds:
+    """K disturbed worlds, of which the first is the nominal one."""
+
+    starts: Array
+    """MuJoCo positions at the start, at rest, (K, nq)."""
+    parameters: DomainParameters
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def take(self, rows: NDArray[np.int_]) -> Worlds:
+        """Return some of the worlds."""
+        return Worlds(starts=self.starts[rows], parameters=self.parameters.take(rows))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rehearsed:
+    """How rehearsals of S motions in K worlds ended."""
+
+    stood: Bools
+    """Whether it ended in a held stand, (S, K)."""
+    stand_time: Array
+    """Start to the first moment of that stand [s], (S, K); nan if it did not stand."""
+    progress: Array
+    """How near it came to a stand, from 0 to 1, (S, K)."""
+    peak_torque: Array
+    """Largest torque of any servo [N·m], (S, K)."""
+    rms_torque: Array
+    """Over time and servos [N·m], (S, K)."""
+    impact: Array
+    """Largest change of the neck's velocity within a control period [m/s], (S, K)."""
+    overlap: Array
+    """Greatest depth of self-penetration [m], (S, K)."""
+    simulated: float
+    """Simulated time, all of them together [s]."""
+
+    def take(self, rows: NDArray[np.int_]) -> Rehearsed:
+        """Return the outcomes in some of the worlds."""
+        arrays = {
+            f.name: getattr(self, f.name)[:, rows] for f in fields(self) if f.name != "simulated"
+        }
+        return replace(self, **arrays)
+
+
+class Rehearsal:
+    """Plays motions in worlds, and drops each as soon as its outcome is known.
+
+    A robot that is at rest in a stand, with targets that do not move any more, stays there: its
+    hold need not be simulated. One that lies after its last target has fallen.
+    """
+
+    def __init__(self, world: World, n: int, *, threads: int = 0) -> None:
+        """Prepare for at most ``n`` simulations at a time."""
+        self.world, self.sim = world, VecSim(world, n, threads=threads)
+        self.sim.bind("qvel")
+        self._steps = count_substeps(world.model, world.robot.control_period)
+
+    def play(self, worlds: Worlds, motions: Sequence[Array], *, give_up: bool = False) -> Rehearsed:
+        """Play the targets of S motions [rad], each (T, n), in every world.
+
+        With ``give_up`` all end as soon as the first one has failed.
+        """
+        shape = (len(motions), len(worlds))
+        targets = [motion for motion in motions for _ in range(len(worlds))]
+        sim, ids = self.sim, np.arange(len(targets))
+        sim.set_parameters(ids, worlds.parameters.tile(len(motions)))
+        sim.place(ids, np.tile(worlds.starts, (len(motions), 1)))
+        tally = _Tally(self.world, np.array([len(target) for target in targets]))
+        while len(going := np.flatnonzero(tally.going)) and not (give_up and tally.failed[0]):
+            sent = np.array([_cut(targets[i], tally.cycle) for i in going])
+            record = sim.advance(sent, self._steps, RECORDED, going)
+            tally.add(going, record, sim.diverged[going])
+        return tally.conclude(shape)
+
+
+def _cut(target: Array, first: int) -> Array:
+    """Return a chunk of targets (T, n) from a row on; the last is repeated."""
+    return target[np.minimum(np.arange(first, first + CHUNK), len(target) - 1)]
+
+
+class _Tally:
+    """What is known of N rehearsals so far."""
+
+    def __init__(self, world: World, length: NDArray[np.int_]) -> None:
+        n, self._world, self._length = len(length), world, length
+        self._period = world.robot.control_period
+        self._meter = StanceMeter(world.robot, world.model, world.scene.ground)
+        self._neck = world.model.site(world.robot.neck_site).id
+        self._overlap = int(world.model.sensor("overlap").adr[0])
+        self.cycle = 0
+        self.going, self.failed = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
+        self._stood, self._since = np.zeros(n, dtype=bool), np.zeros(n, dtype=int)
+        self._best, self._last, self._square = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._peak, self._impact, self._deepest = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._cycles = np.zeros(n, dtype=int)
+
+    def add(self, going: NDArray[np.int_], record: dict[str, Array], diverged: Bools) -> None:
+        """Read a chunk of the worlds that go on, and decide which of them are over."""
+        foreign = self._world.find_non_foot_contact(record["sensordata"])
+        stance = self._meter.measure(record["qpos"], record["site_xpos"], foreign)
+        self._add_costs(going, record)
+        neck = stance.neck_height / self._world.robot.standing_neck_height
+        quality = np.clip(neck, 0.0, 1.0) * np.clip(np.cos(stance.tilt), 0.0, 1.0)
+        self._last[going] = (quality * np.where(foreign, 0.8, 1.0)).mean(axis=1)
+        self._best[going] = np.maximum(self._best[going], self._last[going])
+        broken = ~is_upright(stance, self._world.robot)
+        after = self.cycle + CHUNK - np.argmax(broken[:, ::-1], axis=1)  # the last break
+        since = np.where(broken.any(axis=1), after, self._since[going])
+        self.cycle += CHUNK
+        self._cycles[going], self._since[going] = self.cycle, since
+        held = (self.cycle - since) * self._period
+        past = (self.cycle - self._length[going]) * self._period  # s after the last target
+        at_rest = np.abs(record["qvel"]).max(axis=(1, 2)) < REST_SPEED
+        settled = at_rest & (np.minimum(held, past) >= REST_TIME)
+        stood = (past > 0.0) & ((held >= HELD) | settled)
+        down = (neck[:, -1] < DOWN_NECK) | (stance.tilt[:, -1] > DOWN_TILT)
+        late = (since - self._length[going]) * self._period > LAST_CALL
+        failed = ~stood & ((down & (past > DOWN_TIME)) | late | diverged)
+        self._stood[going], self.failed[going] = stood, failed
+        self.going[going] = ~(stood | failed)
+
+    def _add_costs(self, going: NDArray[np.int_], record: dict[str, Array]) -> None:
+        torque, contact = record["actuator_force"], record["sensordata"]
+        neck = record["site_xpos"][:, :, self._neck]
+        change = np.linalg.norm(np.diff(neck, n=2, axis=1), axis=2) / self._period
+        self._square[going] += np.mean(torque**2, axis=2).sum(axis=1)
+        for name, now in (
+            (self._peak, np.abs(torque).max(axis=(1, 2))),
+            (self._impact, change.max(axis=1)),
+            (self._deepest, np.maximum(-contact[..., self._overlap].min(axis=1), 0.0)),
+        ):
+            name[going] = np.maximum(name[going], now)
+
+    def conclude(self, shape: tuple[int, int]) -> Rehearsed:
+        """Return the outcomes; a world that was given up did not stand."""
+        stood, period = self._stood, self._period
+        progress = np.where(stood, 1.0, 0.6 * self._last + 0.4 * self._best)
+        return Rehearsed(
+            stood=stood.reshape(shape),
+            stand_time=np.where(stood, (self._since + 1) * period, np.nan).reshape(shape),
+            progress=progress.reshape(shape),
+            peak_torque=self._peak.reshape(shape),
+            rms_torque=np.sqrt(self._square / np.maximum(self._cycles, 1)).reshape(shape),
+            impact=self._impact.reshape(shape),
+            overlap=self._deepest.reshape(shape),
+            simulated=float(self._cycles.sum()) * period,
+        )

@@ -1,0 +1,73 @@
+"""Variations: a motion's targets, changed in tempo and posture by a few numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots import Robot
+from robots.quaternion import Array
+
+STRETCHES = 6  # of equal duration, each with a tempo and a posture of its own
+UNIT_TEMPO, UNIT_OFFSET = 0.3, 0.15  # logarithm of a duration, and rad: 1 in a gene
+LONGEST, SHORTEST = 2.1, 0.5  # share of its own duration that a stretch may last
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variation:
+    """How targets differ from those that a search began with."""
+
+    tempo: Array
+    """Logarithm of how much longer each stretch lasts, (STRETCHES,)."""
+    offset: Array
+    """Offset of each pair of joints at the knots [rad], (STRETCHES, pairs). The knots divide the
+    motion evenly; at its first and last target there is no offset."""
+
+    @staticmethod
+    def size(robot: Robot) -> int:
+        """Return how many numbers make a variation."""
+        return STRETCHES * (1 + len(pair_directions(robot)))
+
+    @staticmethod
+    def of(genes: Array) -> Variation:
+        """Read a variation from its genes (size,); 1 is a large one, 0 changes nothing."""
+        offset = UNIT_OFFSET * genes[STRETCHES:]
+        return Variation(tempo=UNIT_TEMPO * genes[:STRETCHES], offset=offset.reshape(STRETCHES, -1))
+
+    def apply(self, target: Array, start: Array, robot: Robot) -> Array:
+        """Change targets [rad], (T, n), that are sent from joint angles (n,) on.
+
+        The result keeps the joints' limits and the servos' speed.
+        """
+        last = len(target) - 1
+        ends = np.linspace(0.0, last, STRETCHES + 1)
+        stretch = np.clip(np.exp(self.tempo), SHORTEST, LONGEST)
+        clock = np.concatenate([[0.0], np.cumsum(np.diff(ends) * stretch)])
+        at = np.interp(np.arange(int(np.ceil(clock[-1])) + 1), clock, ends)
+        knots = np.linspace(0.0, last, STRETCHES + 2)
+        offset = np.pad(self.offset, ((1, 1), (0, 0)))
+        played = _interpolate(at, np.arange(last + 1.0), target)
+        shift = _interpolate(at, knots, offset) @ pair_directions(robot)
+        return limit_targets(played + shift, start, robot)
+
+
+def pair_directions(robot: Robot) -> Array:
+    """Return what each mirrored pair of joints that rises moves, (pairs, n)."""
+    chosen = (*robot.rising_joints, *robot.spreading_joints)
+    one = np.eye(robot.n)[[robot.joint_names.index(name) for name in chosen]]
+    return one + robot.mirror_joints(one)
+
+
+def limit_targets(target: Array, start: Array, robot: Robot) -> Array:
+    """Keep targets (T, n) within the joints' limits and the servos' speed, from ``start`` on."""
+    reach = 0.999 * robot.max_velocity * robot.control_period
+    limited = np.clip(target, robot.lower, robot.upper)
+    last = start
+    for row in limited:  # rows are views
+        last = row[:] = np.clip(row, last - reach, last + reach)
+    return limited
+
+
+def _interpolate(at: Array, time: Array, rows: Array) -> Array:
+    return np.stack([np.interp(at, time, column) for column in rows.T], axis=1)

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from humanoid_getup.filtering.rehearsal import Worlds
+from humanoid_getup.filtering.search import TargetSearch
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
+from robots import TorqueLimit
+from robots.kinematics import place
+
+COUNT = 4
+
+
+@pytest.fixture(scope="module")
+def motion(op3):
+    return next(m for m in load_database(op3).motions if m.name == "prone_push_up_fast")
+
+
+@pytest.fixture(scope="module")
+def search(world):
+    return TargetSearch(world, worlds=COUNT)
+
+
+@pytest.fixture(scope="module")
+def make_worlds(world, motion):
+    def make(torque_limit: float) -> Worlds:
+        start = place(world.robot, world.model, motion.posture(0))
+        limit, rng = TorqueLimit(torque_limit, "pwm"), np.random.default_rng(4)
+        starts, parameters = randomize_rollouts(
+            world, start, COUNT, RolloutRandomization(), limit, rng
+        )
+        return Worlds(starts=starts, parameters=parameters)
+
+    return make
+
+
+def test_what_stands_everywhere_is_left_alone(search, motion, make_worlds):
+    found = search.search(make_worlds(4.1), motion.joint_target, 100.0, np.random.default_rng(0))
+    assert found.share == 1.0
+    assert (found.generations, found.rehearsals) == (0, COUNT)
+    assert found.target is motion.joint_target
+
+
+def test_a_motion_too_quick_for_weak_servos_is_made_to_stand(search, motion, make_worlds):
+    """Undisturbed it falls at this limit, too."""
+    worlds = make_worlds(2.8)
+    found = search.search(worlds, motion.joint_target, 400.0, np.random.default_rng(0))
+    assert found.share == 1.0
+    assert found.generations > 0
+    outcome = search.rehearsal.play(worlds, [found.target, motion.joint_target])
+    assert outcome.stood[0].all()
+    assert not outcome.stood[1].any()
+
+
+def test_the_budget_ends_a_search_and_one_seed_finds_one_result(search, motion, make_worlds):
+    still = np.tile(motion.joint_pos[:1], (30, 1))
+    first, second = (
+        search.search(make_worlds(2.8), still, 10.0, np.random.default_rng(7)) for _ in range(2)
+    )
+    assert first.share == 0.0
+    assert 10.0 <= first.simulated < 40.0
+    assert (first.generations, first.simulated) == (second.generations, second.simulated)
+    np.testing.assert_array_equal(first.target, second.target)

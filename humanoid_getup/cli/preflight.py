@@ -62,7 +62,8 @@ def record_verdict(robot: Robot, verdict: MotionVerdict) -> dict[str, Any]:
         "stood": figures.stood,
         "stand_time_s": figures.stand_time,
         "rises_in_a_row": figures.rises_in_a_row,
-        "overlap_m": figures.overlap,
+        "start_overlap_m": figures.start_overlap,
+        "overlap_growth_m": figures.overlap_growth,
         "joints": {
             name: {
                 "target_speed_rad_s": figures.target_speed[i],

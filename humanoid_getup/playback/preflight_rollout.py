@@ -18,10 +18,11 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
+from humanoid_getup.playback.self_overlap import find_overlap, measure_overlap
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
-from robots.kinematics import place, read_posture
+from robots.kinematics import read_posture
 from robots.quaternion import Array
 
 SATURATED = 0.97  # share of the torque-speed line from which no reserve is left
@@ -57,8 +58,10 @@ class Figures:
     """Temperature after one rise and its held stand [°C]."""
     rises_in_a_row: int | None
     """Rises without a pause until the first servo is too hot; None if that never happens."""
-    overlap: float
-    """Greatest depth of self-penetration [m]."""
+    start_overlap: float
+    """Greatest depth of self-overlap at the start [m]."""
+    overlap_growth: float
+    """Greatest depth by which two links overlap more than at the start [m]."""
 
 
 def measure(
@@ -76,6 +79,8 @@ def measure(
     else:
         lying = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
     rollout = _roll_out(world, motion, lying, voltage, torque_limit)
+    at_start = find_overlap(world, lying, mujoco.MjData(world.model))
+    deepest = np.maximum(rollout.overlap, _find_deepest(world, motion))
     stall = robot.max_torque * voltage / robot.supply_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
     along = np.maximum(np.sign(rollout.torque) * rollout.velocity, 0.0)  # (T, n)
@@ -98,7 +103,8 @@ def measure(
         longest_saturation=_longest(saturated) * period,
         end_temperature=end,
         rises_in_a_row=rises,
-        overlap=max(rollout.overlap, _find_overlap(world, motion)),
+        start_overlap=float(at_start.max()),
+        overlap_growth=float(np.max(deepest - at_start, initial=0.0)),
     )
 
 
@@ -109,8 +115,8 @@ class _Rollout:
     """[N·m], (T, n)"""
     velocity: Array
     """[rad/s], (T, n)"""
-    overlap: float
-    """[m]"""
+    overlap: Array
+    """Greatest depth by which each pair of links overlaps [m], (nbody, nbody)."""
 
 
 def _roll_out(
@@ -125,15 +131,15 @@ def _roll_out(
     )
     judge = GroundTruthJudge(twin.simulation, torque_limit.value)
     velocity: list[Array] = []
-    overlap: list[float] = []
+    overlap = np.zeros((world.model.nbody, world.model.nbody))
 
     def record(_cycle: Cycle) -> None:
         velocity.append(twin.simulation.torque_vel)
-        overlap.append(twin.truth.self_penetration)
+        np.maximum(overlap, measure_overlap(twin.truth.model, twin.truth.data), out=overlap)
 
     player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=torque_limit.value)
     _, outcome = play(player, SafetyGuard(twin, limits), judge, on_cycle=record)
-    return _Rollout(outcome.stand, outcome.torque, np.array(velocity), max(overlap, default=0.0))
+    return _Rollout(outcome.stand, outcome.torque, np.array(velocity), overlap)
 
 
 def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array, int | None]:
@@ -157,20 +163,11 @@ def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array
     return first + AMBIENT_TEMPERATURE, None
 
 
-def _find_overlap(world: World, motion: Motion) -> float:
-    """Find the greatest self-penetration of the motion's own postures [m]."""
-    model, robot = world.model, world.robot
-    data = mujoco.MjData(model)
-    deepest = 0.0
-    for frame in range(0, len(motion.time), OVERLAP_STRIDE):
-        data.qpos[:] = place(robot, model, motion.posture(frame))
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_collision(model, data)
-        root = model.body_weldid[model.geom_bodyid[data.contact.geom]]  # (contacts, 2)
-        own = np.all(root != 0, axis=1)
-        deepest = max(deepest, float(-data.contact.dist[own].min(initial=0.0)))
-    return deepest
+def _find_deepest(world: World, motion: Motion) -> Array:
+    """Find how deep each pair of links overlaps at most in the motion's own postures [m]."""
+    data = mujoco.MjData(world.model)
+    frames = range(0, len(motion.time), OVERLAP_STRIDE)
+    return np.max([find_overlap(world, motion.posture(k), data) for k in frames], axis=0)
 
 
 def _longest(present: np.ndarray) -> Array:

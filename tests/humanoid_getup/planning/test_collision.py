@@ -76,7 +76,7 @@ def test_what_a_resting_robot_does_itself_is_allowed_from_then_on(checker: Colli
 
 def test_a_start_inside_the_ground_or_beyond_a_limit_is_named(checker: CollisionChecker):
     fault = checker.allow(lying(depth=0.02))
-    assert "'body_1' is 20.0 mm inside 'ground', expected at most 6.0 mm" in fault
+    assert "'l_back_handle' is 20.0 mm inside 'ground', expected at most 6.0 mm" in fault
     posture = lying()
     joint_pos = posture.joint_pos.copy()
     joint_pos[ROBOT.joint_names.index("l_knee")] = 9.0

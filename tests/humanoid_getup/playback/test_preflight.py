@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -16,9 +17,10 @@ from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.options.motions import Preflight
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.estimation import settle
+from humanoid_getup.playback.estimation import estimate_posture, settle
 from humanoid_getup.playback.preflight import Severity, Verdict, preflight
 from humanoid_getup.playback.preflight_rollout import predict_heat
+from humanoid_getup.playback.self_overlap import find_overlap
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit, load_robot
 
@@ -128,8 +130,51 @@ def test_limbs_that_go_through_each_other_are_refused(world: World, motion: Moti
         inward = op3.upper[side] if name.startswith("l") else op3.lower[side]
         crossed[:, side] = 0.5 * inward
     verdict = preflight(world, replace(motion, joint_pos=crossed), voltage=12.0)
-    assert verdict.figures.overlap > 0.006
+    assert verdict.figures.overlap_growth > 0.006
     assert any("presses" in text and "into itself" in text for text in refusals(verdict))
+
+
+def fold_an_arm(world: World, motion: Motion, *, deeper_than: float) -> State:
+    """Measure a robot whose left forearm is folded into its torso, as thick shapes show it."""
+    lying, data = lie(world, motion), mujoco.MjData(world.model)
+    roll = world.robot.joint_names.index("l_sho_roll")
+    for angle in np.arange(lying.joint_pos[roll], world.robot.lower[roll], -0.01):
+        folded = lying.joint_pos.copy()
+        folded[roll] = angle
+        state = replace(lying, joint_pos=folded)
+        if find_overlap(world, estimate_posture(world, state), data).max() > deeper_than:
+            return state
+    raise AssertionError("the arm does not reach the torso")
+
+
+def test_a_robot_that_lies_in_an_overlap_may_leave_it(world: World, motion: Motion):
+    folded = fold_an_arm(world, motion, deeper_than=0.008)
+    verdict = preflight(world, motion, voltage=12.0, start=folded)
+    assert 0.008 < verdict.figures.start_overlap < 0.014
+    assert verdict.figures.overlap_growth < 0.002
+    assert verdict.passed, str(verdict)
+
+
+def test_an_overlap_of_other_links_is_not_excused_by_how_it_lies(
+    world: World, motion: Motion, op3: Robot
+):
+    folded = fold_an_arm(world, motion, deeper_than=0.008)
+    crossed = motion.joint_pos.copy()
+    left, right = (op3.joint_names.index(f"{side}_hip_roll") for side in "lr")
+    crossed[:, left], crossed[:, right] = 0.5 * op3.upper[left], 0.5 * op3.lower[right]
+    verdict = preflight(world, replace(motion, joint_pos=crossed), voltage=12.0, start=folded)
+    assert any("into itself, beyond how it lies" in text for text in refusals(verdict))
+
+
+def test_a_measured_posture_that_no_robot_can_have_is_refused(
+    world: World, motion: Motion, op3: Robot
+):
+    lying = lie(world, motion)
+    crossed = lying.joint_pos.copy()
+    left, right = (op3.joint_names.index(f"{side}_hip_roll") for side in "lr")
+    crossed[left], crossed[right] = op3.upper[left], op3.lower[right]
+    told = refusals(preflight(world, motion, voltage=12.0, start=replace(lying, joint_pos=crossed)))
+    assert any("inside itself, expected at most 25 mm: check the zeros" in text for text in told)
 
 
 def test_a_hot_servo_is_refused_by_name(world: World, motion: Motion, op3: Robot, knee: int):

@@ -1,0 +1,53 @@
+"""Self-overlap by pairs of links, against the ground truth of a twin."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from drivers import Twin
+from humanoid_getup.playback.self_overlap import find_overlap, measure_overlap
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, quaternion
+
+
+def tangle(op3: Robot, seed: int) -> Posture:
+    rng = np.random.default_rng(seed)
+    return Posture(
+        position=np.array([0.0, 0.0, 1.0]),
+        orientation=quaternion.normalize(rng.normal(size=4)),
+        joint_pos=rng.uniform(op3.lower, op3.upper),
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_deepest_pair_is_as_deep_as_the_robot_is_in_itself(world: World, op3: Robot, seed: int):
+    posture = tangle(op3, seed)
+    twin = Twin(world, posture)
+    depth = find_overlap(world, posture, mujoco.MjData(world.model))
+    assert depth.max() == pytest.approx(twin.truth.self_penetration, abs=1e-12)
+    np.testing.assert_array_equal(depth, measure_overlap(twin.truth.model, twin.truth.data))
+    np.testing.assert_array_equal(depth, np.triu(depth, k=1))
+
+
+def test_overlap_is_of_the_links_that_cross(world: World, op3: Robot):
+    joint_pos = op3.standing.joint_pos.copy()
+    joint_pos[op3.joint_names.index("l_hip_roll")] = 0.3
+    joint_pos[op3.joint_names.index("r_hip_roll")] = -0.3
+    posture = Posture(
+        position=np.array([0.0, 0.0, 1.0]),
+        orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+        joint_pos=joint_pos,
+    )
+    depth = find_overlap(world, posture, mujoco.MjData(world.model))
+    pairs = {tuple(world.model.body(link).name for link in pair) for pair in np.argwhere(depth)}
+    assert pairs
+    assert all(first.startswith("l_") and second.startswith("r_") for first, second in pairs)
+
+
+def test_the_ground_is_no_overlap(world: World, op3: Robot):
+    below = Posture(
+        position=np.array([0.0, 0.0, 0.0]),
+        orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+        joint_pos=op3.standing.joint_pos,
+    )
+    assert find_overlap(world, below, mujoco.MjData(world.model)).max() == 0.0

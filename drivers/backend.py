@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Protocol, Self, runtime_checkable
 
 from drivers.state import Command, State
 from robots import Robot
+
+
+class Release(Enum):
+    """State of the joints after `Backend.close`."""
+
+    LIMP = "torque off"
+    HOLD = "joints hold their positions for as long as the servos have power"
 
 
 @runtime_checkable
@@ -13,13 +21,16 @@ class Backend(Protocol):
     """Hardware of a robot, or its simulation: it measures and moves, without knowing the task.
 
     One control period is one ``read`` and then one ``write``. Reading again before the next
-    write may return the same measurement. Torque is off outside ``connect`` and ``close``.
+    write may return the same measurement. Torque is off outside ``connect`` and ``close``,
+    unless ``release`` says otherwise.
     In a ``with`` block the backend is connected, and closed at the end or after a failure.
     """
 
     robot: Robot
     period: float
     """Control period [s]."""
+    release: Release = Release.LIMP
+    """State of the joints after ``close``; it may be changed until then."""
 
     def connect(self) -> None:
         """Open the devices, torque off; harmless if they are open."""

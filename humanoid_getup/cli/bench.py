@@ -43,7 +43,7 @@ LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 FIGURES = {
     "rise": ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
-    "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_stood"),
+    "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_succeeded"),
     "filter": ("n", "filter_over_bare_steps_per_s"),
     "faults": SAFETY_FIGURES,
     "kill": SAFETY_FIGURES,

@@ -9,18 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import Backend, Twin
-from drivers.dynamixel.backend import DynamixelBackend, Release
+from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.bus import ANSWER_MARGIN
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.inputs import name_ports
-from humanoid_getup.cli.options.shared import RunOptions
+from humanoid_getup.cli.options.shared import MoveOptions
 from humanoid_getup.simulation.world import World
 from robots import Posture
 
-RELEASES = {"limp": Release.LIMP, "hold": Release.HOLD}
 LOCK_STEP_MARGIN = 0.2  # s to wait for a reply: nothing is timed, and the machine may be busy
 
 
@@ -38,15 +37,15 @@ class BackendChoice:
 
 
 @contextmanager
-def open_backend(command: RunOptions, world: World) -> Iterator[BackendChoice]:
+def open_backend(command: MoveOptions, world: World) -> Iterator[BackendChoice]:
     """Open the backend of a command, ready to connect; remove what was created at the end."""
-    robot, realtime, release = world.robot, command.realtime, RELEASES[command.release]
+    robot, realtime = world.robot, command.realtime
     if command.backend == "twin":
         twin = Twin(world)
         yield BackendChoice(backend=twin, realtime=realtime, place=twin.place)
         return
     if command.port:  # a robot, or a virtual bus of another process
-        driver = DynamixelBackend(robot, name_ports(robot, command.port), release=release)
+        driver = DynamixelBackend(robot, name_ports(robot, command.port))
         with driver:  # a problem of the port or of servos is reported before anything is planned
             pass
         yield BackendChoice(backend=driver, realtime=True)
@@ -60,7 +59,6 @@ def open_backend(command: RunOptions, world: World) -> Iterator[BackendChoice]:
             served.paths,
             clock=None if realtime else CycleClock(),
             answer_margin=ANSWER_MARGIN if realtime else LOCK_STEP_MARGIN,
-            release=release,
         )
         with driver:  # switches servo power on, as on a robot that was used before
             pass

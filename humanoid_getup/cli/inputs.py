@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.cli.errors import BadInputError, refusing
-from humanoid_getup.cli.options.shared import RobotOption, SceneOptions, TorqueOptions
+from humanoid_getup.cli.options.shared import (
+    MoveOptions,
+    RobotOption,
+    SceneOptions,
+    TorqueOptions,
+)
 from humanoid_getup.cli.output import phase
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.motion import Motion
@@ -36,6 +41,11 @@ def load_world(options: SceneOptions) -> World:
 def make_torque_limit(options: TorqueOptions) -> TorqueLimit:
     """Make the torque limit of a command."""
     return TorqueLimit(options.torque_limit, "pwm" if options.pwm_limited else "torque")
+
+
+def limit_servos(options: MoveOptions) -> TorqueLimit:
+    """Make the torque limit of a robot that moves: by PWM as on servos, or ideal on the twin."""
+    return TorqueLimit(options.torque_limit, "torque" if options.backend == "twin" else "pwm")
 
 
 def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:

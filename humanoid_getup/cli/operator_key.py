@@ -18,10 +18,13 @@ class OperatorKey:
     held counts as released: its command ends by itself.
     """
 
-    def __init__(self, *, realtime: bool) -> None:
-        """Prepare for a robot that keeps the wall clock's time, or simulated time."""
+    def __init__(self, *, realtime: bool, terminal: int | None = None) -> None:
+        """Prepare for a robot that keeps the wall clock's time, or simulated time.
+
+        The terminal is a file descriptor; ``None`` for standard input.
+        """
         self._guard: SafetyGuard | None = None
-        self._key = StopKey(self._press)
+        self._key = StopKey(self._press, terminal)
         self._is_watched = realtime
         self._is_holding = False
         self._released = threading.Event()

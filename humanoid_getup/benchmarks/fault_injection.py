@@ -303,7 +303,7 @@ def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | N
     with VirtualPorts(virtual, time_mode=TimeMode.REAL_TIME) as ports:
         command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
         command += ["--robot", str(robot.folder)]
-        command += ["--backend", "virtual", "--port", ports.main.path]
+        command += ["--backend", "virtual", "--port", ports.main.path, "--then", "limp"]
         with subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL
         ) as client:

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import tyro
@@ -38,6 +38,7 @@ from humanoid_getup.strategies.plan import RisePlan, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, TorqueLimit, load_robot
 from robots.files import write_atomically
+from robots.servo import LimitMode
 
 OWN, MESHES = "own shapes", "mesh shapes"
 
@@ -170,7 +171,7 @@ def compare(
         "seed": seed,
         "n": each * len(CLASSES),
         "torque_limit_nm": strategy.torque_limit.value,
-        "pwm_limited": strategy.torque_limit.by_pwm,
+        "limit_by": strategy.torque_limit.by,
         "cases": cases,
     }
 
@@ -197,7 +198,8 @@ class Options:
     robot: str = "op3"
     torque_limit: float | None = None
     """Of every servo [N·m]; none for all the torque it has."""
-    limited_by: Literal["torque", "pwm"] = "pwm"
+    limit_by: LimitMode | None = None
+    """What the limit acts on; none for the robot's own."""
     json: Path | None = None
     """Where figures are written."""
 
@@ -208,7 +210,7 @@ def main(options: Options) -> None:
     bodies = {OWN: World(robot)}
     if options.meshes is not None:
         bodies[MESHES] = World(with_meshes(robot, options.meshes))
-    limit = TorqueLimit(options.torque_limit, options.limited_by)
+    limit = TorqueLimit(options.torque_limit, options.limit_by)
     each = options.n // len(CLASSES)
     with counting("rises", len(bodies) * each * len(CLASSES)) as count:
         result = compare(

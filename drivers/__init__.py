@@ -1,7 +1,7 @@
 """Hardware abstraction: backends, twin, safety guard and control loop."""
 
-from drivers.backend import Backend
-from drivers.control_loop import Controller, Cycle, Ending, RunReport, run
+from drivers.backend import Backend, Release
+from drivers.control_loop import Controller, Cycle, Ending, RunReport, engaged, run, run_engaged
 from drivers.errors import DriverError
 from drivers.safety_guard import Fault, FaultKind, SafetyGuard
 from drivers.safety_limits import ClipCounts, GuardLimits
@@ -19,9 +19,12 @@ __all__ = [
     "Fault",
     "FaultKind",
     "GuardLimits",
+    "Release",
     "RunReport",
     "SafetyGuard",
     "State",
     "Twin",
+    "engaged",
     "run",
+    "run_engaged",
 ]

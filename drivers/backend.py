@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Protocol, Self, runtime_checkable
 
 from drivers.state import Command, State
@@ -9,12 +10,20 @@ from robots import Robot
 from robots.servo import LimitMode
 
 
+class Release(Enum):
+    """State of the joints after `Backend.close`."""
+
+    LIMP = "torque off"
+    HOLD = "joints hold their positions for as long as the servos have power"
+
+
 @runtime_checkable
 class Backend(Protocol):
     """Hardware of a robot, or its simulation: it measures and moves, without knowing the task.
 
     One control period is one ``read`` and then one ``write``. Reading again before the next
-    write may return the same measurement. Torque is off outside ``connect`` and ``close``.
+    write may return the same measurement. Torque is off outside ``connect`` and ``close``,
+    unless ``release`` says otherwise.
     In a ``with`` block the backend is connected, and closed at the end or after a failure.
     """
 
@@ -23,6 +32,8 @@ class Backend(Protocol):
     """Control period [s]."""
     limit_by: LimitMode
     """What the torque limits of commands act on."""
+    release: Release = Release.LIMP
+    """State of the joints after ``close``; it may be changed until then."""
 
     def connect(self) -> None:
         """Open the devices, torque off; harmless if they are open."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from drivers.safety_guard import SafetyGuard
 from drivers.safety_limits import ClipCounts
 from drivers.state import Command, State
 from robots.quaternion import Array
+
+MOST_TIMINGS = 100_000  # newest cycles of a run that its timing summary is of
 
 
 class Controller(Protocol):
@@ -115,9 +118,9 @@ class RunReport:
     duration: float
     """From first to last measurement, on the backend's clock [s]."""
     clips: ClipCounts
-    """Cuts by the guard."""
+    """Cuts by the guard since it was connected."""
     holds: int
-    """Cycles in which the targets were held because a measurement was too old."""
+    """Cycles since then in which the targets were held because a measurement was too old."""
     pace: TimingSummary
 
 
@@ -141,19 +144,46 @@ def run(
             itself, or a twin that may run faster than real time, does not need it.
         on_cycle: Called with each cycle, to judge or record it.
     """
+    with engaged(guard, realtime=realtime):
+        return run_engaged(
+            controller, guard, max_time=max_time, realtime=realtime, on_cycle=on_cycle
+        )
+
+
+@contextmanager
+def engaged(guard: SafetyGuard, *, realtime: bool = False) -> Iterator[None]:
+    """Connect for several runs, one after the other without a gap; switch torque off afterwards.
+
+    In real time, objects that exist now are not garbage collected meanwhile.
+    """
     if not isinstance(guard, SafetyGuard):
         raise TypeError(
-            f"run() moves a robot through a SafetyGuard only, not a {type(guard).__name__}"
+            f"a robot moves through a SafetyGuard only, not through a {type(guard).__name__}"
         )
+    with guard, _uncollected() if realtime else nullcontext():
+        yield
+
+
+def run_engaged(
+    controller: Controller,
+    guard: SafetyGuard,
+    *,
+    max_time: float,
+    realtime: bool = False,
+    on_cycle: Callable[[Cycle], None] | None = None,
+) -> RunReport:
+    """Run a controller on a connected robot, as `run` does, and leave its torque as it is.
+
+    The next command is due within the time of the servos' watchdog, a tenth of a second.
+    """
     loop = _Loop(guard, realtime)
     ending, reason = Ending.INTERRUPTED, Ending.INTERRUPTED.value
-    with guard, _uncollected() if realtime else nullcontext():
-        try:
-            ending, reason = loop.run(controller, max_time, on_cycle)
-        except KeyboardInterrupt:
-            pass  # the report says so
-        except DriverError as error:
-            ending, reason = Ending.FAULT, str(error)
+    try:
+        ending, reason = loop.run(controller, max_time, on_cycle)
+    except KeyboardInterrupt:
+        pass  # the report says so
+    except DriverError as error:
+        ending, reason = Ending.FAULT, str(error)
     return RunReport(
         ending=ending,
         reason=reason,
@@ -216,7 +246,7 @@ class _Loop:
         self.pacer: Pacer | None = None
         self.cycles = 0
         self.duration = 0.0
-        self.timings: list[tuple[float, float, float, float]] = []
+        self.timings: deque[tuple[float, float, float, float]] = deque(maxlen=MOST_TIMINGS)
 
     def run(
         self,

@@ -1,4 +1,4 @@
-"""Stop key: any key of the terminal stops the robot, and the stop latches."""
+"""Stop key: any key of the terminal, reported from a thread of its own."""
 
 from __future__ import annotations
 
@@ -25,14 +25,19 @@ class StopKey:
     def __init__(self, stop: Callable[[str], None], terminal: int | None = None) -> None:
         """Prepare to watch a terminal, by file descriptor; ``None`` for standard input.
 
-        ``stop`` is called once, with the reason, from the watching thread.
+        ``stop`` is called at every key, with the reason, from the watching thread.
         """
         self._stop = stop
         self._terminal = _standard_input() if terminal is None else terminal
         self._thread: threading.Thread | None = None
 
+    @property
+    def has_terminal(self) -> bool:
+        """Return whether there is a terminal whose keys can be watched."""
+        return self._terminal is not None and os.isatty(self._terminal)
+
     def __enter__(self) -> Self:
-        if self._terminal is not None and os.isatty(self._terminal):
+        if self._terminal is not None and self.has_terminal:
             self._before = termios.tcgetattr(self._terminal)
             tty.setcbreak(self._terminal)
             self._wake, self._waker = os.pipe()
@@ -52,12 +57,15 @@ class StopKey:
 
     def _watch(self) -> None:
         assert self._terminal is not None
-        ready, _, _ = select.select([self._terminal, self._wake], [], [])
-        if self._terminal in ready:
+        pressed = True
+        while pressed:
+            ready, _, _ = select.select([self._terminal, self._wake], [], [])
+            if self._terminal not in ready:
+                return
             try:
-                pressed = os.read(self._terminal, 1)
+                pressed = bool(os.read(self._terminal, 1))
             except OSError:
-                pressed = b""
+                pressed = False
             self._stop(PRESSED if pressed else LOST)
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from drivers.safety_guard import SafetyGuard
     from drivers.twin.backend import Twin
     from humanoid_getup.execution.get_up import get_up
+    from humanoid_getup.execution.keep_stand import keep_stand
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
     from humanoid_getup.simulation.falls import sample_fall
@@ -47,6 +48,7 @@ _HOMES = {
     "Twin": "drivers.twin.backend",
     "World": "humanoid_getup.simulation.world",
     "get_up": "humanoid_getup.execution.get_up",
+    "keep_stand": "humanoid_getup.execution.keep_stand",
     "load_robot": "robots.loading",
     "sample_fall": "humanoid_getup.simulation.falls",
 }
@@ -63,6 +65,7 @@ __all__ = [
     "Twin",
     "World",
     "get_up",
+    "keep_stand",
     "load_robot",
     "sample_fall",
 ]

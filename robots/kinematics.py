@@ -117,3 +117,14 @@ def center_of_mass(
         mujoco.mj_comPos(model, data)
         out[k] = data.subtree_com[torso]
     return out
+
+
+def site_heights(model: mujoco.MjModel, qpos: Array, site: str) -> Array:
+    """Compute the height of a site in the world [m], (T,), at MuJoCo positions (T, nq)."""
+    data, number = mujoco.MjData(model), model.site(site).id
+    heights = np.zeros(len(qpos))
+    for k, row in enumerate(qpos):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        heights[k] = data.site_xpos[number, 2]
+    return heights

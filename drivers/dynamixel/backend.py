@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from enum import Enum
 
 import numpy as np
 
-from drivers.backend import Backend
+from drivers.backend import Backend, Release
 from drivers.dynamixel.bus import ANSWER_MARGIN, TRIES, BusStatistics, DynamixelBus
 from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
@@ -40,13 +39,6 @@ FRESH = 2.5  # periods; torque does not begin from an older position
 WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.
 PAUSE_SHARE = 0.8
-
-
-class Release(Enum):
-    """State of the joints after `close`."""
-
-    LIMP = "torque off"
-    HOLD = "joints hold their positions for as long as the servos have power"
 
 
 class RebootError(SetupError):

@@ -178,8 +178,15 @@ class ServoChain:
     def disarm(self) -> None:
         """Switch off the watchdogs, so that the servos hold for as long as they have power."""
         if self.bus.port.is_open:
-            for _ in range(2):  # sync writes are not confirmed
-                self._exchange(self.writer.write_all, "bus_watchdog", 0)
+            self._exchange(self._disarm)
+
+    def _disarm(self) -> None:
+        for _ in range(2):  # sync writes are not confirmed
+            self.writer.write_all("bus_watchdog", 0)
+        for joint in self.joints:
+            item = table_named(joint.servo.model.name)["bus_watchdog"]
+            if self.bus.read_item(joint.servo.id, item, tries=1) != 0:
+                self.bus.write_item(joint.servo.id, item, 0, tries=2)
 
     def _release(self) -> list[Joint]:
         for register in (TORQUE, TORQUE, "bus_watchdog"):  # sync writes are not confirmed

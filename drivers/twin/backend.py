@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.backend import Backend
+from drivers.backend import Backend, Release
 from drivers.errors import NotConnectedError
 from drivers.orientation_filter import OrientationFilter
 from drivers.servo_units import ServoUnits
@@ -79,8 +79,9 @@ class Twin(Backend):
         self._connected = True
 
     def close(self) -> None:
-        """Release every joint."""
-        self.simulation.release()
+        """Release every joint, unless ``release`` says otherwise."""
+        if self.release is Release.LIMP:
+            self.simulation.release()
         self._connected = False
 
     def read(self) -> State:

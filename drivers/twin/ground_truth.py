@@ -75,9 +75,15 @@ class GroundTruth:
 
     def measure_speed(self, body: int) -> float:
         """Measure the speed of a body's frame [m/s]."""
+        return self._measure_speed(mujoco.mjtObj.mjOBJ_BODY, body)
+
+    def measure_site_speed(self, site: int) -> float:
+        """Measure the speed of a site [m/s]."""
+        return self._measure_speed(mujoco.mjtObj.mjOBJ_SITE, site)
+
+    def _measure_speed(self, kind: mujoco.mjtObj, number: int) -> float:
         velocity = np.zeros(6)
-        kind = mujoco.mjtObj.mjOBJ_BODY
-        mujoco.mj_objectVelocity(self.model, self.data, kind, body, velocity, 0)
+        mujoco.mj_objectVelocity(self.model, self.data, kind, number, velocity, 0)
         return float(np.linalg.norm(velocity[3:]))
 
     def _contacts(self) -> tuple[np.ndarray, np.ndarray, Array]:

@@ -1,4 +1,4 @@
-"""Fault injection: faults of bus, servos, board and controller in the middle of a rise."""
+"""Fault injection: faults of bus, servos, board and controller in the middle of a motion."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import ServoTrace, Witness
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.evaluation.statistics import summarize
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import settle_posture
@@ -33,7 +33,7 @@ from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import read_posture
 
-WINDOW = (0.1, 0.8)  # part of the motion in which the fault is injected
+WINDOW = (0.1, 0.8)  # part of the motion, or of a held stand, in which the fault is injected
 AFTERMATH = 0.5  # s of bus time observed after the run: longer than the servos' watchdog
 REPLY_MARGIN = 0.03  # s of waiting for a reply: in lock-step nothing is timed
 
@@ -44,15 +44,16 @@ class FaultyError(Exception):
 
 @dataclass(frozen=True)
 class FaultTrial:
-    """One rise with an injected fault."""
+    """One play of a motion with an injected fault."""
 
     ending: str
     """How the run ended."""
     reason: str
-    stood: bool
+    succeeded: bool
+    """Whether it ended as its motion should, all the same."""
     safe: float | None
     """Time from the fault until torque was off or the servos held [s]; ``None`` if that never
-    happened, or if the rise went on."""
+    happened, or if the motion went on."""
     beyond_limits: int
     believed_wrong: int
     holds: int
@@ -147,7 +148,7 @@ class FaultyPlayer(MotionPlayer):
     def __init__(
         self, robot: Robot, motion: Motion, case: FaultCase, target: FaultTarget, at: float
     ) -> None:
-        super().__init__(robot, motion, hold=HOLD)
+        super().__init__(robot, motion, hold=hold_time(motion))
         self._case, self._interfaces, self._due = case, target, at
         self.injected = False
 
@@ -169,13 +170,13 @@ def bench_faults(
     cases: Mapping[str, FaultCase] = CASES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Inject each fault several times during a rise on the virtual bus.
+    """Inject each fault several times during a motion on the virtual bus.
 
     Args:
         world: Robot and scene.
         motion: Motion to play, from its own start.
         seed: Of the times, the servos and the damage.
-        each: Rises of each case.
+        each: Plays of each case.
         cases: Faults by name.
         report: Called with the summary of each case.
     """
@@ -198,7 +199,7 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
         start = read_posture(robot, world.model, at_rest)
         ports.main.call(lambda: virtual.place(start))
         guard = SafetyGuard(witness, GuardLimits.of(robot))
-        at = motion.duration * rng.uniform(*WINDOW)
+        at = (motion.duration or hold_time(motion)) * rng.uniform(*WINDOW)
         servo = robot.joints[int(rng.integers(robot.n))].servo
         board = robot.bus.board if robot.bus else None
         target = FaultTarget(ports.main.faults, guard, servo.id, board.id if board else 0)
@@ -212,16 +213,16 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
 
         try:
             report, outcome = play(player, guard, judge, on_cycle=look)
-            stood = report.ending is Ending.DONE and outcome.stand.stood
+            succeeded = report.ending is Ending.DONE and ends_as_meant(world, motion, outcome)
         except FaultyError as error:
-            report, stood = str(error), False
+            report, succeeded = str(error), False
         since = injected_at[0] - robot.control_period if injected_at else ports.main.time
         ports.main.call(lambda: virtual.physics.advance(virtual.physics.time + AFTERMATH))
     went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
     return FaultTrial(
         ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
         reason=report.reason if isinstance(report, RunReport) else report,
-        stood=stood,
+        succeeded=succeeded,
         safe=None if went_on else witness.trace.find_safe_time(since),
         beyond_limits=witness.trace.count_beyond_limits() + witness.too_fast,
         believed_wrong=len(witness.believed_wrong),
@@ -234,7 +235,7 @@ def _summarize(trials: list[FaultTrial]) -> dict[str, Any]:
     safe = [trial.safe for trial in trials if trial.ending != Ending.DONE.name.lower()]
     return {
         "n": len(trials),
-        "stood": sum(trial.stood for trial in trials),
+        "succeeded": sum(trial.succeeded for trial in trials),
         "endings": dict(Counter(trial.ending for trial in trials)),
         "reasons": dict(reasons),
         "safe_s": summarize(safe),
@@ -280,7 +281,7 @@ def bench_kill(
     stops = [trial["stop_s"] for trial in trials]
     case = {
         "n": each,
-        "stood": 0,
+        "succeeded": 0,
         "endings": {"killed": each, "never began": refused},
         "tripped": sum(bool(trial["tripped"]) for trial in trials),
         "safe_s": summarize(stops),
@@ -302,7 +303,7 @@ def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | N
     with VirtualPorts(virtual, time_mode=TimeMode.REAL_TIME) as ports:
         command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
         command += ["--robot", str(robot.folder)]
-        command += ["--backend", "virtual", "--port", ports.main.path]
+        command += ["--backend", "virtual", "--port", ports.main.path, "--then", "limp"]
         with subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL
         ) as client:

@@ -10,14 +10,21 @@ import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge, RunOutcome
-from humanoid_getup.evaluation.standing import HOLD, HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.evaluation.lying import measure_lying
+from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import STANDING, Motion
+from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.rollout import Rollout, RolloutRandomization, randomize_rollouts
+from humanoid_getup.simulation.rollout import (
+    Rollout,
+    RolloutRandomization,
+    Trace,
+    randomize_rollouts,
+)
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE
 from robots.ground import GROUND
@@ -46,11 +53,11 @@ def bench_motions(
         record = _play_once(world, motion, start)
         record["lowest_torque_limit_nm"] = find_lowest_limit(world, motion, start)
         rng = np.random.default_rng([seed, number])
-        stood = sum(_play_disturbed(world, motion, start, each, rng))
+        succeeded = sum(_play_disturbed(world, motion, start, each, rng))
         record |= {
             "disturbed_n": each,
-            "disturbed_stood": stood,
-            "disturbed_interval_95": wilson_interval(stood, each),
+            "disturbed_succeeded": succeeded,
+            "disturbed_interval_95": wilson_interval(succeeded, each),
         }
         cases[motion.name] = record
         report({"motion": motion.name, **record})
@@ -64,9 +71,12 @@ def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
     run, outcome = _play(twin, motion)
     return {
         "start_class": motion.start_class,
+        "end_class": motion.end_class,
         "strategy": motion.strategy,
-        "stood": outcome.stand.stood,
+        "succeeded": ends_as_meant(world, motion, outcome),
         "stand_time_s": outcome.stand.start_time,
+        "head_impact_m_s": outcome.head_impact,
+        "torso_impact_m_s": outcome.torso_impact,
         "peak_torque_nm": outcome.peak_torque,
         "rms_torque_nm": outcome.rms_torque,
         "peak_velocity_rad_s": outcome.peak_velocity,
@@ -77,17 +87,23 @@ def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
 
 
 def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | None:
-    """Find the lowest of `LIMITS` [N·m] such that the motion stands under it and all above."""
-    robot, period = world.robot, world.robot.control_period
-    n, hold = len(LIMITS), round((HOLD_TIME + 0.3) / period)
+    """Find the lowest of `LIMITS` [N·m] such that the motion succeeds under it and all above."""
+    n, period = len(LIMITS), world.robot.control_period
+    hold = round(hold_time(motion) / period)
     targets = motion.sample(np.arange(motion.time[0], motion.time[-1] + 0.5 * period, period))
     targets = np.concatenate([targets, np.repeat(targets[-1:], hold, axis=0)])
     parameters = DomainParameters.nominal(world, n, torque_limit=LIMITS)
     trace = Rollout(world, n).play(np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), parameters)
-    upright = is_upright(measure_stance(world, trace), robot)
-    stood = np.array([judge(u, period).stood for u in upright])
-    unbroken = np.cumprod(stood).astype(bool)
+    unbroken = np.cumprod(_judge_rollouts(world, motion, trace)).astype(bool)
     return float(LIMITS[unbroken][-1]) if unbroken.any() else None
+
+
+def _judge_rollouts(world: World, motion: Motion, trace: Trace) -> np.ndarray:
+    """Return which rollouts of a motion end as it should, (N,)."""
+    if motion.end_class != STANDING:
+        return measure_lying(world, trace, motion.end_class).lies
+    upright = is_upright(measure_stance(world, trace), world.robot)
+    return np.array([judge(u, trace.period).stood for u in upright])
 
 
 def _play_disturbed(
@@ -97,17 +113,17 @@ def _play_disturbed(
     starts, parameters = randomize_rollouts(
         world, start, plays + 1, RolloutRandomization(), FULL_TORQUE, rng
     )
-    stood = []
+    succeeded = []
     for i in range(1, plays + 1):  # the first is the undisturbed one
         model = copy.copy(world.model)
         model.geom_friction[model.geom(GROUND).id, 0] = parameters.friction[i]
         twin = Twin(World(robot, world.scene, model=model), voltage=float(parameters.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
-        stood.append(_play(twin, motion)[1].stand.stood)
-    return stood
+        succeeded.append(ends_as_meant(world, motion, _play(twin, motion)[1]))
+    return succeeded
 
 
 def _play(twin: Twin, motion: Motion) -> tuple[RunReport, RunOutcome]:
     """Play a motion without monitors, which would end a failing one early."""
-    player = MotionPlayer(twin.robot, motion, hold=HOLD)
+    player = MotionPlayer(twin.robot, motion, hold=hold_time(motion))
     return play(player, SafetyGuard(twin), GroundTruthJudge(twin.simulation, None))

@@ -1,4 +1,4 @@
-"""The soak test: rise, sit, tumble and rise again on the virtual bus, for hours."""
+"""The soak test: rise, hold, lie down, tumble and rise again on the virtual bus, for hours."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drivers import Command, Ending, SafetyGuard, State, run
+from drivers import Command, SafetyGuard, State, run
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
@@ -28,9 +29,8 @@ from robots import Robot
 from robots.quaternion import Array
 
 REPLY_MARGIN = 0.2  # s of waiting for a reply: in lock-step nothing is timed
-SIT_TIME, SIT_HOLD = 1.5, 0.5  # s
+STAND_TIME = 2.0  # s that the stand is held after it is judged
 TUMBLE_TIME, TUMBLE_HOLD = 0.8, 0.4  # s
-SIT_DEPTH = 0.6  # fraction of the way from standing to squatting
 MEGABYTE = 2**20
 
 
@@ -87,7 +87,8 @@ class SoakCounts:
     rises: int = 0
     stood: int = 0
     attempts: int = 0
-    sat: int = 0
+    lay_down: int = 0
+    """Stands that were held, and ended with the robot lying softly."""
     holds: int = 0
     clips: int = 0
     reasons: list[str] = field(default_factory=list)
@@ -102,7 +103,7 @@ def bench_soak(
     duration: float,
     report: Callable[[float], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Rise, sit, tumble and rise again on a virtual bus in lock-step.
+    """Rise, hold, lie down, tumble and rise again on a virtual bus in lock-step.
 
     Args:
         planner: Plans the rises.
@@ -146,7 +147,7 @@ def bench_soak(
                 "stood": counts.stood,
                 "stood_interval_95": [low, high],
                 "attempts": counts.attempts,
-                "sat": counts.sat,
+                "lay_down": counts.lay_down,
                 "failures": counts.reasons,
                 "cycles": driver.writes,
                 "unexplained_s": passed - explained,
@@ -173,9 +174,16 @@ def _go_round(
     counts: SoakCounts,
     rng: np.random.Generator,
 ) -> None:
-    """Rise, then sit down if it stands, then tumble."""
+    """Rise, hold the stand and lie down from it, then tumble."""
     robot = planner.world.robot
-    session = RiseSession.on(guard, planner, simulation=virtual.simulation)
+    cycles = count(1)
+    session = RiseSession.on(
+        guard,
+        planner,
+        simulation=virtual.simulation,
+        then="hold",
+        is_released=lambda: next(cycles) * guard.period >= STAND_TIME,
+    )
     rise = AttemptManager(session).get_up(rng)
     counts.rises += 1
     counts.stood += rise.stood
@@ -183,13 +191,17 @@ def _go_round(
     if not rise.stood:
         counts.reasons.append(rise.reason)
         guard.clear()
-    if rise.run is not None:
-        counts.holds += rise.run.holds
-        counts.clips += rise.run.clips.total
-    squat = next(m for m in planner.database.motions if m.start_class == "squat").joint_pos[0]
-    sit = robot.standing.joint_pos + SIT_DEPTH * (squat - robot.standing.joint_pos)
-    sitting = run(Interpolation(robot, sit, SIT_TIME, SIT_HOLD), guard, max_time=10.0)
-    counts.sat += sitting.ending is Ending.DONE
+    after = rise.after
+    if after is not None and after.succeeded:
+        counts.lay_down += 1
+    elif after is not None:
+        counts.reasons.append(after.reason)
+        guard.clear()
+    # Both are counted from the connection before the rise to the end of what was played last.
+    last = after.way_down.run if after is not None and after.way_down is not None else rise.run
+    if last is not None:
+        counts.holds += last.holds
+        counts.clips += last.clips.total
     anywhere = rng.uniform(robot.lower, robot.upper)
     run(Interpolation(robot, anywhere, TUMBLE_TIME, TUMBLE_HOLD), guard, max_time=10.0)
 

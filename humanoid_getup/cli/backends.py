@@ -9,18 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import Backend, Twin
-from drivers.dynamixel.backend import DynamixelBackend, Release
+from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.bus import ANSWER_MARGIN
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.inputs import name_ports
-from humanoid_getup.cli.options.shared import RunOptions
-from humanoid_getup.strategies.plan import Strategy
-from robots import Posture
+from humanoid_getup.cli.options.shared import MoveOptions
+from humanoid_getup.simulation.world import World
+from robots import Posture, TorqueLimit
 
-RELEASES = {"limp": Release.LIMP, "hold": Release.HOLD}
 LOCK_STEP_MARGIN = 0.2  # s to wait for a reply: nothing is timed, and the machine may be busy
 
 
@@ -38,18 +37,17 @@ class BackendChoice:
 
 
 @contextmanager
-def open_backend(command: RunOptions, strategy: Strategy) -> Iterator[BackendChoice]:
+def open_backend(
+    command: MoveOptions, world: World, torque_limit: TorqueLimit
+) -> Iterator[BackendChoice]:
     """Open the backend of a command, ready to connect; remove what was created at the end."""
-    world, limit_by = strategy.world, strategy.torque_limit.mode
-    robot, realtime, release = world.robot, command.realtime, RELEASES[command.release]
+    robot, realtime, limit_by = world.robot, command.realtime, torque_limit.mode
     if command.backend == "twin":
         twin = Twin(world)
         yield BackendChoice(backend=twin, realtime=realtime, place=twin.place)
         return
     if command.port:  # a robot, or a virtual bus of another process
-        driver = DynamixelBackend(
-            robot, name_ports(robot, command.port), release=release, limit_by=limit_by
-        )
+        driver = DynamixelBackend(robot, name_ports(robot, command.port), limit_by=limit_by)
         with driver:  # a problem of the port or of servos is reported before anything is planned
             pass
         yield BackendChoice(backend=driver, realtime=True)
@@ -63,7 +61,6 @@ def open_backend(command: RunOptions, strategy: Strategy) -> Iterator[BackendCho
             served.paths,
             clock=None if realtime else CycleClock(),
             answer_margin=ANSWER_MARGIN if realtime else LOCK_STEP_MARGIN,
-            release=release,
             limit_by=limit_by,
         )
         with driver:  # switches servo power on, as on a robot that was used before

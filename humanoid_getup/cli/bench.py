@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from humanoid_getup.benchmarks import fault_injection, motions, rise, soak, speed
+from humanoid_getup.benchmarks import fault_injection, motions, rise, sit, soak, speed
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
@@ -18,6 +18,7 @@ from humanoid_getup.cli.options.bench import (
     BenchMethods,
     BenchMotions,
     BenchRise,
+    BenchSit,
     BenchSoak,
 )
 from humanoid_getup.cli.options.shared import WorldOptions
@@ -30,24 +31,33 @@ from humanoid_getup.cli.output import (
     write_json,
 )
 from humanoid_getup.cli.policies import load_policy
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
+from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
+from humanoid_getup.playback.stand_holder import make_stand
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 
-SAFETY_FIGURES = ("n", "stood", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
+SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 FIGURES = {
     "rise": ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
-    "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_stood"),
+    "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_succeeded"),
+    "sit": ("n", "succeeded", "interval_95", "head_impact_max_m_s", "torso_impact_max_m_s"),
     "filter": ("n", "filter_over_bare_steps_per_s"),
     "faults": SAFETY_FIGURES,
     "kill": SAFETY_FIGURES,
-    "soak": ("n", "stood", "faster_than_real_time", "cycles", "unexplained_s", "memory_mib"),
+    "soak": (
+        "n",
+        "stood",
+        "lay_down",
+        "faster_than_real_time",
+        "unexplained_s",
+        "memory_mib",
+    ),
 }
 """Figures of each benchmark's table, by its name."""
 
@@ -90,6 +100,15 @@ def bench_motions(command: BenchMotions) -> int:
     return _run(command, motions.bench_motions, world, own, count=len(own), of="motions")
 
 
+def bench_sit(command: BenchSit) -> int:
+    """Sit and lie down from many disturbed stands."""
+    world = load_world(command)
+    with refusing():
+        find_lying_down(world.robot)
+    count = command.n * len(sit.LIMITS)
+    return _run(command, sit.bench_sit, world, count=count, of="stands")
+
+
 def bench_filter(command: BenchFilter) -> int:
     """Compare the speed of the filter's simulation with bare physics."""
     world, database = _load(command)
@@ -99,9 +118,10 @@ def bench_filter(command: BenchFilter) -> int:
 
 
 def bench_faults(command: BenchFaults) -> int:
-    """Inject each kind of fault in the middle of a rise."""
-    world = load_world(command)
-    motion, cases = find_motion(world.robot, command.motion), len(fault_injection.CASES)
+    """Inject each kind of fault in the middle of a motion, or of a held stand."""
+    world, cases = load_world(command), len(fault_injection.CASES)
+    robot, is_stand = world.robot, command.motion == STANDING
+    motion = make_stand(robot) if is_stand else find_motion(robot, command.motion)
     return _run(command, fault_injection.bench_faults, world, motion, count=cases, of="cases")
 
 
@@ -113,7 +133,7 @@ def bench_kill(command: BenchKill) -> int:
 
 
 def bench_soak(command: BenchSoak) -> int:
-    """Rise, sit, tumble and rise again for a time on the bus."""
+    """Rise, hold, lie down, tumble and rise again for a time on the bus."""
     planner = PlannedRise(*_load(command))
     with counting("bus time [s]", round(command.duration)) as count:
         result = soak.bench_soak(
@@ -123,7 +143,7 @@ def bench_soak(command: BenchSoak) -> int:
 
 
 def _run(
-    command: BenchRise | BenchMethods | BenchMotions | BenchFaults,
+    command: BenchRise | BenchMethods | BenchMotions | BenchSit | BenchFaults | BenchKill,
     bench: Callable[..., dict[str, Any]],
     *subjects: Any,
     count: int,

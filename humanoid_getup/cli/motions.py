@@ -20,7 +20,7 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.scene import load_scene
@@ -79,6 +79,7 @@ def _describe(motion: Motion, is_mirrored: bool) -> dict[str, Any]:
     return {
         "name": motion.name,
         "start_class": motion.start_class,
+        "end_class": motion.end_class,
         "strategy": motion.strategy,
         "duration_s": motion.duration,
         "stand_time_s": motion.stand_time,
@@ -91,7 +92,7 @@ def _describe(motion: Motion, is_mirrored: bool) -> dict[str, Any]:
 def _print(rows: list[dict[str, Any]]) -> None:
     table = Table(box=None, header_style="bold")
     table.add_column("motion", no_wrap=True)
-    for heading in ("start", "strategy"):
+    for heading in ("start", "end", "strategy"):
         table.add_column(heading)
     for heading in ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored"):
         table.add_column(heading, justify="right")
@@ -99,9 +100,10 @@ def _print(rows: list[dict[str, Any]]) -> None:
         table.add_row(
             row["name"],
             row["start_class"],
+            row["end_class"],
             row["strategy"],
             f"{row['duration_s']:.2f}",
-            _format(row["stand_time_s"], ".2f"),
+            _format(row["stand_time_s"], ".2f") if row["end_class"] == STANDING else "",
             _format(row["robust"], ".0%"),
             _format(row["torque_limit_nm"], ".1f"),
             "yes" if row["mirrored"] else "",

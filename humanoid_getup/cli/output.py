@@ -162,7 +162,9 @@ def make_table(headings: Sequence[str], *, left: Sequence[str]) -> Table:
 
 
 def format_figure(value: Any) -> str:
-    """Write a figure, an interval, or a median with its 95th percentile, for people."""
+    """Write a figure, an interval, counts, or a median with its 95th percentile, for people."""
+    if isinstance(value, dict) and "median" not in value:
+        return ", ".join(f"{count} {name}" for name, count in value.items())
     if isinstance(value, dict):
         return f"{format_figure(value['median'])} (p95 {format_figure(value['p95'])})"
     if isinstance(value, list | tuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from rich.console import Console
@@ -13,6 +14,7 @@ from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.cli.options.motions import Preflight
 from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.ending import describe_end
 from humanoid_getup.playback.preflight import MotionVerdict, Severity
 from humanoid_getup.playback.preflight import preflight as judge_motion
 from humanoid_getup.playback.preflight_rollout import MOST_RISES
@@ -59,7 +61,8 @@ def record_verdict(robot: Robot, verdict: MotionVerdict) -> dict[str, Any]:
         ],
         "voltage_v": figures.voltage,
         "duration_s": figures.duration,
-        "stood": figures.stood,
+        "succeeded": figures.succeeded,
+        "stood": figures.succeeded and not math.isnan(figures.stand_time),
         "stand_time_s": figures.stand_time,
         "rises_in_a_row": figures.rises_in_a_row,
         "start_overlap_m": figures.start_overlap,
@@ -88,7 +91,9 @@ def print_verdict(robot: Robot, motion: Motion, verdict: MotionVerdict, console:
         mark = "[red]✗[/]" if reason.severity is Severity.REFUSE else "[yellow]![/]"
         console.print(f" {mark} {escape(str(reason))}")
     rises = f"over {MOST_RISES}" if figures.rises_in_a_row is None else f"{figures.rises_in_a_row}"
-    ending = f"stands after {figures.stand_time:.2f} s" if figures.stood else "does not stand"
+    ending = f"{'ends' if figures.succeeded else 'does not end'} {describe_end(motion)}"
+    if figures.succeeded and motion.rises:
+        ending = f"stands after {figures.stand_time:.2f} s"
     console.print(f"rollout: {ending}; rises in a row until a servo is too hot: {rises}")
     table = make_table(HEADINGS, left=["joint"])
     for i in (-figures.torque_use).argsort()[:SHOWN]:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from typing import Any
 
 from drivers import Cycle
 from drivers.flight_log.writer import FlightLog
-from humanoid_getup.execution.result import PhaseChange
+from humanoid_getup.cli.options.shared import MoveOptions
+from humanoid_getup.execution.phase import PhaseChange
+from robots import Posture, Robot
 
 FLIGHT = "flight.mcap"
 
@@ -44,6 +47,24 @@ class Recorder:
     def _write(self, log: FlightLog, change: PhaseChange) -> None:
         text = f"attempt {change.attempt}: {change.detail}"
         log.event(self._time, change.phase.name.lower(), text)
+
+
+def make_log(
+    command: MoveOptions, robot: Robot, start: Posture | None = None, **about: Any
+) -> FlightLog | None:
+    """Make the flight log of a command; ``None`` for a command without a folder.
+
+    The start is where a simulated robot was placed at rest; what is ``about`` is noted in it.
+    """
+    if command.out is None:
+        return None
+    about |= {
+        "seed": command.seed,
+        "scene": command.scene,
+        "backend": command.backend,
+        "limit_by": command.limit_by or robot.limit_by,
+    }
+    return FlightLog(command.out / FLIGHT, robot, about=about, start=start)
 
 
 @contextmanager

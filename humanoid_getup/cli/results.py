@@ -1,15 +1,18 @@
-"""The results of a rise: files, JSON, a summary and an exit code."""
+"""The results of a rise or of a stand: files, JSON, a summary and an exit code."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from drivers import Ending
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
-from humanoid_getup.cli.options.shared import RunOptions
+from humanoid_getup.cli.options.shared import MoveOptions, RunOptions
+from humanoid_getup.cli.options.stand import Hold, Sit
 from humanoid_getup.cli.output import (
     ARTEFACTS,
     REPORT,
@@ -21,6 +24,8 @@ from humanoid_getup.cli.output import (
     write_json,
 )
 from humanoid_getup.cli.recording import FLIGHT
+from humanoid_getup.evaluation.judge import RunOutcome
+from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import make_report, print_summary
@@ -38,6 +43,7 @@ def hand_over(
         "backend": options.backend,
         "torque_limit_nm": options.torque_limit,
         "limit_by": options.limit_by or world.robot.limit_by,
+        "then": options.ending,
     }
     report = make_report(result, settings | extra)
     files: list[str] = []
@@ -49,10 +55,42 @@ def hand_over(
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
     write_json(to_json(report), options.json)
     print_summary(report, files, console_for(options.json))
-    if result.stood:
+    after = result.after
+    if result.stood and (after is None or after.succeeded):
         return DID_IT
     cut_off = result.run is not None and result.run.ending is Ending.FAULT
-    return HARDWARE_FAULT if result.by_fault or cut_off else DID_NOT_STAND
+    by_fault = result.by_fault or cut_off or (after is not None and after.by_fault)
+    return HARDWARE_FAULT if by_fault else DID_NOT_STAND
+
+
+def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> int:
+    """Write and print how a stand was kept and ended; return the exit code."""
+    report: dict[str, Any] = {
+        "robot": world.robot.name,
+        "seed": options.seed,
+        "scene": options.scene,
+        "backend": options.backend,
+        "torque_limit_nm": options.torque_limit,
+        "limit_by": options.limit_by or world.robot.limit_by,
+        "then": options.then,
+        **result.record(),
+    }
+    if options.out is not None:
+        outcome = result.way_down and result.way_down.outcome
+        with staging(options.out) as folder:
+            report["strip_reason"] = "the robot did not lie down"
+            if outcome is not None:
+                title = f"{world.robot.name}: sitting and lying down"
+                report["strip_reason"] = draw_run(outcome, world, options, folder, title)
+            (folder / REPORT).write_text(to_json(report), "utf-8")
+    write_json(to_json(report), options.json)
+    color = "green" if result.succeeded else "red"
+    console_for(options.json).print(f"[bold {color}]{escape(result.reason)}")
+    if result.hand_over is not None:
+        console_for(options.json).print(escape(str(result.hand_over)))
+    if result.succeeded:
+        return DID_IT
+    return HARDWARE_FAULT if result.by_fault else DID_NOT_STAND
 
 
 def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -> str | None:
@@ -61,17 +99,28 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
         return "nothing was played"
     robot, outcome, plan = world.robot, result.outcome, result.plan
     plan.save(folder)
+    end = outcome.stand.start_time + film_strip.AFTERMATH if result.stood else math.inf
     side = "-side" if result.start_class in ("left", "right") else ""
     title = f"{robot.name}, {result.start_class}{side} start: {plan.label}"
+    return draw_run(outcome, world, options, folder, title, end)
+
+
+def draw_run(
+    outcome: RunOutcome,
+    world: World,
+    options: MoveOptions,
+    folder: Path,
+    title: str,
+    end: float = math.inf,
+) -> str | None:
+    """Draw torques, and a film strip up to a time [s] and of the last posture.
+
+    Return why there is no film strip.
+    """
+    robot, period = world.robot, world.robot.control_period
     plots.save_torque(robot, outcome, options.torque_limit, folder / TORQUE, title=title)
-    period = robot.control_period
-    end = (
-        outcome.stand.start_time + film_strip.AFTERMATH
-        if result.stood
-        else len(outcome.qpos) * period
-    )
     last = len(outcome.qpos) - 1  # the final posture
-    rows = film_strip.pick_frames(min(last, round(end / period)), film_strip.FRAMES - 1)
+    rows = film_strip.pick_frames(round(min(last, end / period)), film_strip.FRAMES - 1)
     rows = np.union1d(rows, [last])
     try:
         pictures = film_strip.render_frames(robot, world.model, outcome.qpos[rows])

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drivers.flight_log.writer import FlightLog
-from drivers.stop_key import StopKey
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.inputs import find_motion, find_start, load_world, make_torque_limit
+from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.policies import load_policy
-from humanoid_getup.cli.recording import FLIGHT, recording
+from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.result import PhaseChange
+from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
@@ -75,9 +73,11 @@ def play(command: Play) -> int:
     """Rise once by one motion; return the exit code."""
     world = load_world(command)
     motion = find_motion(world.robot, command.motion)
+    with refusing():
+        strategy = StoredMotion(world, motion, torque_limit=make_torque_limit(command, world.robot))
     return _get_up(
         command,
-        StoredMotion(world, motion, torque_limit=make_torque_limit(command, world.robot)),
+        strategy,
         motion,
         preflight=command.preflight,
         extra={"motion": motion.name, "strategy": motion.strategy},
@@ -121,14 +121,19 @@ def _get_up(
     extra keys are those of the report.
     """
     world, rng = strategy.world, np.random.default_rng(command.seed)
-    with phase("opening the backend") as report, open_backend(command, strategy) as choice:
+    opened = open_backend(command, world, strategy.torque_limit)
+    with phase("opening the backend") as report, opened as choice:
         start = _choose_start(command, world, motion, rng)
         if start is not None and choice.place is not None:
             choice.place(start.posture)
         own_start = start if command.origin is None else None
-        with recording(_make_log(command, world, motion, own_start)) as recorder:
+        about = {} if motion is None else {"motion": motion.name}
+        log = make_log(command, world.robot, own_start and own_start.posture, **about)
+        with recording(log) as recorder:
+            key = OperatorKey(realtime=choice.realtime)
 
             def note(change: PhaseChange) -> None:
+                key.note(change)
                 report(change.phase.value)
                 recorder.note(change)
 
@@ -139,13 +144,17 @@ def _get_up(
                 start_class=start and start.start_class,
                 settle=own_start is None,
                 preflight=preflight,
+                then=command.ending,
+                is_released=key.is_released,
                 realtime=choice.realtime,
                 simulation=choice.simulation,
                 on_phase=note,
                 on_cycle=recorder.log,
             )
-            with StopKey(session.guard.stop) if choice.realtime else nullcontext():
-                result = AttemptManager(session).get_up(rng)
+            with refusing():
+                manager = AttemptManager(session)
+            with key.watch(session.guard):
+                result = manager.get_up(rng)
         report("drawing")
         origin = command.origin or (OWN_START if own_start else WHERE_IT_LAY)
         return hand_over(result, world, command, origin, extra)
@@ -162,21 +171,3 @@ def _choose_start(
     at_rest = settle_posture(world, motion.posture(0))
     posture = read_posture(world.robot, world.model, at_rest)
     return Fall(posture=posture, start_class=motion.start_class)
-
-
-def _make_log(
-    command: RunOptions, world: World, motion: Motion | None, own_start: Fall | None
-) -> FlightLog | None:
-    if command.out is None:
-        return None
-    limit_by = command.limit_by or world.robot.limit_by
-    about = {
-        "seed": command.seed,
-        "scene": command.scene,
-        "backend": command.backend,
-        "limit_by": limit_by,
-    }
-    if motion is not None:
-        about["motion"] = motion.name
-    start = own_start and own_start.posture
-    return FlightLog(command.out / FLIGHT, world.robot, about=about, start=start)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,13 @@ from numpy.typing import NDArray
 
 from drivers import Cycle, State
 from drivers.twin.simulation import Simulation
-from humanoid_getup.evaluation.standing import StanceMeter, Stand, is_upright, judge
+from humanoid_getup.evaluation.standing import (
+    HOLD_TIME,
+    StanceMeter,
+    Stand,
+    is_upright,
+    judge,
+)
 from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.simulation.scene import GroundHeight, flat_ground
 from humanoid_getup.simulation.world import World
@@ -48,6 +55,8 @@ class RunOutcome:
     """Number of times a joint left its range."""
     head_impact: float | None
     """Greatest speed at which the head hit the ground [m/s]; None if not observable."""
+    torso_impact: float | None
+    """Greatest speed of the torso's faster end as it hit the ground [m/s]; None likewise."""
     torque: Array
     """Servo torques [N·m], (T, n)."""
     qpos: Array
@@ -116,7 +125,9 @@ class GroundTruthJudge:
         self._velocity: list[Array] = []
         self._torque_vel: list[Array] = []
         self._qpos: list[Array] = []
-        self._head_impact: list[tuple[bool, float]] = []
+        self._torso = simulation.model.body(simulation.robot.torso).id
+        self._neck = simulation.model.site(simulation.robot.neck_site).id
+        self._impacts: list[tuple[bool, float, bool, float]] = []
         self._faults: list[tuple[bool, bool, bool]] = []
         simulation.on_sensor_update.append(self._look)
 
@@ -134,9 +145,7 @@ class GroundTruthJudge:
         self._velocity.append(truth.joint_vel.copy())
         self._torque_vel.append(self._simulation.torque_vel)
         self._qpos.append(truth.qpos)
-        if self._head is not None:
-            head_contact = bool(np.any(touching == self._head))
-            self._head_impact.append((head_contact, truth.measure_speed(self._head)))
+        self._impacts.append((*self._measure_head(touching), *self._measure_torso(touching)))
         angles = truth.posture.joint_pos
         beyond = np.maximum(robot.lower - angles, angles - robot.upper).max()
         self._faults.append(
@@ -147,23 +156,46 @@ class GroundTruthJudge:
             )
         )
 
-    def conclude(self) -> RunOutcome:
-        """Judge the run; one that ended before its first cycle did not stand."""
+    def _measure_head(self, touching: NDArray[np.integer]) -> tuple[bool, float]:
+        """Return whether the head touches the world, and its speed [m/s]."""
+        if self._head is None:
+            return False, 0.0
+        speed = self._simulation.truth.measure_speed(self._head)
+        return bool(np.any(touching == self._head)), speed
+
+    def _measure_torso(self, touching: NDArray[np.integer]) -> tuple[bool, float]:
+        """Return whether the torso touches the world, and the speed of its faster end [m/s]."""
+        truth = self._simulation.truth
+        ends = truth.measure_speed(self._torso), truth.measure_site_speed(self._neck)
+        return bool(np.any(touching == self._torso)), max(ends)
+
+    def end(self) -> bool:
+        """Stop sampling; return at once whether the run ended in a held stand."""
         if self._look in self._simulation.on_sensor_update:
             self._simulation.on_sensor_update.remove(self._look)
-        robot, period = self._simulation.robot, self._simulation.period
-        model = self._simulation.model
-        qpos = np.array(self._qpos).reshape(-1, model.nq)
+        return self._judge_stand().stood
+
+    def _judge_stand(self) -> Stand:
+        robot, model = self._simulation.robot, self._simulation.model
         stance = self._meter.measure(
-            qpos,
+            np.array(self._qpos).reshape(-1, model.nq),
             np.array(self._site_pos).reshape(-1, model.nsite, 3),
             np.array(self._non_foot_contact, dtype=bool),
         )
-        stand = judge(is_upright(stance, robot), period)
+        return judge(is_upright(stance, robot), self._simulation.period)
+
+    def conclude(self) -> RunOutcome:
+        """Judge the run; one that ended before its first cycle did not stand."""
+        self.end()
+        robot, period = self._simulation.robot, self._simulation.period
+        qpos = np.array(self._qpos).reshape(-1, self._simulation.model.nq)
+        stand = self._judge_stand()
         faults = count_episodes(
             np.array(self._faults, dtype=bool).reshape(-1, 3), round(APART / period)
         )
-        head = np.array(self._head_impact, dtype=float).reshape(-1, 2)
+        impacts = np.array(self._impacts, dtype=float).reshape(-1, 4)
+        touches, speeds = impacts[:, ::2].T.astype(bool), impacts[:, 1::2].T
+        head_impact, torso_impact = find_impact(touches, speeds).tolist()
         return _make_outcome(
             stand,
             np.array(self._torque).reshape(-1, robot.n),
@@ -174,7 +206,8 @@ class GroundTruthJudge:
             self_collisions=faults[0],
             ground_penetrations=faults[1],
             limit_violations=faults[2],
-            head_impact=float(find_impact(head[:, 0].astype(bool), head[:, 1])),
+            head_impact=head_impact,
+            torso_impact=torso_impact,
             qpos=qpos,
         )
 
@@ -215,11 +248,30 @@ class SensorJudge:
     def __init__(self, world: World, period: float, torque_limit: float | None) -> None:
         self._world, self._period = world, period
         self._limit = limit_torque(world.robot, torque_limit)
+        self._meter = StanceMeter(world.robot, world.model)
         self._states: list[State] = []
+        self._has_ended = False
 
     def __call__(self, cycle: Cycle) -> None:
         """Keep the measurement of a cycle."""
-        self._states.append(cycle.state)
+        if not self._has_ended:
+            self._states.append(cycle.state)
+
+    def end(self) -> bool:
+        """Stop observing; return at once whether the run ended in a held stand."""
+        self._has_ended = True
+        newest = self._states[1:][-round(HOLD_TIME / self._period) - 2 :]
+        return self._judge_stand(newest).stood
+
+    def _judge_stand(self, states: Sequence[State]) -> Stand:
+        robot, model = self._world.robot, self._world.model
+        velocity = np.array([s.joint_vel for s in states]).reshape(-1, robot.n)
+        turn = np.linalg.norm(np.array([s.gyro for s in states]).reshape(-1, 3), axis=1)
+        angles = np.array([s.joint_pos for s in states]).reshape(-1, robot.n)
+        measured = np.array([s.orientation for s in states]).reshape(-1, 4)
+        stance = self._meter.estimate(torso_orientation(robot, model, measured), angles)
+        still = (turn <= STILL_TURN) & np.all(np.abs(velocity) <= STILL_JOINT, axis=1)
+        return judge(is_upright(stance, robot) & still, self._period)
 
     def conclude(self) -> RunOutcome:
         """Judge the run; one that ended before its second cycle did not stand."""
@@ -228,12 +280,9 @@ class SensorJudge:
         angles = np.array([s.joint_pos for s in states]).reshape(-1, robot.n)
         velocity = np.array([s.joint_vel for s in states]).reshape(-1, robot.n)
         current = np.array([s.joint_current for s in states]).reshape(-1, robot.n)
-        turn = np.linalg.norm(np.array([s.gyro for s in states]).reshape(-1, 3), axis=1)
         measured = np.array([s.orientation for s in states]).reshape(-1, 4)
         torso = torso_orientation(robot, model, measured)
-        stance = StanceMeter(robot, model).estimate(torso, angles)
-        still = (turn <= STILL_TURN) & np.all(np.abs(velocity) <= STILL_JOINT, axis=1)
-        stand = judge(is_upright(stance, robot) & still, self._period)
+        stand = self._judge_stand(states)
         beyond = np.maximum(robot.lower - angles, angles - robot.upper) > LIMIT_SLACK
         left = count_episodes(beyond.any(axis=1)[:, None], round(APART / self._period))
         return _make_outcome(
@@ -247,6 +296,7 @@ class SensorJudge:
             ground_penetrations=None,
             limit_violations=left[0],
             head_impact=None,
+            torso_impact=None,
             qpos=_place_on_ground(robot, model, torso, angles),
             is_sensed=True,
         )

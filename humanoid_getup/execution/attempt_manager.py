@@ -8,11 +8,13 @@ import numpy as np
 
 from drivers import DriverError, Ending, FaultKind, State
 from drivers.control_loop import Pacer
+from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import Recovery, StoppedError, UnrecoveredError
-from humanoid_getup.execution.result import Attempt, AttemptStatus, Phase, PhaseChange, RiseResult
+from humanoid_getup.execution.result import Attempt, AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
-from humanoid_getup.playback.play import play
+from humanoid_getup.playback.play import play_engaged
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.falls import UNCLASSED, classify
 
@@ -26,11 +28,13 @@ class AttemptManager:
     runs the preflight, plays under supervision and judges. After a failed attempt the robot
     rests until every servo is cool; then the next one begins, up to a maximum. After that, or at
     a fault that rest does not clear, the robot needs help. A stop ends everything at once:
-    nothing moves until the guard is cleared and a new rise is started.
+    nothing moves until the guard is cleared and a new rise is started. A robot that stands is
+    kept standing, lies down, goes limp or is handed over, as the session says.
     """
 
     def __init__(self, session: RiseSession) -> None:
         self._session, self._guard = session, session.guard
+        self._keeper = StandKeeper(session.stand)
         self._number = 1
         self._recovery = Recovery(
             session.guard,
@@ -102,6 +106,9 @@ class AttemptManager:
             attempt = replace(attempt, verdict=verdict)
             if not verdict.passed:
                 return replace(attempt, refusal=str(verdict))
+            down = self._keeper.preflight(state)
+            if not down.passed:
+                return replace(attempt, refusal=f"the way down after the stand: {down}")
         self._report(Phase.PLAYING, plan.title)
         return self._play(attempt, controller)
 
@@ -124,19 +131,25 @@ class AttemptManager:
             return self._guard.read()
 
     def _play(self, attempt: Attempt, controller: Supervisor) -> Attempt:
-        report, outcome = play(
-            controller,
-            self._guard,
-            self._session.make_judge(),
-            realtime=self._session.realtime,
-            on_cycle=self._session.on_cycle,
-        )
+        judge, after = self._session.make_judge(), None
+        with self._keeper.engaged():
+            report = play_engaged(
+                controller,
+                self._guard,
+                judge,
+                realtime=self._session.realtime,
+                on_cycle=self._keeper.watch,
+            )
+            completed = report.ending is Ending.DONE and controller.aborted is None
+            if judge.end() and completed:
+                after = self._keeper.keep()
         return replace(
             attempt,
             run=report,
-            outcome=outcome,
+            outcome=judge.conclude(),
             abort=controller.aborted,
             warnings=tuple(controller.warnings),
+            after=after,
         )
 
     def _check_end(self, attempt: Attempt) -> None:

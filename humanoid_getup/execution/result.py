@@ -9,6 +9,7 @@ from typing import Any
 from drivers import Ending, RunReport
 from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.evaluation.standing import HOLD_TIME
+from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
@@ -21,27 +22,6 @@ class AttemptStatus(Enum):
     STOOD = "the robot stands"
     NEEDS_HELP = "the robot needs help"
     STOPPED = "stopped by the operator"
-
-
-class Phase(Enum):
-    """What an attempt is doing."""
-
-    SETTLING = "waiting until the robot is still"
-    PLANNING = "planning"
-    PREFLIGHT = "preflight"
-    PLAYING = "playing"
-    RECOVERING = "recovering"
-    ENDED = "ended"
-
-
-@dataclass(frozen=True)
-class PhaseChange:
-    """The start of a phase."""
-
-    phase: Phase
-    attempt: int
-    """From 1."""
-    detail: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +43,8 @@ class Attempt:
     warnings: tuple[str, ...] = ()
     refusal: str | None = None
     """Why it was not played."""
+    after: AfterStand | None = None
+    """What followed its stand; None without one."""
 
     @property
     def stood(self) -> bool:
@@ -133,6 +115,11 @@ class RiseResult:
         return self.attempts[-1].outcome if self.attempts else None
 
     @property
+    def after(self) -> AfterStand | None:
+        """Return what followed the stand, if the robot stood."""
+        return self.attempts[-1].after if self.attempts else None
+
+    @property
     def times_played(self) -> int:
         """Return in how many attempts something was played."""
         return sum(attempt.run is not None for attempt in self.attempts)
@@ -157,6 +144,7 @@ class RiseResult:
             "clips_by_joint": run.clips.describe(self.robot) if run else [],
             "attempt_reasons": [attempt.reason for attempt in self.attempts],
             "warnings": [text for attempt in self.attempts for text in attempt.warnings],
+            "after": self.after.record() if self.after else None,
         }
         if outcome:
             record |= {

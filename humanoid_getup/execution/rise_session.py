@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers import Backend, Cycle, GuardLimits, SafetyGuard, Twin
+from drivers import Backend, Cycle, SafetyGuard
 from drivers.twin.simulation import Simulation
-from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
+from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
-from humanoid_getup.execution.result import PhaseChange
+from humanoid_getup.execution.stand_session import StandSession, Then, guard_robot
 from humanoid_getup.playback.play import Judge
 from humanoid_getup.strategies.plan import Strategy
 
@@ -20,7 +20,7 @@ class RiseSession:
     """A robot that is to get up, how, and how often it may try."""
 
     guard: SafetyGuard
-    """Robot; it is connected for each phase, and its torque is off after each."""
+    """Robot; it is connected for each phase, and torque is off after each but a hand-over."""
     strategy: Strategy
     """Makes the plans; its world and torque limit are those of preflight and judges, too."""
     max_attempts: int = 3
@@ -33,6 +33,10 @@ class RiseSession:
     realtime: bool = False
     """Pace the cycles by the wall clock, for backends that do not pace themselves."""
     cooling: Cooling = field(default_factory=Cooling)
+    then: Then = "limp"
+    """What follows a judged stand."""
+    is_released: Callable[[], bool] = lambda: True
+    """Whether a robot that is held after its stand may sit down; called every cycle."""
     simulation: Simulation | None = None
     """Ground truth for the judges; None for sensors alone."""
     services: RebootsServos | None = None
@@ -57,25 +61,29 @@ class RiseSession:
         Raises:
             ValueError: if the backend limits torque in another mode.
         """
-        limit, guard = strategy.torque_limit, backend
-        if not isinstance(guard, SafetyGuard):
-            guard = SafetyGuard(backend, GuardLimits.of(backend.robot, limit.value))
-        body = guard.backend
-        if isinstance(body, Twin):
-            body.limit_by = limit.mode
-            options["simulation"] = body.simulation
-        elif isinstance(body, RebootsServos):
-            options["services"] = body
-        if body.limit_by != limit.mode:
-            raise ValueError(
-                f"the backend limits torque by '{body.limit_by}', expected '{limit.mode}' as the "
-                "strategy: build both with one mode"
-            )
+        guard, simulation = guard_robot(backend, strategy.torque_limit)
+        if simulation is not None:
+            options["simulation"] = simulation
+        elif isinstance(guard.backend, RebootsServos):
+            options["services"] = guard.backend
         return cls(guard=guard, strategy=strategy, **options)
+
+    @property
+    def stand(self) -> StandSession:
+        """Return the session of what follows the stand."""
+        return StandSession(
+            guard=self.guard,
+            world=self.strategy.world,
+            torque_limit=self.strategy.torque_limit,
+            then=self.then,
+            is_released=self.is_released,
+            preflight=self.preflight,
+            realtime=self.realtime,
+            simulation=self.simulation,
+            on_phase=self.on_phase,
+            on_cycle=self.on_cycle,
+        )
 
     def make_judge(self) -> Judge:
         """Make the judge of the next run."""
-        limit = self.strategy.torque_limit.value
-        if self.simulation is not None:
-            return GroundTruthJudge(self.simulation, limit)
-        return SensorJudge(self.strategy.world, self.guard.period, limit)
+        return self.stand.make_judge()

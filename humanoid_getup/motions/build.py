@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from humanoid_getup.evaluation.lying import LYING_TIME, measure_lying
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes, load_keyframes
-from humanoid_getup.motions.motion import Motion, hold_last, join
+from humanoid_getup.motions.motion import STANDING, Motion, hold_last, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
@@ -31,6 +32,7 @@ ATTITUDES = {
     "left": ((1.0, 0.0, 0.0), -math.pi / 2),
     "right": ((1.0, 0.0, 0.0), math.pi / 2),
     "squat": ((1.0, 0.0, 0.0), 0.0),
+    "standing": ((1.0, 0.0, 0.0), 0.0),
 }
 """Axis and angle of the torso before it settles, by start class."""
 
@@ -43,10 +45,10 @@ def build_motion(
     seed: int,
     report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> tuple[Motion, Keyframes]:
-    """Optimize one set of keyframes and record it as a motion that stands.
+    """Optimize one set of keyframes and record it as a motion.
 
     Raises:
-        RuntimeError: if the optimized motion does not end in a held stand.
+        RuntimeError: if the optimized motion does not end as it should.
     """
     world = World(robot)
     start = settle(world, keyframes)
@@ -79,15 +81,14 @@ def record(
     """Roll keyframes out once, undisturbed at full torque, and record the motion.
 
     Raises:
-        RuntimeError: if it does not end in a held stand.
+        RuntimeError: if it does not end in a held stand, or lying as it should.
     """
     robot, period = world.robot, world.robot.control_period
-    targets = keyframes.targets(robot, HOLD_TIME + 1.0)
+    hold = HOLD_TIME if keyframes.end_class == STANDING else LYING_TIME
+    targets = keyframes.targets(robot, hold + 1.0)
     trace = Rollout(world, 1).play(start[None], targets[None], DomainParameters.nominal(world, 1))
-    stand = judge(is_upright(measure_stance(world, trace), robot)[0], period)
-    if not stand.stood:
-        raise RuntimeError(f"motion '{keyframes.name}' does not end in a held stand")
-    moving = len(targets) - round((HOLD_TIME + 0.5) / period)
+    figures = _judge_end(world, keyframes, trace)
+    moving = len(targets) - round((hold + 0.5) / period)
     went = np.concatenate([start[None], trace.qpos[0, : moving - 1]])  # at the time of each target
     postures = [read_posture(robot, world.model, q) for q in went]
     motion = Motion.through(
@@ -96,11 +97,28 @@ def record(
         name=keyframes.name,
         robot=robot.name,
         start_class=keyframes.start_class,
+        end_class=keyframes.end_class,
         strategy=keyframes.strategy,
         joint_target=targets[:moving],
-        provenance={**provenance, "stand_time_s": stand.start_time},
+        provenance={**provenance, **figures},
     )
-    return with_entries(world, motion)
+    return with_entries(world, motion) if motion.rises else motion
+
+
+def _judge_end(world: World, keyframes: Keyframes, trace: Trace) -> dict[str, float]:
+    """Return the figures of a single rollout that ends as its keyframes should."""
+    if keyframes.end_class != STANDING:
+        lying = measure_lying(world, trace, keyframes.end_class)
+        if not lying.lies[0]:
+            raise RuntimeError(
+                f"motion '{keyframes.name}' does not end lying {keyframes.end_class}: {lying}"
+            )
+        return {"descent_m_s": float(lying.descent[0])}
+    upright = is_upright(measure_stance(world, trace), world.robot)[0]
+    stand = judge(upright, world.robot.control_period)
+    if not stand.stood:
+        raise RuntimeError(f"motion '{keyframes.name}' does not end in a held stand")
+    return {"stand_time_s": stand.start_time}
 
 
 def with_entries(world: World, motion: Motion) -> Motion:

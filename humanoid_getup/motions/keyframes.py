@@ -1,4 +1,4 @@
-"""Keyframes: rising motions as hand-written key postures, before any physics."""
+"""Keyframes: motions as hand-written key postures, before any physics."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Meta
 from scipy.interpolate import PchipInterpolator
 
-from humanoid_getup.motions.motion import StartClass, hold_last
+from humanoid_getup.motions.motion import STANDING, EndClass, StartClass, hold_last
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import load_toml, name_unknown_joints, positive, read_table
@@ -21,17 +21,19 @@ SPEED_SHARE = 0.9  # of the servos' no-load speed, the bound of a target's speed
 
 @dataclass(frozen=True, kw_only=True)
 class Keyframes:
-    """Key postures of one rising motion, in time."""
+    """Key postures of one motion, in time."""
 
     name: str
-    start_class: str
-    """Posture class it starts from: supine, prone, left, right or squat."""
+    start_class: StartClass
+    """Posture class it starts from: supine, prone, left, right, squat or standing."""
+    end_class: EndClass = STANDING
+    """What it ends in: a held stand, or the side on which the robot lies."""
     strategy: str
     """The strategy in biomechanics' terms."""
     duration: Array
     """Time from each key to the next [s], shape (K-1,)."""
     keys: Array
-    """Joint targets [rad], shape (K, n); the last is the standing posture."""
+    """Joint targets [rad], shape (K, n); the last of a rise is the standing posture."""
     free: np.ndarray
     """Joints that the optimization may change, shape (m,): left or unpaired ones."""
     mirrored: np.ndarray
@@ -108,9 +110,10 @@ class _Row:
     name: str
     start: StartClass
     strategy: str
-    stand_after: Annotated[float, positive(60.0, "s")]
     torque_limit: Annotated[float, positive(1000.0, "N·m")]
     keys: tuple[_Key, ...]
+    end: EndClass = STANDING
+    stand_after: Annotated[float, positive(60.0, "s")] | None = None
     time: Annotated[float, Meta(ge=0.0, description="0 or more")] = 0.5
     torque: Annotated[float, Meta(ge=0.0, description="0 or more")] = 1.0
 
@@ -126,7 +129,8 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     Each motion has ``keys``: a list of tables with ``after`` (seconds since the key
     before) and the angles [deg] that change there, under ``both`` (left joints,
     mirrored to the right), ``left`` or ``right`` (in the left joint's sense) by joint name
-    without its side, or ``middle`` by full name. The standing posture follows as last key.
+    without its side, or ``middle`` by full name. The standing posture follows as last key,
+    ``stand_after`` seconds later, unless the motion's ``end`` is a side to lie on.
 
     Raises:
         KeyframesError: naming all that is wrong with the file.
@@ -145,14 +149,24 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     ]
     unknown = [name for name in dict.fromkeys(names) if name not in robot.joint_names]
     problems += name_unknown_joints(unknown, robot.joint_names)
+    problems += [text for row in file.motions for text in _find_end_problems(row)]
     if problems:
         raise KeyframesError(f"{path}: {'; '.join(problems)}")
     return [_build_keyframes(row, robot) for row in file.motions]
 
 
+def _find_end_problems(row: _Row) -> list[str]:
+    if row.end == STANDING and row.stand_after is None:
+        return [f"motion '{row.name}': stand_after is missing, expected the time to the stand [s]"]
+    if row.end != STANDING and row.stand_after is not None:
+        return [f"motion '{row.name}': stand_after is given, expected none: it ends {row.end}"]
+    return []
+
+
 def _build_keyframes(row: _Row, robot: Robot) -> Keyframes:
     names = robot.joint_names
-    posture, keys = np.zeros(robot.n), []
+    standing = robot.standing.joint_pos
+    posture, keys = standing if row.start == STANDING else np.zeros(robot.n), []
     one_sided: set[int] = set()
     used: set[int] = set()
     for key in row.keys:
@@ -169,15 +183,19 @@ def _build_keyframes(row: _Row, robot: Robot) -> Keyframes:
                 else:
                     one_sided.add(index)
         keys.append(posture)
-    keys.append(robot.standing.joint_pos)
+    duration = [key.after for key in row.keys[1:]]
+    if row.stand_after is not None:
+        keys.append(standing)
+        duration.append(row.stand_after)
     asymmetric = any(names[i][:2] in ("l_", "r_") for i in one_sided)
     free = sorted(used | {int(robot.mirror_index[i]) for i in used} if asymmetric else used)
     paired = [not asymmetric and int(robot.mirror_index[i]) != i for i in free]
     return Keyframes(
         name=row.name,
         start_class=row.start,
+        end_class=row.end,
         strategy=row.strategy,
-        duration=np.array([*(key.after for key in row.keys[1:]), row.stand_after]),
+        duration=np.array(duration),
         keys=np.array(keys),
         free=np.array(free),
         mirrored=np.array(paired),

@@ -1,4 +1,4 @@
-"""A rising motion: postures over time, and the targets of the servos."""
+"""A motion: postures over time, and the targets of the servos; it rises, or lies down."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
 
 Bools = NDArray[np.bool_]
-StartClass = Literal["supine", "prone", "left", "right", "squat"]
+StartClass = Literal["supine", "prone", "left", "right", "squat", "standing"]
 START_CLASSES: tuple[StartClass, ...] = get_args(StartClass)
-MIRRORED_CLASS: dict[StartClass, StartClass] = {"left": "right", "right": "left"}
+EndClass = Literal["supine", "prone", "left", "right", "standing"]
+END_CLASSES: tuple[EndClass, ...] = get_args(EndClass)
+STANDING = "standing"
+MIRRORED_CLASS: dict[str, Any] = {"left": "right", "right": "left"}
 NAME = re.compile(r"[\w-][\w.-]{0,99}")
 """Names of motions: they name files too."""
 MIRRORED_SUFFIX = "_mirrored"
@@ -30,6 +33,8 @@ TEXTS = ("name", "robot", "start_class", "strategy", "provenance")
 ARRAYS = ("time", "position", "orientation", "joint_pos", "joint_target", "entry")
 KEYS = TEXTS + ARRAYS
 """Keys of a motion file, as the fields of `Motion`; provenance is JSON text."""
+OPTIONAL_KEYS = ("end_class",)
+"""Keys that a file may lack; a motion ends standing then."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,10 +68,12 @@ class Motion(Trajectory):
     """Name of the robot it was made for."""
     start_class: StartClass
     strategy: str
-    """Kind of rise in terms of biomechanics, such as "sit-up"."""
+    """Kind of motion in terms of biomechanics, such as "sit-up"."""
     joint_target: Array
     """Target angles of the servos [rad], shape (T, n). They differ from ``joint_pos`` by the
     load on the joints: a position servo produces its torque from the difference."""
+    end_class: EndClass = STANDING
+    """What it ends in: a held stand, or the side on which the robot lies."""
     entry: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Frames at which the motion may be entered at rest and still ends standing, (T,);
     empty or all False for frame 0 alone."""
@@ -89,6 +96,11 @@ class Motion(Trajectory):
     def duration(self) -> float:
         """Return the time from the first to the last frame [s]."""
         return float(self.time[-1] - self.time[0])
+
+    @property
+    def rises(self) -> bool:
+        """Return whether the motion ends standing."""
+        return self.end_class == STANDING
 
     @property
     def entry_frames(self) -> NDArray[np.intp]:
@@ -134,6 +146,7 @@ class Motion(Trajectory):
             self,
             name=original if original != self.name else self.name + MIRRORED_SUFFIX,
             start_class=MIRRORED_CLASS.get(self.start_class, self.start_class),
+            end_class=MIRRORED_CLASS.get(self.end_class, self.end_class),
             position=self.position * np.array([1.0, -1.0, 1.0]),
             orientation=quaternion.mirror(self.orientation),
             joint_pos=robot.mirror_joints(self.joint_pos),
@@ -141,8 +154,8 @@ class Motion(Trajectory):
         )
 
     def save(self, path: Path) -> None:
-        """Write the motion as .npz with the keys of `KEYS`."""
-        record: dict[str, Any] = {key: getattr(self, key) for key in KEYS}
+        """Write the motion as .npz with the keys of `KEYS` and `OPTIONAL_KEYS`."""
+        record: dict[str, Any] = {key: getattr(self, key) for key in KEYS + OPTIONAL_KEYS}
         save_arrays(path, record | {"provenance": json.dumps(self.provenance, sort_keys=True)})
 
     @classmethod
@@ -164,8 +177,9 @@ class Motion(Trajectory):
 
 
 def _read(path: Path) -> dict[str, Any]:
-    record: dict[str, Any] = load_arrays(path, KEYS)
-    record |= {key: to_text(record[key], key) for key in TEXTS}
+    record: dict[str, Any] = load_arrays(path, KEYS, optional=OPTIONAL_KEYS)
+    texts = (key for key in TEXTS + OPTIONAL_KEYS if key in record)
+    record |= {key: to_text(record[key], key) for key in texts}
     record["provenance"] = json.loads(record["provenance"])
     if not isinstance(record["provenance"], dict) or not all(
         isinstance(value, str | int | float) for value in record["provenance"].values()
@@ -181,6 +195,8 @@ def _read(path: Path) -> dict[str, Any]:
 def _check_shapes(motion: Motion) -> list[str]:
     if motion.start_class not in START_CLASSES:
         return [f"start_class is '{motion.start_class}', expected {', '.join(START_CLASSES)}"]
+    if motion.end_class not in END_CLASSES:
+        return [f"end_class is '{motion.end_class}', expected {', '.join(END_CLASSES)}"]
     if motion.time.ndim != 1 or motion.time.size == 0:
         return [f"time has shape {motion.time.shape}, expected (T,) with T > 0"]
     frames = len(motion.time)

@@ -1,4 +1,4 @@
-"""The rising motions of a robot, and the postures in them that are nearest to a given one."""
+"""The motions of a robot, and the postures in those that rise, nearest to a given one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import STANDING, Motion
 from humanoid_getup.motions.posture_metric import PostureMetric, aligned_orientation_distance
 from robots import Posture, Robot
 
@@ -31,7 +31,7 @@ class Connection:
 
 
 class MotionDatabase:
-    """Rising motions and their entry postures.
+    """Motions, and the entry postures of those that rise.
 
     Departure from [Lin12], section 4.1, whose postures are grouped in a tree by k-means: a
     query compares all of them, which finds the same and is as quick for a few thousand.
@@ -41,28 +41,32 @@ class MotionDatabase:
         if not motions:
             raise ValueError("a motion database needs at least one motion")
         self.motions = tuple(motions)
+        self.rising = rising = tuple(motion for motion in motions if motion.rises)
+        """Those that end standing: only they are entered."""
+        if not rising:
+            raise ValueError("a motion database needs at least one motion that ends standing")
         self.metric = metric
-        self._motion = np.repeat(np.arange(len(motions)), [len(m.entry_frames) for m in motions])
-        self._frame = np.concatenate([m.entry_frames for m in motions])
-        self._orientation = np.concatenate([m.orientation[m.entry_frames] for m in motions])
-        self._joint_pos = np.concatenate([m.joint_pos[m.entry_frames] for m in motions])
+        self._motion = np.repeat(np.arange(len(rising)), [len(m.entry_frames) for m in rising])
+        self._frame = np.concatenate([m.entry_frames for m in rising])
+        self._orientation = np.concatenate([m.orientation[m.entry_frames] for m in rising])
+        self._joint_pos = np.concatenate([m.joint_pos[m.entry_frames] for m in rising])
 
     def __len__(self) -> int:
         return len(self._frame)
 
     def select(self, posture: Posture, count: int = 1, per_motion: int = 1) -> list[Connection]:
-        """Find the entry postures nearest to a posture, at most ``per_motion`` of any motion."""
+        """Find the entry postures nearest to a posture, at most ``per_motion`` of any rise."""
         distance = self.metric.distance(
             posture.orientation, posture.joint_pos, self._orientation, self._joint_pos
         )
-        taken = np.zeros(len(self.motions), dtype=int)
+        taken = np.zeros(len(self.rising), dtype=int)
         best: list[Connection] = []
         for row in np.argsort(distance, kind="stable"):
             motion = self._motion[row]
             if taken[motion] < per_motion:
                 taken[motion] += 1
                 frame = int(self._frame[row])
-                best.append(Connection(self.motions[motion], frame, float(distance[row])))
+                best.append(Connection(self.rising[motion], frame, float(distance[row])))
             if len(best) == count:
                 break
         return best
@@ -85,6 +89,21 @@ def load_database(robot: Robot) -> MotionDatabase:
     if not motions:
         raise ValueError(f"robot '{robot.name}' has no motions: expected .npz files in {folder}")
     return MotionDatabase(motions, PostureMetric.of(robot))
+
+
+def find_lying_down(robot: Robot) -> Motion:
+    """Find a robot's own motion that lies down from a stand.
+
+    Raises:
+        ValueError: if it has none.
+    """
+    for motion in load_database(robot).motions:
+        if motion.start_class == STANDING and not motion.rises:
+            return motion
+    raise ValueError(
+        f"robot '{robot.name}' has no motion from a stand to lying, expected one in "
+        f"{robot.folder / MOTION_FOLDER}"
+    )
 
 
 def find_motion(robot: Robot, name: str) -> Motion:

@@ -8,9 +8,10 @@ from collections.abc import Callable
 import cma
 import numpy as np
 
+from humanoid_getup.evaluation.lying import LyingSide, measure_lying
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.motion import STANDING, hold_last
 from humanoid_getup.simulation.rollout import (
     Rollout,
     RolloutRandomization,
@@ -25,20 +26,42 @@ POPULATION = 14
 SCENARIOS = 4  # rollouts of each candidate: nominal, with full torque, two disturbed
 FINAL_SCENARIOS = 48
 ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step size: rad, and share of a duration
-SEARCH_HOLD = 1.0  # s of stand that a candidate must show in the search; 3.0 when judged
+SEARCH_HOLD = 1.0  # s of stand or of lying still that a candidate must show; 3.0 when judged
 LEAD_IN = 0.1  # s in the start posture
 TRAVEL_COST = 0.02  # of a radian that the targets of a joint travel, on average
 SWAY_TIME = 0.2  # s between the last target and the stand that counts
 SEARCH_TIMESTEP = 0.004  # s; the result is judged, recorded and verified at 0.002
 OVERLAP_COST = 1.0  # of pressing into itself all the time
 DEEP_OVERLAP = 0.0001  # m; contacts are stiff, so this is a firm touch
-FAILURE = 6.0  # cost that no stand can reach
+FAILURE = 6.0  # cost that no success can reach
+DESCENT_COST = 6.0  # of a meter per second at which the neck of a robot that lies down descends
 
 
 def score(
     trace: Trace, world: World, keyframes: Keyframes, hold: float
 ) -> tuple[Array, np.ndarray]:
-    """Compute the cost of each rollout, (N,), and whether it ended standing, (N,)."""
+    """Compute the cost of each rollout, (N,), and whether it ended as it should, (N,)."""
+    rms = np.sqrt(np.mean(trace.torque**2, axis=(1, 2)))
+    travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
+    collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
+    effort = keyframes.torque_cost * rms + TRAVEL_COST * travel + OVERLAP_COST * collides
+    if keyframes.end_class == STANDING:
+        cost, succeeded = _score_rise(trace, world, keyframes.time_cost, hold)
+    else:
+        cost, succeeded = _score_lying_down(trace, world, keyframes.end_class)
+        cost += keyframes.time_cost * keyframes.duration.sum()
+    return cost + effort, succeeded
+
+
+def _score_lying_down(trace: Trace, world: World, side: LyingSide) -> tuple[Array, np.ndarray]:
+    lying = measure_lying(world, trace, side)
+    missed = FAILURE + np.minimum(lying.lean, 2.0) + np.minimum(lying.sway, 1.0)
+    return np.where(lying.lies, 0.0, missed) + DESCENT_COST * lying.descent, lying.lies
+
+
+def _score_rise(
+    trace: Trace, world: World, time_cost: float, hold: float
+) -> tuple[Array, np.ndarray]:
     robot, period = world.robot, trace.period
     stance = measure_stance(world, trace)
     upright = is_upright(stance, robot)
@@ -54,14 +77,8 @@ def score(
     best = np.array([np.convolve(q, np.full(25, 1 / 25), "valid").max() for q in quality])
     progress = 0.6 * quality[:, -last:].mean(axis=1) + 0.4 * best
     held = upright[:, -last:].mean(axis=1)
-    rms = np.sqrt(np.mean(trace.torque**2, axis=(1, 2)))
-    travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
-    collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
-    effort = keyframes.torque_cost * rms + TRAVEL_COST * travel + OVERLAP_COST * collides
-    cost = np.where(
-        stood, keyframes.time_cost * begin, FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
-    )
-    return cost + effort, stood
+    missed = FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
+    return np.where(stood, time_cost * begin, missed), stood
 
 
 class TrajectoryOptimizer:
@@ -109,7 +126,7 @@ class TrajectoryOptimizer:
     def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, float]:
         """Compute mean cost and success share over disturbances that the search never saw.
 
-        The share is 0 if it does not stand undisturbed, at its torque limit and at full torque.
+        The share is 0 if it fails undisturbed, at its torque limit or at full torque.
         """
         rng = np.random.default_rng([seed, 1])
         cost, stood = self._roll_out(self._final, [keyframes], FINAL_SCENARIOS, rng, HOLD_TIME)
@@ -126,7 +143,7 @@ class TrajectoryOptimizer:
     ) -> tuple[Array, np.ndarray]:
         """Roll candidates out ``each`` times; return mean cost and successes, (C,), (C, each).
 
-        A success is a stand that lasts the last ``hold`` seconds.
+        A success is a stand that lasts the last ``hold`` seconds, or lying as it should.
         """
         world, robot = self.world, self.world.robot
         lead = round(LEAD_IN / robot.control_period)

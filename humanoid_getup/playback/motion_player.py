@@ -20,29 +20,45 @@ class MotionPlayer:
     """
 
     def __init__(
-        self, robot: Robot, motion: Motion, *, hold: float, torque_limit: float | None = None
+        self,
+        robot: Robot,
+        motion: Motion,
+        *,
+        hold: float,
+        torque_limit: float | None = None,
+        held: Array | None = None,
     ) -> None:
+        """Prepare to play a motion, and to ``hold`` its end for a while [s].
+
+        ``held`` are the targets that the servos follow already [rad], (n,); ``None`` if torque is
+        off, and begins where the joints are.
+        """
         self._robot, self._motion, self._torque_limit = robot, motion, torque_limit
         self.longest = motion.duration + hold
         """Time that motion and hold take [s]."""
         self.approach_time = 0.0
         """Time that the approach to the first targets takes [s]."""
         self._begin = self._clock = 0.0
+        self._held = held
         self._from = motion.joint_target[0]
 
     @property
     def done(self) -> bool:
         """Return whether the motion and the hold are over."""
-        return self._clock - self._begin >= self.approach_time + self.longest - 1e-9
+        return self._is_over(self.longest)
 
     def reset(self, state: State) -> None:
-        """Begin at the measured joint angles."""
+        """Begin at the targets that are held, or at the measured joint angles."""
         self._begin = self._clock = state.time
-        self._from = state.joint_pos
-        distance = np.abs(self._motion.joint_target[0] - state.joint_pos)
+        self._from = state.joint_pos if self._held is None else self._held
+        distance = np.abs(self._motion.joint_target[0] - self._from)
         reach = self._robot.max_velocity * self._robot.control_period  # in one cycle
         near = np.all(distance <= reach)
         self.approach_time = 0.0 if near else float(distance.max()) / APPROACH_SPEED
+
+    def _is_over(self, duration: float) -> bool:
+        """Return whether a time [s] has passed since the end of the approach."""
+        return self._clock - self._begin >= self.approach_time + duration - 1e-9
 
     def step(self, state: State) -> Command:
         """Send the targets that are due at the measurement."""

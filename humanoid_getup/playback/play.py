@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from drivers import Cycle, Ending, RunReport, SafetyGuard, run
+from drivers import Cycle, Ending, RunReport, SafetyGuard, engaged, run_engaged
 from drivers.control_loop import Controller
 from humanoid_getup.evaluation.judge import RunOutcome
 
@@ -28,8 +28,12 @@ class Judge(Protocol):
         """Observe a cycle."""
         ...
 
+    def end(self) -> bool:
+        """Stop observing; return at once whether the run ended in a held stand."""
+        ...
+
     def conclude(self) -> RunOutcome:
-        """Judge the run."""
+        """Judge the run; that may take longer than a cycle."""
         ...
 
 
@@ -53,13 +57,33 @@ def play(
     Raises:
         KeyboardInterrupt: if the run was interrupted.
     """
+    with engaged(guard, realtime=realtime):
+        report = play_engaged(controller, guard, judge, realtime=realtime, on_cycle=on_cycle)
+    return report, judge.conclude()
+
+
+def play_engaged(
+    controller: TimedController,
+    guard: SafetyGuard,
+    judge: Judge,
+    *,
+    realtime: bool = False,
+    on_cycle: Callable[[Cycle], None] | None = None,
+) -> RunReport:
+    """Run a controller to its end on a connected robot, as `play` does; its torque stays on.
+
+    The judge observes, and may conclude once torque is off.
+
+    Raises:
+        KeyboardInterrupt: if the run was interrupted.
+    """
 
     def observe(cycle: Cycle) -> None:
         judge(cycle)
         if on_cycle is not None:
             on_cycle(cycle)
 
-    report = run(
+    report = run_engaged(
         controller,
         guard,
         max_time=controller.longest + GRACE,
@@ -68,4 +92,4 @@ def play(
     )
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt
-    return report, judge.conclude()
+    return report

@@ -13,6 +13,7 @@ from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance
+from humanoid_getup.playback.ending import describe_end
 from humanoid_getup.playback.preflight_rollout import Figures, measure
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
@@ -125,7 +126,7 @@ def preflight(
         *_judge_supply(robot, voltage),
         *_judge_limits(robot, motion),
         *_judge_speed(robot, figures),
-        *_judge_load(robot, figures, torque_limit.value),
+        *_judge_load(robot, motion, figures, torque_limit.value),
         *_judge_temperature(robot, heat, figures.end_temperature),
         *_judge_overlap(figures),
         *_judge_start(world, motion, start),
@@ -210,12 +211,14 @@ def _judge_speed(robot: Robot, figures: Figures) -> list[Reason]:
     return reasons
 
 
-def _judge_load(robot: Robot, figures: Figures, torque_limit: float | None) -> list[Reason]:
+def _judge_load(
+    robot: Robot, motion: Motion, figures: Figures, torque_limit: float | None
+) -> list[Reason]:
     reasons = []
     limited = "" if torque_limit is None else f" with {torque_limit:g} N·m"
-    if not figures.stood:
-        text = f"rolled out at {figures.voltage:.1f} V{limited}, it does not end in a held stand"
-        reasons.append(_refuse(text))
+    if not figures.succeeded:
+        at_supply = f"rolled out at {figures.voltage:.1f} V{limited}"
+        reasons.append(_refuse(f"{at_supply}, it does not end {describe_end(motion)}"))
     for i, name in enumerate(robot.joint_names):
         longest, whole = figures.longest_saturation[i], figures.saturation[i]
         if longest > LONG_SATURATION:

@@ -12,9 +12,10 @@ from drivers import Cycle, GuardLimits, SafetyGuard, State, Twin
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
 from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.standing import HOLD, Stand
+from humanoid_getup.evaluation.standing import Stand
 from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
@@ -38,8 +39,8 @@ class Figures:
     """[V]"""
     duration: float
     """Duration of the motion [s]."""
-    stood: bool
-    """Whether the rollout at this supply ends in a held stand."""
+    succeeded: bool
+    """Whether the rollout at this supply ends as the motion should: in a held stand, or lying."""
     stand_time: float
     """Start to stand in the rollout [s]; nan without one."""
     target_speed: Array
@@ -75,11 +76,11 @@ def measure(
     """Roll a motion out and compute the figures of a verdict; arguments as of `preflight`."""
     robot = world.robot
     if start is not None:
-        lying = estimate_posture(world, start)
+        at_rest = estimate_posture(world, start)
     else:
-        lying = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
-    rollout = _roll_out(world, motion, lying, voltage, torque_limit)
-    at_start = find_overlap(world, lying, mujoco.MjData(world.model))
+        at_rest = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
+    rollout = _roll_out(world, motion, at_rest, voltage, torque_limit)
+    at_start = find_overlap(world, at_rest, mujoco.MjData(world.model))
     deepest = np.maximum(rollout.overlap, _find_deepest(world, motion))
     stall = robot.max_torque * voltage / robot.supply_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
@@ -93,7 +94,7 @@ def measure(
     return Figures(
         voltage=voltage,
         duration=motion.duration,
-        stood=rollout.stand.stood,
+        succeeded=rollout.succeeded,
         stand_time=rollout.stand.start_time,
         target_speed=np.abs(steps).max(axis=0, initial=0.0),
         peak_torque=peak_torque,
@@ -111,6 +112,7 @@ def measure(
 @dataclass(frozen=True)
 class _Rollout:
     stand: Stand
+    succeeded: bool
     torque: Array
     """[N·m], (T, n)"""
     velocity: Array
@@ -137,9 +139,16 @@ def _roll_out(
         velocity.append(twin.simulation.torque_vel)
         np.maximum(overlap, measure_overlap(twin.truth.model, twin.truth.data), out=overlap)
 
-    player = MotionPlayer(robot, motion, hold=HOLD, torque_limit=torque_limit.value)
+    hold = hold_time(motion)
+    player = MotionPlayer(robot, motion, hold=hold, torque_limit=torque_limit.value)
     _, outcome = play(player, SafetyGuard(twin, limits), judge, on_cycle=record)
-    return _Rollout(outcome.stand, outcome.torque, np.array(velocity), overlap)
+    return _Rollout(
+        stand=outcome.stand,
+        succeeded=ends_as_meant(world, motion, outcome),
+        torque=outcome.torque,
+        velocity=np.array(velocity),
+        overlap=overlap,
+    )
 
 
 def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array, int | None]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from drivers import Command, State
-from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.ending import hold_time
 from humanoid_getup.playback.monitors import (
     Abort,
     Monitor,
@@ -16,8 +16,10 @@ from humanoid_getup.playback.monitors import (
 )
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import TimedController
+from humanoid_getup.playback.stand_holder import StandHolder, make_stand
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
+from robots.quaternion import Array
 
 
 class Supervisor:
@@ -63,15 +65,42 @@ def supervise_motion(
     *,
     torque_limit: float | None = None,
     tracked: bool = True,
+    held: Array | None = None,
 ) -> Supervisor:
-    """Make a supervised player of a motion that holds its end for as long as a stand takes.
+    """Make a supervised player of a motion that holds its end for as long as judging takes.
 
     The torque limit [N·m] is that of every servo; ``tracked`` is False for a motion that was
-    never rolled out.
+    never rolled out; ``held`` are the targets that the servos follow already [rad], (n,).
     """
-    player = MotionPlayer(world.robot, motion, hold=HOLD, torque_limit=torque_limit)
+    player = MotionPlayer(
+        world.robot, motion, hold=hold_time(motion), torque_limit=torque_limit, held=held
+    )
     tracking = MotionMonitor(world, motion, player, tracked=tracked)
     return Supervisor(player, [tracking, ServoMonitor(world.robot)])
+
+
+def supervise_stand(
+    world: World,
+    *,
+    least: float,
+    is_released: Callable[[], bool],
+    torque_limit: float | None = None,
+    held: Array | None = None,
+) -> Supervisor:
+    """Make a supervised holder of the stand, with the monitors of a motion.
+
+    ``least`` is how long it is held at least [s]; the others are those of `StandHolder`.
+    """
+    stand = make_stand(world.robot)
+    holder = StandHolder(
+        world.robot,
+        stand,
+        least=least,
+        is_released=is_released,
+        torque_limit=torque_limit,
+        held=held,
+    )
+    return Supervisor(holder, [MotionMonitor(world, stand, holder), ServoMonitor(world.robot)])
 
 
 def supervise_policy(policy: OnnxPolicy) -> Supervisor:

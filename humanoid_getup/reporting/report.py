@@ -54,6 +54,7 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
         ("motion", _describe_motion(report)),
         ("load", _describe_load(report)),
         ("faults", _describe_faults(report)),
+        ("then", _describe_after(report)),
         ("files", ", ".join(files)),
         ("no film", report.get("strip_reason")),
     ):
@@ -91,6 +92,14 @@ def _describe_load(report: dict[str, Any]) -> str:
         f"({report['torque_use']:.0%} of the limit), "
         f"RMS {report['rms_torque_nm']:.2f} N·m, peak {report['peak_velocity_rad_s']:.1f} rad/s"
     )
+
+
+def _describe_after(report: dict[str, Any]) -> str:
+    after = report.get("after")
+    if not after:
+        return ""
+    left = after["hand_over"]
+    return f"{after['reason']}: {left['summary']}" if left else after["reason"]
 
 
 def _describe_faults(report: dict[str, Any]) -> str:

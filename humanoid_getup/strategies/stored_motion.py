@@ -29,11 +29,16 @@ class StoredMotion:
             motion: Name of one of the robot's motions, an .npz file, or a motion.
 
         Raises:
-            ValueError: if the motion is unknown, or another robot's.
+            ValueError: if the motion is unknown, another robot's, or no rise.
         """
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         is_loaded = isinstance(motion, Motion)
         self.motion = motion if is_loaded else find_motion(world.robot, str(motion))
+        if not self.motion.rises:
+            raise ValueError(
+                f"motion '{self.motion.name}' ends lying {self.motion.end_class}, expected one "
+                "that ends standing"
+            )
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
         """Plan to play the motion."""

@@ -38,6 +38,18 @@ def test_any_key_stops_without_waiting_for_enter(terminal):
     assert heard.reasons == [PRESSED]
 
 
+def test_every_key_is_reported(terminal):
+    master, slave = terminal
+    heard = Heard()
+    with StopKey(heard, slave) as key:
+        assert key.has_terminal
+        for _ in range(2):
+            heard.event.clear()
+            os.write(master, b" ")
+            assert heard.event.wait(5.0)
+    assert heard.reasons == [PRESSED, PRESSED]
+
+
 def test_a_terminal_that_goes_away_stops_too(terminal):
     master, slave = terminal
     heard = Heard()

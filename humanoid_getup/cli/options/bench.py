@@ -44,6 +44,14 @@ class BenchMotions(WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BenchSit(WorldOptions):
+    """Sit and lie down from disturbed stands, at full torque and under limits by PWM."""
+
+    n: Count = 60
+    """Stands; each is played under every torque limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class BenchFilter(WorldOptions):
     """Compare the speed of the filter's simulation with bare physics."""
 
@@ -53,24 +61,26 @@ class BenchFilter(WorldOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class BenchFaults(WorldOptions):
-    """Inject each kind of fault in the middle of a rise; exit code 1 if any was unsafe."""
+    """Inject each kind of fault in the middle of a motion; exit code 1 if any was unsafe."""
 
     n: Count = 20
-    """Rises of each case."""
+    """Plays of each case."""
     motion: MotionName = "supine_roll_over"
+    """Name of a motion in the robot's database, an .npz file, or standing: a held stand."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchKill(BenchFaults):
+class BenchKill(WorldOptions):
     """Kill the program (SIGKILL) in the middle of a rise, and measure when the servos stop."""
 
     n: Count = 20
     """Kills."""
+    motion: MotionName = "supine_roll_over"
 
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSoak(WorldOptions):
-    """Rise, sit, tumble and rise again on the virtual bus, as long as requested."""
+    """Rise, hold, lie down, tumble and rise again on the virtual bus, as long as requested."""
 
     duration: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 1800.0
     """Time on the bus [s]."""

@@ -94,7 +94,7 @@ class TorqueOptions(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions(TorqueOptions, WorldOptions):
+class MoveOptions(TorqueOptions, WorldOptions):
     """Options of every command that moves a robot."""
 
     backend: Literal["twin", "virtual", "dynamixel"] = "twin"
@@ -102,18 +102,13 @@ class RunOptions(TorqueOptions, WorldOptions):
     port: Ports = ()
     """Serial port; for a robot with several, one NAME=PATH each. Without it, --backend virtual
     serves a virtual robot of its own."""
-    release: Literal["limp", "hold"] = "limp"
-    """State of the servos at the end: torque off, or holding the last position."""
     realtime: bool = False
     """Run a simulated robot in real time."""
     out: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder for report.json, motion.npz, flight.mcap, strip.png and torque.png."""
-    origin: Origin = None
-    needs_origin: ClassVar[bool] = True
-    """Whether a simulated robot has no start of its own."""
 
     def find_faults(self) -> list[str]:
-        """Report ports, a folder or a start that do not fit, too."""
+        """Report ports or a folder that do not fit, too."""
         faults = super().find_faults()
         if self.backend == "twin" and self.port:
             ports = ", ".join(self.port)
@@ -124,6 +119,29 @@ class RunOptions(TorqueOptions, WorldOptions):
             faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
         if self.out is not None:
             faults += find_folder_faults(self.out)
+        return faults
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the robot may be a real one."""
+        return bool(self.port)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions(MoveOptions):
+    """Options of every command that gets a robot up."""
+
+    then: Literal["hold", "sit", "limp", "hand-over"] | None = None
+    """After a judged stand: hold it until a key is pressed, then sit and lie down (in simulated
+    time or without a terminal: at once); sit and lie down at once; torque off where it stands; or
+    leave torque on for another program. Default: hold; of the twin, limp."""
+    origin: Origin = None
+    needs_origin: ClassVar[bool] = True
+    """Whether a simulated robot has no start of its own."""
+
+    def find_faults(self) -> list[str]:
+        """Report a start that does not fit, too."""
+        faults = super().find_faults()
         if self.is_real and self.origin is not None:
             faults.append(
                 f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
@@ -136,6 +154,6 @@ class RunOptions(TorqueOptions, WorldOptions):
         return faults
 
     @property
-    def is_real(self) -> bool:
-        """Whether the robot may be a real one."""
-        return bool(self.port)
+    def ending(self) -> Literal["hold", "sit", "limp", "hand-over"]:
+        """What follows a judged stand."""
+        return self.then or ("limp" if self.backend == "twin" else "hold")

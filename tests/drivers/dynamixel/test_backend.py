@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from memory_rig import Rig, split
 
 from drivers import Backend, Command
-from drivers.dynamixel.backend import DynamixelBackend, RebootError, Release
+from drivers.backend import Release
+from drivers.dynamixel.backend import DynamixelBackend, RebootError
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import HardwareError, OperatingMode

@@ -33,7 +33,7 @@ def test_each_fault_ends_safely_or_is_bridged(world: World, motion: Motion):
         assert (case["beyond_limits"], case["believed_wrong"], case["never_safe"]) == (0, 0, 0), (
             name
         )
-    assert table["one answer late"]["stood"] == 1
+    assert table["one answer late"]["succeeded"] == 1
     for name in names[1:]:
         assert table[name]["endings"] == {"fault": 1}, name
         # The slowest of them: 12 silent cycles, 96 ms, and the cycle that notices.
@@ -65,7 +65,7 @@ def test_servos_stop_by_themselves_when_their_client_is_killed(world: World, mot
 
 def test_a_soak_accounts_for_all_its_time(world: World):
     case = bench_soak(PlannedRise(world), seed=1, duration=15.0)["cases"]["soak"]
-    assert case["stood"] == case["n"] == case["sat"] > 0
+    assert case["stood"] == case["n"] == case["lay_down"] > 0
     assert abs(case["unexplained_s"]) < 1e-6
     assert (case["driver_lost"], case["driver_damaged"], case["holds"]) == (0, 0, 0)
 

@@ -7,7 +7,13 @@ from pathlib import Path
 import pytest
 
 from humanoid_getup.cli.errors import BadInputError
-from humanoid_getup.cli.output import find_folder_faults, find_json_faults, staging, write_json
+from humanoid_getup.cli.output import (
+    find_folder_faults,
+    find_json_faults,
+    format_figure,
+    staging,
+    write_json,
+)
 
 NAMES = ("report.json", "strip.png")
 
@@ -95,3 +101,9 @@ def test_a_linked_file_of_an_output_folder_is_followed(tmp_path: Path):
         (scratch / "report.json").write_text("new")
     assert (tmp_path / "out" / "report.json").is_symlink()
     assert real.read_text() == "new"
+
+
+def test_figures_intervals_medians_and_counts_are_written_for_people():
+    assert format_figure({"median": 0.5, "p95": 1.25}) == "0.50 (p95 1.25)"
+    assert format_figure({"done": 18, "fault": 2}) == "18 done, 2 fault"
+    assert format_figure([0.94, 1.0]) == "0.94 to 1.00"

@@ -9,8 +9,9 @@ import pytest
 
 from drivers import Command, DriverError, Ending, SafetyGuard, State, Twin
 from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
-from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange, RiseResult
+from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database

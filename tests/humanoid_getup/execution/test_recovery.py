@@ -17,7 +17,8 @@ from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.result import AttemptStatus, Phase, PhaseChange, RiseResult
+from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import sample_falls

@@ -51,6 +51,43 @@ def test_the_last_key_is_the_standing_posture(tmp_path, op3):
     assert keyframes.duration.tolist() == [0.5, 0.5]
 
 
+DOWN = """
+[[motions]]
+name = "down"
+start = "standing"
+end = "supine"
+strategy = "lying down"
+torque_limit = 2.0
+keys = [{ }, { after = 2.0, both = { knee = 90 } }, { after = 1.0, both = { knee = 0 } }]
+"""
+
+
+def test_what_lies_down_begins_in_the_stance_and_ends_in_its_last_key(tmp_path, op3):
+    keyframes = _read(tmp_path, op3, DOWN)
+    assert (keyframes.start_class, keyframes.end_class) == ("standing", "supine")
+    assert keyframes.duration.tolist() == [2.0, 1.0]
+    np.testing.assert_array_equal(keyframes.keys[0], op3.standing.joint_pos)
+    last = keyframes.keys[-1]
+    assert last[op3.joint_names.index("l_knee")] == 0.0
+    elbow = op3.joint_names.index("l_el")  # what no key names stays as in the stance
+    assert last[elbow] == op3.standing.joint_pos[elbow] != 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (TEXT.replace("stand_after = 0.5\n", ""), "motion 'wave': stand_after is missing"),
+        (
+            DOWN.replace("torque", "stand_after = 1.0\ntorque"),
+            "motion 'down': stand_after is given",
+        ),
+    ],
+)
+def test_only_a_rise_says_when_it_stands(text, problem, tmp_path, op3):
+    with pytest.raises(KeyframesError, match=problem):
+        _read(tmp_path, op3, text)
+
+
 def test_targets_run_from_first_to_last_key_and_never_too_fast(tmp_path, op3):
     hasty = TEXT.replace("after = 0.5, left", "after = 0.02, left")
     keyframes = _read(tmp_path, op3, hasty)

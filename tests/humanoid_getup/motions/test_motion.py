@@ -41,6 +41,19 @@ def test_a_motion_survives_the_trip_through_its_file(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir()] == ["m.npz"]
 
 
+def test_a_file_says_what_its_motion_ends_in_or_it_ends_standing(tmp_path: Path):
+    make(start_class="standing", end_class="left").save(tmp_path / "down.npz")
+    down = Motion.load(tmp_path / "down.npz")
+    assert (down.end_class, down.rises) == ("left", False)
+    assert down.mirrored(ROBOT).end_class == "right"
+    with np.load(tmp_path / "down.npz") as arrays:
+        older = {key: arrays[key] for key in KEYS}
+    np.savez(tmp_path / "older.npz", **older)
+    assert Motion.load(tmp_path / "older.npz").rises
+    with pytest.raises(ValueError, match="end_class is 'kneeling', expected supine, prone"):
+        make(end_class="kneeling")
+
+
 def test_mirroring_twice_gives_the_motion_back():
     motion = make()
     mirror = motion.mirrored(ROBOT)

@@ -69,6 +69,15 @@ def test_the_nearest_entry_postures_are_found_in_order(per_motion: int):
             assert connection.distance == pytest.approx(between, abs=1e-9)
 
 
+def test_a_motion_that_lies_down_is_never_joined():
+    rise, down = wander(0), replace(wander(1), start_class="standing", end_class="supine")
+    database = MotionDatabase([down, rise], METRIC)
+    assert database.motions == (down, rise)
+    assert {c.motion.name for c in database.select(down.posture(0), 5, FRAMES)} == {rise.name}
+    with pytest.raises(ValueError, match="at least one motion that ends standing"):
+        MotionDatabase([down], METRIC)
+
+
 def test_a_posture_of_the_database_finds_itself_wherever_it_faces():
     motions = [wander(seed) for seed in range(5)]
     database = MotionDatabase(motions, METRIC)

@@ -7,14 +7,17 @@ from drivers import SafetyGuard, Twin
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
-from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.motion_database import find_lying_down, load_database
+from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.falls import classify, settle_posture
-from robots import load_robot
+from robots import Robot, TorqueLimit, load_robot
 from robots.kinematics import read_posture
 
-MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
+DATABASE = load_database(load_robot("op3"))
+MOTIONS = {motion.name: motion for motion in DATABASE.rising}
+LYING_DOWN = {m.name: m for m in DATABASE.motions if not m.rises}
 
 
 def test_the_database_has_the_classes_and_strategies_it_claims():
@@ -41,6 +44,28 @@ def test_a_stored_motion_ends_in_a_held_stand(name, op3, world):
     assert outcome.stand.stood, report.reason
     assert report.clips.total == 0
     assert outcome.limit_violations == 0
+
+
+@pytest.mark.parametrize("limit", [TorqueLimit(), TorqueLimit(2.5, "pwm"), TorqueLimit(2.0, "pwm")])
+@pytest.mark.parametrize("name", LYING_DOWN)
+def test_a_motion_that_lies_down_ends_so_softly(name: str, limit: TorqueLimit, op3, world):
+    motion = LYING_DOWN[name]
+    twin = Twin(world, op3.standing, limit_by=limit.by)
+    player = MotionPlayer(op3, motion, hold=hold_time(motion), torque_limit=limit.value)
+    judge = GroundTruthJudge(twin.simulation, limit.value)
+    report, outcome = play(player, SafetyGuard(twin), judge)
+    assert ends_as_meant(world, motion, outcome), report.reason
+    assert report.clips.total == 0
+    assert outcome.limit_violations == 0
+    assert outcome.head_impact < 0.1  # m/s
+    assert outcome.torso_impact < 0.15  # m/s
+
+
+def test_a_robot_finds_its_way_down(op3: Robot, tiny: Robot):
+    assert find_lying_down(op3).name in LYING_DOWN
+    assert find_lying_down(op3).end_class == "supine"
+    with pytest.raises(ValueError, match="robot 'tiny' has no motions"):
+        find_lying_down(tiny)
 
 
 @pytest.mark.parametrize("name", [n for n in MOTIONS if MOTIONS[n].start_class != "squat"])

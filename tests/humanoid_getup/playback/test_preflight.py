@@ -57,7 +57,7 @@ def refusals(verdict: Verdict) -> list[str]:
 def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
     verdict = preflight(world, MOTIONS[name], voltage=11.1)
     assert verdict.passed, str(verdict)
-    assert verdict.figures.stood
+    assert verdict.figures.succeeded
     assert 0.3 < verdict.figures.torque_use.max() < 1.2
     assert verdict.figures.end_temperature.max() < 27.0
 
@@ -78,7 +78,7 @@ def test_a_supply_that_the_servos_are_not_made_for_is_refused(
 def test_a_cap_on_torque_under_which_it_falls_is_refused(world: World, motion: Motion):
     verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(0.5, "pwm"))
     assert "rolled out at 12.0 V with 0.5 N·m, it does not end in a held stand" in refusals(verdict)
-    assert not verdict.figures.stood
+    assert not verdict.figures.succeeded
     assert verdict.figures.peak_torque.max() <= 0.5 + 1e-9
 
 

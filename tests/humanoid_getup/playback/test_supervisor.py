@@ -23,7 +23,7 @@ from robots.kinematics import read_posture
 
 PERIOD = 0.008
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
-OWN = [name for name in MOTIONS if not name.endswith(MIRRORED_SUFFIX)]
+OWN = [n for n, m in MOTIONS.items() if m.rises and not n.endswith(MIRRORED_SUFFIX)]
 KNEE = 13  # l_knee
 
 

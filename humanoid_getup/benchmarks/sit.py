@@ -1,0 +1,109 @@
+"""Benchmark of the way down: sit and lie down from many disturbed stands."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from drivers import Twin
+from humanoid_getup.evaluation.standing import StanceMeter, is_upright
+from humanoid_getup.evaluation.statistics import summarize, wilson_interval
+from humanoid_getup.execution.after_stand import AfterStand
+from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.rollout import RolloutRandomization
+from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
+from robots.ground import GROUND
+from robots.kinematics import read_posture
+
+SPREAD = RolloutRandomization()
+LIMITS = {
+    "full torque": FULL_TORQUE,
+    "2.5 N·m by PWM": TorqueLimit(2.5, "pwm"),
+    "2.0 N·m by PWM": TorqueLimit(2.0, "pwm"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stand:
+    """A disturbed stand, and what differs around it."""
+
+    posture: Posture
+    friction: float
+    voltage: float
+    """[V]"""
+
+
+def bench_sit(
+    world: World,
+    *,
+    seed: int,
+    each: int,
+    report: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Sit and lie down from the same stands under each torque limit, as `getup sit` does.
+
+    Joints are disturbed by 3 deg (standard deviation), the heading is anywhere, friction is 0.4
+    to 1.2 and the supply 11.0 to 12.6 V (uniform). Stands that fall over while their joints are
+    held are drawn again.
+    """
+    rng = np.random.default_rng(seed)
+    stands = [_sample_stand(world, rng) for _ in range(each)]
+    cases = {}
+    for name, limit in LIMITS.items():
+        results = []
+        for stand in stands:
+            results.append(_sit(world, stand, limit))
+            report(results[-1].record())
+        cases[name] = _summarize(results)
+    return {"name": "sit", "seed": seed, "n": each, "robot": world.robot.name, "cases": cases}
+
+
+def _sample_stand(world: World, rng: np.random.Generator) -> Stand:
+    """Sample a stand at rest, disturbed."""
+    robot = world.robot
+    friction = float(rng.uniform(*SPREAD.friction))
+    voltage = float(rng.uniform(*SPREAD.supply)) * robot.supply_voltage
+    meter = StanceMeter(robot, world.model)
+    while True:
+        angles = robot.standing.joint_pos + rng.normal(scale=SPREAD.joints, size=robot.n)
+        disturbed = replace(
+            robot.standing,
+            orientation=quaternion.from_yaw(float(rng.uniform(-np.pi, np.pi))),
+            joint_pos=np.clip(angles, robot.lower, robot.upper),
+        )
+        posture = read_posture(robot, world.model, settle_posture(world, disturbed))
+        stance = meter.estimate(posture.orientation[None], posture.joint_pos[None])
+        if is_upright(stance, robot)[0]:
+            return Stand(posture=posture, friction=friction, voltage=voltage)
+
+
+def _sit(world: World, stand: Stand, limit: TorqueLimit) -> AfterStand:
+    model = copy.copy(world.model)
+    model.geom_friction[model.geom(GROUND).id, 0] = stand.friction
+    place = World(world.robot, world.scene, model=model)
+    twin = Twin(place, stand.posture, voltage=stand.voltage)
+    return StandKeeper(StandSession.on(twin, place, limit, preflight=False)).start()
+
+
+def _summarize(results: list[AfterStand]) -> dict[str, Any]:
+    succeeded = sum(result.succeeded for result in results)
+    judged = [r.way_down.outcome for r in results if r.way_down and r.way_down.outcome]
+    return {
+        "n": len(results),
+        "succeeded": succeeded,
+        "interval_95": wilson_interval(succeeded, len(results)),
+        "head_impact_m_s": summarize([run.head_impact for run in judged]),
+        "head_impact_max_m_s": max((run.head_impact or 0.0 for run in judged), default=None),
+        "torso_impact_m_s": summarize([run.torso_impact for run in judged]),
+        "torso_impact_max_m_s": max((run.torso_impact or 0.0 for run in judged), default=None),
+        "peak_torque_nm": summarize([run.peak_torque for run in judged]),
+        "rms_torque_nm": summarize([run.rms_torque for run in judged]),
+        "failures": [result.reason for result in results if not result.succeeded],
+    }

@@ -1,0 +1,55 @@
+"""The operator's key: it releases a robot that is held standing, and stops one that moves."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from drivers import SafetyGuard
+from drivers.stop_key import StopKey
+from humanoid_getup.execution.phase import Phase, PhaseChange
+
+
+class OperatorKey:
+    """Any key of the terminal.
+
+    In simulated time, which does not wait for a person, and without a terminal, a robot that is
+    held counts as released: its command ends by itself.
+    """
+
+    def __init__(self, *, realtime: bool, terminal: int | None = None) -> None:
+        """Prepare for a robot that keeps the wall clock's time, or simulated time.
+
+        The terminal is a file descriptor; ``None`` for standard input.
+        """
+        self._guard: SafetyGuard | None = None
+        self._key = StopKey(self._press, terminal)
+        self._is_watched = realtime
+        self._is_holding = False
+        self._released = threading.Event()
+
+    def is_released(self) -> bool:
+        """Return whether a robot that is held may sit down."""
+        return self._released.is_set() or not (self._is_watched and self._key.has_terminal)
+
+    def note(self, change: PhaseChange) -> None:
+        """Take note of a phase that begins: a key means something else while the robot stands."""
+        self._is_holding = change.phase is Phase.HOLDING
+
+    @contextmanager
+    def watch(self, guard: SafetyGuard) -> Iterator[None]:
+        """Watch the terminal while a robot moves."""
+        self._guard = guard
+        if not self._is_watched:
+            yield
+            return
+        with self._key:
+            yield
+
+    def _press(self, reason: str) -> None:
+        if self._is_holding:
+            self._is_holding = False
+            self._released.set()
+        elif self._guard is not None:
+            self._guard.stop(reason)

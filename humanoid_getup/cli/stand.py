@@ -1,0 +1,61 @@
+"""`getup sit` and `getup hold`: what a robot that stands does next."""
+
+from __future__ import annotations
+
+from humanoid_getup.cli.backends import open_backend
+from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.inputs import load_world, make_torque_limit
+from humanoid_getup.cli.operator_key import OperatorKey
+from humanoid_getup.cli.options.stand import Hold, Sit
+from humanoid_getup.cli.output import phase
+from humanoid_getup.cli.recording import make_log, recording
+from humanoid_getup.cli.results import hand_over_stand
+from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.simulation.falls import settle_posture
+from robots.kinematics import read_posture
+
+
+def sit(command: Sit) -> int:
+    """Sit and lie down; return the exit code."""
+    return _keep_stand(command)
+
+
+def hold(command: Hold) -> int:
+    """Hold a stand, and end it; return the exit code."""
+    return _keep_stand(command)
+
+
+def _keep_stand(command: Sit | Hold) -> int:
+    world = load_world(command)
+    at_rest = read_posture(world.robot, world.model, settle_posture(world, world.robot.standing))
+    limit = make_torque_limit(command, world.robot)
+    opened = open_backend(command, world, limit)
+    with phase("opening the backend") as report, opened as choice:
+        with recording(make_log(command, world.robot)) as recorder:
+            key, place = OperatorKey(realtime=choice.realtime), choice.place
+
+            def note(change: PhaseChange) -> None:
+                key.note(change)
+                report(change.phase.value)
+                recorder.note(change)
+
+            session = StandSession.on(
+                choice.backend,
+                world,
+                limit,
+                then=command.then,
+                is_released=key.is_released,
+                realtime=choice.realtime,
+                simulation=choice.simulation,
+                place=place and (lambda: place(at_rest)),
+                on_phase=note,
+                on_cycle=recorder.log,
+            )
+            with refusing():
+                keeper = StandKeeper(session)
+            with key.watch(session.guard):
+                result = keeper.start()
+        report("drawing")
+        return hand_over_stand(result, world, command)

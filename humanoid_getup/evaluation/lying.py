@@ -1,0 +1,104 @@
+"""Lying down: when a robot that stood has come to lie, still and without a knock."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.evaluation.standing import measure_stance
+from humanoid_getup.simulation.rollout import Trace
+from humanoid_getup.simulation.world import World
+from robots import Robot, quaternion
+from robots.kinematics import site_heights
+from robots.quaternion import Array
+
+LyingSide = Literal["supine", "prone", "left", "right"]
+LYING_TIME = 1.0  # s without motion at the end
+MAX_LEAN = math.radians(30.0)
+"""Greatest angle between gravity and the direction that it has in the torso on that side."""
+MAX_SWAY = 0.03  # rad that a joint or the torso may move in that time; an encoder tick is 0.0015
+MAX_DESCENT = 0.5  # m/s; a robot that falls over reaches 2 and more
+MAX_HEAD_IMPACT = 0.3  # m/s
+DESCENT_TIME = 0.04  # s over which the speed of descent is measured
+
+GRAVITY_B: dict[LyingSide, tuple[float, float, float]] = {
+    "supine": (-1.0, 0.0, 0.0),
+    "prone": (1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+}
+"""Direction of gravity in the torso of a robot that lies on a side."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lying:
+    """How records of lying down ended."""
+
+    lean: Array
+    """Greatest angle off the side at the end [rad], (...)."""
+    sway: Array
+    """Greatest motion of a joint or of the torso at the end [rad], (...)."""
+    descent: Array
+    """Fastest descent of the neck [m/s], (...): no part of the torso strikes much faster."""
+
+    @property
+    def lies(self) -> NDArray[np.bool_]:
+        """Return whether the robot ended lying on that side, still, without a knock, (...)."""
+        return (self.lean <= MAX_LEAN) & (self.sway <= MAX_SWAY) & (self.descent <= MAX_DESCENT)
+
+
+def judge_lying(
+    orientation: Array, joint_pos: Array, neck_height: Array, period: float, side: LyingSide
+) -> Lying:
+    """Judge records of T samples that are a period [s] apart.
+
+    Args:
+        orientation: Of the torso, (..., T, 4).
+        joint_pos: Joint angles [rad], (..., T, n).
+        neck_height: Height of the neck [m], (..., T).
+        period: Between two samples [s].
+        side: On which the robot should lie.
+    """
+    last, window = round(LYING_TIME / period), max(1, round(DESCENT_TIME / period))
+    count = neck_height.shape[-1]
+    if count <= max(last, window):  # too short to tell
+        unknown = np.full(neck_height.shape[:-1], np.inf)
+        return Lying(lean=unknown, sway=unknown, descent=unknown)
+    gravity_b = quaternion.gravity_in_body(orientation[..., -last:, :])
+    lean = np.arccos(np.clip(gravity_b @ np.array(GRAVITY_B[side]), -1.0, 1.0))
+    moved = np.concatenate([gravity_b, joint_pos[..., -last:, :]], axis=-1)
+    sunk = neck_height[..., :-window] - neck_height[..., window:]
+    return Lying(
+        lean=lean.max(axis=-1),
+        sway=np.ptp(moved, axis=-2).max(axis=-1),
+        descent=sunk.max(axis=-1) / (window * period),
+    )
+
+
+def measure_lying(world: World, trace: Trace, side: LyingSide) -> Lying:
+    """Judge N rollouts, (N,)."""
+    layout = world.robot.layout(world.model)
+    return judge_lying(
+        trace.qpos[..., layout.root_orientation],
+        trace.qpos[..., layout.qpos],
+        measure_stance(world, trace).neck_height,
+        trace.period,
+        side,
+    )
+
+
+def judge_run(robot: Robot, model: mujoco.MjModel, qpos: Array, side: LyingSide) -> Lying:
+    """Judge one run by its MuJoCo positions (T, nq), on flat ground."""
+    layout = robot.layout(model)
+    return judge_lying(
+        qpos[:, layout.root_orientation],
+        qpos[:, layout.qpos],
+        site_heights(model, qpos, robot.neck_site),
+        robot.control_period,
+        side,
+    )

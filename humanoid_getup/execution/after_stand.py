@@ -1,0 +1,129 @@
+"""What a robot did after its stand, and what it was left with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from drivers import Command, Ending, RunReport
+from humanoid_getup.evaluation.judge import RunOutcome
+from humanoid_getup.playback.monitors import Abort
+from robots import Robot
+from robots.servo import DEFAULT_P_GAIN
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandOver:
+    """What a robot under torque is left with, for the program that goes on with it."""
+
+    robot: Robot
+    command: Command
+    """Last command that the servos were sent; no watchdog stops them if no other follows."""
+
+    def __str__(self) -> str:
+        """Say in one line what the next program finds."""
+        command = self.command
+        return (
+            f"servos hold their targets, at most {command.torque_limit.max():.2f} N·m, position "
+            f"gain {DEFAULT_P_GAIN * command.gain_scale.min():.0f}, watchdog off"
+        )
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures under report.json's keys."""
+        command, names = self.command, self.robot.joint_names
+        return {
+            "summary": str(self),
+            "watchdog": "off",
+            "joints": {
+                name: {
+                    "target_rad": float(command.joint_pos[i]),
+                    "torque_limit_nm": float(command.torque_limit[i]),
+                    "position_p_gain": float(DEFAULT_P_GAIN * command.gain_scale[i]),
+                    "pwm_limit": float(command.pwm_limit[i]),
+                }
+                for i, name in enumerate(names)
+            },
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One part of what followed: holding, or sitting and lying down."""
+
+    run: RunReport
+    abort: Abort | None = None
+    """Why the supervisor aborted, if it did."""
+    outcome: RunOutcome | None = None
+    """None for a part that is not judged."""
+    succeeded: bool = True
+    """Whether it was judged to end as it should."""
+
+    @property
+    def is_done(self) -> bool:
+        """Return whether it came to its end, and ended as it should."""
+        return self.run.ending is Ending.DONE and self.abort is None and self.succeeded
+
+    @property
+    def reason(self) -> str:
+        """Return in one line why it did not."""
+        if self.abort is not None:
+            return f"aborted after {self.abort.time:.1f} s: {self.abort}"
+        if self.run.ending is not Ending.DONE:
+            return self.run.reason
+        return "it does not end as it should, by the judge"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AfterStand:
+    """What a robot did after its stand; its torque is off, unless it was handed over."""
+
+    refusal: str | None = None
+    """Why nothing was begun."""
+    hold: Step | None = None
+    """Going on standing; None if it was not asked to."""
+    way_down: Step | None = None
+    """Sitting and lying down; None if it did not begin."""
+    hand_over: HandOver | None = None
+
+    @property
+    def succeeded(self) -> bool:
+        """Return whether all went as it should."""
+        return self.refusal is None and self._find_failure() is None
+
+    @property
+    def by_fault(self) -> bool:
+        """Return whether the guard or the hardware ended it."""
+        failure = self._find_failure()
+        return failure is not None and failure.run.ending is Ending.FAULT
+
+    @property
+    def reason(self) -> str:
+        """Return in one line how it went."""
+        if self.refusal is not None:
+            return self.refusal
+        failure = self._find_failure()
+        if failure is not None:
+            what = "holding the stand" if failure is self.hold else "sitting and lying down"
+            return f"{what} failed: {failure.reason}; torque off"
+        parts = [f"held for {self.hold.run.duration:.1f} s"] if self.hold else []
+        parts += ["sat and lay down"] if self.way_down else []
+        parts += ["handed over under torque" if self.hand_over else "torque off"]
+        return ", ".join(parts)
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures under report.json's keys."""
+        outcome = self.way_down and self.way_down.outcome
+        return {
+            "succeeded": self.succeeded,
+            "reason": self.reason,
+            "held_s": self.hold.run.duration if self.hold else 0.0,
+            "way_down_s": self.way_down.run.duration if self.way_down else None,
+            "head_impact_m_s": outcome.head_impact if outcome else None,
+            "torso_impact_m_s": outcome.torso_impact if outcome else None,
+            "peak_torque_nm": outcome.peak_torque if outcome else None,
+            "hand_over": self.hand_over.record() if self.hand_over else None,
+        }
+
+    def _find_failure(self) -> Step | None:
+        steps = (step for step in (self.hold, self.way_down) if step is not None)
+        return next((step for step in steps if not step.is_done), None)

@@ -1,0 +1,201 @@
+"""The stand keeper: holds a robot that stands, and ends its stand as it was asked to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from drivers import (
+    Command,
+    Cycle,
+    Ending,
+    Release,
+    RunReport,
+    State,
+    engaged,
+    run_engaged,
+)
+from humanoid_getup.evaluation.standing import HOLD, StanceMeter, is_upright
+from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
+from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.motions.motion_database import find_lying_down
+from humanoid_getup.playback.ending import ends_as_meant
+from humanoid_getup.playback.play import play_engaged
+from humanoid_getup.playback.preflight import Verdict, preflight
+from humanoid_getup.playback.supervisor import supervise_motion, supervise_stand
+from robots.kinematics import torso_orientation
+
+
+class StandKeeper:
+    """Keeps a robot in its stand, supervised, and ends the stand: lying, limp or handed over.
+
+    All of it happens while the robot is engaged, in one piece with the rise before it: its servos
+    are never without commands. What fails ends with torque off.
+    """
+
+    def __init__(self, session: StandSession) -> None:
+        """Prepare to keep the stand of a robot.
+
+        Raises:
+            ValueError: if the robot should lie down in the end and has no motion for that.
+        """
+        self._session, self._guard = session, session.guard
+        self._limit = session.torque_limit.value
+        self._sent: Command | None = None
+        robot = session.world.robot
+        self._way_down = find_lying_down(robot) if session.lies_down else None
+
+    def preflight(self, settled: State) -> Verdict:
+        """Judge the way down at the measured supply and temperatures; torque may be off."""
+        if self._way_down is None or not self._session.preflight:
+            return Verdict()
+        return preflight(
+            self._session.world,
+            self._way_down,
+            voltage=settled.voltage,
+            torque_limit=self._session.torque_limit,
+            temperature=settled.temperature,
+        )
+
+    @contextmanager
+    def engaged(self) -> Iterator[None]:
+        """Connect the robot for a rise and what follows; torque is off afterwards.
+
+        Only a robot that was handed over keeps it.
+        """
+        backend = self._guard.backend
+        before, self._sent = backend.release, None
+        try:
+            with engaged(self._guard, realtime=self._session.realtime):
+                yield
+        finally:
+            backend.release = before
+
+    def watch(self, cycle: Cycle) -> None:
+        """Take note of a cycle: its targets are those from which the next run goes on."""
+        self._sent = cycle.sent
+        if self._session.on_cycle is not None:
+            self._session.on_cycle(cycle)
+
+    def keep(self) -> AfterStand:
+        """Do what follows a judged stand, on the engaged robot.
+
+        Raises:
+            KeyboardInterrupt: if it was interrupted; the robot's torque goes off then.
+        """
+        hold = self._hold(least=0.0) if self._session.then == "hold" else None
+        if hold is not None and not hold.is_done:
+            return AfterStand(hold=hold)
+        return self._end(hold)
+
+    def start(self) -> AfterStand:
+        """Hold a robot that stands already, for a judged stand at least, and do what follows.
+
+        With ``then`` at ``"sit"``, it sits down at once.
+        """
+        with self._guard:
+            self._place()
+            state = self._guard.read()
+            refusal = self._find_refusal(state)
+        if refusal:
+            return AfterStand(refusal=refusal)
+        with self.engaged():
+            self._place()
+            hold = None
+            if self._session.then != "sit":
+                hold = self._hold(least=HOLD)
+                if not hold.is_done:
+                    return AfterStand(hold=hold)
+            return self._end(hold)
+
+    def _place(self) -> None:
+        """Place a simulated robot, which fell when its torque was off."""
+        if self._session.place is not None:
+            self._session.place()
+            # The first reply of a bus may be of the time before: a cycle later it is not.
+            self._guard.write(Command.limp(self._guard.robot.n))
+
+    def _find_refusal(self, state: State) -> str | None:
+        robot, model = self._session.world.robot, self._session.world.model
+        torso = torso_orientation(robot, model, state.orientation)
+        stance = StanceMeter(robot, model).estimate(torso[None], state.joint_pos[None])
+        if not is_upright(stance, robot)[0]:
+            return (
+                f"the robot does not stand: its torso is {np.degrees(stance.tilt[0]):.0f}° from "
+                f"upright, its neck at {stance.neck_height[0] / robot.standing_neck_height:.0%} "
+                "of the standing height: expected a robot that stands, held by a person while "
+                "its torque is off"
+            )
+        verdict = self.preflight(state)
+        return None if verdict.passed else str(verdict)
+
+    def _hold(self, least: float) -> Step:
+        self._report(Phase.HOLDING)
+        session = self._session
+        judge = session.make_judge() if least else None
+        supervisor = supervise_stand(
+            session.world,
+            least=least,
+            is_released=session.is_released,
+            torque_limit=self._limit,
+            held=self._held,
+        )
+
+        def watch(cycle: Cycle) -> None:
+            self.watch(cycle)
+            if judge is not None:
+                judge(cycle)
+
+        run = run_engaged(
+            supervisor,
+            self._guard,
+            max_time=supervisor.longest,
+            realtime=session.realtime,
+            on_cycle=watch,
+        )
+        _check_interrupt(run)
+        stood = judge is None or judge.end()
+        return Step(run=run, abort=supervisor.aborted, succeeded=stood)
+
+    def _end(self, hold: Step | None) -> AfterStand:
+        if self._session.then == "hand-over":
+            return AfterStand(hold=hold, hand_over=self._hand_over())
+        return AfterStand(hold=hold, way_down=self._lie_down())
+
+    def _lie_down(self) -> Step | None:
+        if self._way_down is None:
+            return None
+        self._report(Phase.LYING_DOWN)
+        session = self._session
+        judge = session.make_judge()
+        supervisor = supervise_motion(
+            session.world, self._way_down, torque_limit=self._limit, held=self._held
+        )
+        run = play_engaged(
+            supervisor, self._guard, judge, realtime=session.realtime, on_cycle=self.watch
+        )
+        if run.ending is Ending.DONE:  # it rests, and judging takes longer than a cycle
+            self._guard.write(Command.limp(self._guard.robot.n))
+        outcome = judge.conclude()
+        lies = ends_as_meant(session.world, self._way_down, outcome)
+        return Step(run=run, abort=supervisor.aborted, outcome=outcome, succeeded=lies)
+
+    def _hand_over(self) -> HandOver:
+        self._guard.backend.release = Release.HOLD
+        assert self._sent is not None
+        return HandOver(robot=self._guard.robot, command=self._sent)
+
+    @property
+    def _held(self) -> np.ndarray | None:
+        return None if self._sent is None else self._sent.joint_pos
+
+    def _report(self, phase: Phase) -> None:
+        self._session.on_phase(PhaseChange(phase, 1, phase.value))
+
+
+def _check_interrupt(run: RunReport) -> None:
+    if run.ending is Ending.INTERRUPTED:
+        raise KeyboardInterrupt

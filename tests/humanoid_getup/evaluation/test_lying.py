@@ -1,0 +1,77 @@
+"""Lying down: on the side that was meant, still at the end, and never faster than a knock."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.evaluation.lying import (
+    LYING_TIME,
+    MAX_DESCENT,
+    MAX_LEAN,
+    MAX_SWAY,
+    judge_lying,
+)
+from humanoid_getup.simulation.falls import classify
+from robots import quaternion
+
+PERIOD = 0.01
+SAMPLES = 400
+SIDES = {
+    "supine": (np.array([0.0, 1.0, 0.0]), -np.pi / 2),
+    "prone": (np.array([0.0, 1.0, 0.0]), np.pi / 2),
+    "left": (np.array([1.0, 0.0, 0.0]), -np.pi / 2),
+    "right": (np.array([1.0, 0.0, 0.0]), np.pi / 2),
+}
+
+
+def record(side="supine", off=0.0, moved=0.0, speed=0.1):
+    """A robot that turns by a quarter, sinks at a speed [m/s], and lies for the second half."""
+    axis, quarter = SIDES[side]
+    share = np.clip(2.0 * np.arange(SAMPLES) / SAMPLES, 0.0, 1.0)
+    orientation = quaternion.from_axis_angle(axis, share * (quarter - np.sign(quarter) * off))
+    joint_pos = np.zeros((SAMPLES, 3))
+    joint_pos[-1, 1] = moved
+    neck = 0.3 - speed * PERIOD * np.minimum(np.arange(SAMPLES), SAMPLES // 2)
+    return orientation, joint_pos, neck, PERIOD
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_robot_lies_on_its_side_and_on_no_other(side):
+    assert classify(record(side)[0][-1]) == side
+    judged = {other: bool(judge_lying(*record(side), other).lies) for other in SIDES}
+    assert judged == {other: other == side for other in SIDES}
+
+
+@pytest.mark.parametrize(
+    ("changes", "lies"),
+    [
+        ({"off": 0.95 * MAX_LEAN}, True),
+        ({"off": 1.05 * MAX_LEAN}, False),  # leans on its arms
+        ({"moved": 0.95 * MAX_SWAY}, True),
+        ({"moved": 1.05 * MAX_SWAY}, False),  # still moves
+        ({"speed": 0.95 * MAX_DESCENT}, True),
+        ({"speed": 1.05 * MAX_DESCENT}, False),  # fell over
+    ],
+)
+def test_each_bound_decides(changes, lies):
+    assert bool(judge_lying(*record(**changes), "supine").lies) is lies
+
+
+def test_the_speed_of_descent_is_measured():
+    assert judge_lying(*record(speed=0.37), "supine").descent == pytest.approx(0.37)
+
+
+def test_what_moved_before_the_last_second_does_not_count():
+    orientation, joint_pos, neck, period = record()
+    joint_pos[: -round(LYING_TIME / PERIOD)] = 1.0
+    assert judge_lying(orientation, joint_pos, neck, period, "supine").lies
+
+
+def test_a_batch_is_judged_as_each_of_its_records():
+    records = [record(speed=speed) for speed in (0.1, 0.3, 2.0)]
+    batch = [np.stack(rows) for rows in list(zip(*records, strict=True))[:3]]
+    assert judge_lying(*batch, PERIOD, "supine").lies.tolist() == [True, True, False]
+
+
+def test_a_record_that_is_too_short_tells_nothing():
+    orientation, joint_pos, neck, period = (r[:50] if np.ndim(r) else r for r in record())
+    assert not judge_lying(orientation, joint_pos, neck, period, "supine").lies

@@ -1,0 +1,248 @@
+"""A robot that stands: it is held, lies down softly, goes limp, or is handed over under torque."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pytest
+
+import humanoid_getup as hg
+from drivers import Command, Cycle, Ending, FaultKind, Release, State, Twin
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.phase import Phase
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.playback.monitors import AbortKind
+from humanoid_getup.simulation.falls import classify, settle_posture
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, TorqueLimit
+from robots.kinematics import read_posture
+
+WEAK = TorqueLimit(2.0, "pwm")
+
+
+@pytest.fixture(scope="module")
+def rise(world: World) -> hg.StoredMotion:
+    return hg.StoredMotion(world, "squat_to_stand")
+
+
+@pytest.fixture(scope="module")
+def squat(world: World, rise: hg.StoredMotion) -> Posture:
+    at_rest = settle_posture(world, rise.motion.posture(0))
+    return read_posture(world.robot, world.model, at_rest)
+
+
+def after(seconds: float, period: float):
+    """Make what releases a robot after a time of being held [s]."""
+    cycles = count(1)
+    return lambda: next(cycles) * period >= seconds
+
+
+def get_up(backend, rise: hg.StoredMotion, **options):
+    """Play the rise, from a squat that is not given time to fall over."""
+    session = RiseSession.on(backend, rise, max_attempts=1, settle=False, **options)
+    return AttemptManager(session).get_up(np.random.default_rng(0))
+
+
+def test_a_robot_that_stands_sits_and_lies_down_and_is_limp_then(world: World, op3: Robot):
+    twin = Twin(world, op3.standing)
+    result = hg.keep_stand(twin, world, torque_limit=WEAK)
+    assert result.succeeded, result.reason
+    assert result.reason == "sat and lay down, torque off"
+    assert classify(twin.truth.posture.orientation) == "supine"
+    assert not twin.simulation.has_torque
+    record = result.record()
+    assert record["head_impact_m_s"] < 0.3
+    assert record["torso_impact_m_s"] < 0.3
+    assert record["peak_torque_nm"] <= 2.0 + 1e-9
+
+
+def test_what_follows_a_rise_follows_it_without_a_cycle_limp(
+    world: World, rise: hg.StoredMotion, squat: Posture
+):
+    twin = Twin(world, squat)
+    sent: list[Command] = []
+    phases: list[Phase] = []
+    result = get_up(
+        twin,
+        rise,
+        then="hold",
+        is_released=after(2.0, twin.period),
+        on_phase=lambda change: phases.append(change.phase),
+        on_cycle=lambda cycle: sent.append(cycle.sent),
+    )
+    assert result.stood
+    assert result.after is not None
+    assert result.after.succeeded
+    assert phases[-4:] == [Phase.PLAYING, Phase.HOLDING, Phase.LYING_DOWN, Phase.ENDED]
+    assert not any(command.is_limp for command in sent)
+    moved = np.abs(np.diff([command.joint_pos for command in sent], axis=0)).max()
+    assert moved <= twin.robot.max_velocity.max() * twin.period
+    assert result.record()["after"]["held_s"] == pytest.approx(2.0, abs=0.1)
+    assert classify(twin.truth.posture.orientation) == "supine"
+
+
+@pytest.mark.parametrize(("then", "has_torque"), [("limp", False), ("hand-over", True)])
+def test_torque_is_left_on_only_for_another_program(
+    then, has_torque: bool, world: World, rise: hg.StoredMotion, squat: Posture
+):
+    twin = Twin(world, squat)
+    result = get_up(twin, rise, then=then)
+    assert result.stood
+    assert twin.simulation.has_torque is has_torque
+    assert twin.release is Release.LIMP, "the next program's failures would stay under torque"
+    assert result.after is not None
+    left = result.after.hand_over
+    assert (left is not None) is has_torque
+    if left is not None:
+        knee = left.record()["joints"]["l_knee"]
+        assert knee["target_rad"] == pytest.approx(0.8901, abs=0.002)  # as in robot.toml
+        assert (knee["torque_limit_nm"], knee["position_p_gain"]) == (pytest.approx(4.1, abs=0.005), 800)
+        assert "watchdog off" in str(left)
+
+
+@pytest.mark.parametrize("then", ["hold", "hand-over"])
+def test_a_robot_on_servos_lies_down_or_holds_without_a_watchdog(
+    then, rise: hg.StoredMotion, squat: Posture, world: World
+):
+    virtual = VirtualRobot(Simulation(world), powered=True)
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        backend = DynamixelBackend(world.robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
+        with backend:
+            pass  # the first connection configures the servos, which may take time
+        ports.main.call(lambda: virtual.place(squat))
+        result = get_up(backend, rise, simulation=virtual.simulation, then=then)
+        assert result.stood, result.reason
+        assert result.after is not None
+        assert result.after.succeeded, result.after.reason
+        torque = {servo.peek("torque_enable") for servo in virtual.servos}
+        assert torque == {1 if then == "hand-over" else 0}
+        assert {servo.peek("bus_watchdog") for servo in virtual.servos} == {0}
+        ports.main.call(lambda: virtual.physics.advance(virtual.physics.time + 1.0))
+    truth = virtual.simulation.truth
+    side = None if then == "hand-over" else "supine"  # it stands on, with no program
+    assert classify(truth.posture.orientation) == side
+
+
+def test_the_default_drops_no_robot_on_servos(world: World, rise: hg.StoredMotion):
+    """A robot that never comes to rest shows the session that it was given, and nothing moves."""
+    asked: list[str | None] = []
+
+    class Recorded(RiseSession):
+        def __post_init__(self) -> None:
+            asked.append(self.then)
+            raise InterruptedError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("humanoid_getup.execution.get_up.RiseSession", Recorded)
+        virtual = VirtualRobot(Simulation(world))
+        with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+            for backend in (Twin(world), DynamixelBackend(world.robot, ports.paths)):
+                with pytest.raises(InterruptedError):
+                    hg.get_up(backend, rise)
+    assert asked == ["limp", "hold"]
+
+
+class Pushed(Twin):
+    """Is pushed at a time, harder than any stance bears."""
+
+    push_at = 6.0  # s
+
+    def write(self, command: Command) -> Command:
+        if abs(self.data.time - self.push_at) < 0.5 * self.period:
+            self.data.qvel[0] += 1.2  # m/s
+        return super().write(command)
+
+
+def test_a_robot_pushed_over_while_it_is_held_goes_limp(world: World, op3: Robot):
+    twin = Pushed(world, op3.standing)
+    result = hg.keep_stand(twin, world, then="hold", is_released=after(20.0, twin.period))
+    assert not result.succeeded
+    assert result.way_down is None
+    assert result.hold is not None
+    assert result.hold.abort is not None
+    assert result.hold.abort.kind is AbortKind.FELL
+    assert result.reason.startswith("holding the stand failed: aborted after 6.")
+    assert not twin.simulation.has_torque
+
+
+@pytest.mark.parametrize("phase", [Phase.HOLDING, Phase.LYING_DOWN])
+@pytest.mark.parametrize("fault", [FaultKind.TOO_HOT, FaultKind.STALE_DATA])
+def test_a_robot_that_stands_or_lies_down_is_watched(
+    phase: Phase, fault: FaultKind, world: World, op3: Robot
+):
+    phases: list[Phase] = []
+
+    class Ailing(Twin):
+        def read(self) -> State:
+            state = super().read()
+            if phases[-1:] != [phase] or state.time < 5.5:
+                return state
+            if fault is FaultKind.TOO_HOT:
+                return replace(state, temperature=state.temperature + 60.0)
+            return replace(state, time=5.5)
+
+    twin = Ailing(world, op3.standing)
+    result = hg.keep_stand(
+        twin,
+        world,
+        then="hold",
+        is_released=after(8.0 if phase is Phase.HOLDING else 1.0, twin.period),
+        on_phase=lambda change: phases.append(change.phase),
+    )
+    assert not result.succeeded
+    step = result.hold if phase is Phase.HOLDING else result.way_down
+    assert step is not None
+    if fault is FaultKind.STALE_DATA:
+        assert step.run.ending is Ending.FAULT
+        assert result.by_fault
+    assert fault.value in result.reason  # the monitor and the guard say it in the same words
+    assert not twin.simulation.has_torque
+
+
+@pytest.mark.parametrize("lies", [True, False])
+def test_a_robot_that_does_not_stand_is_refused_in_one_line(
+    lies: bool, world: World, squat: Posture
+):
+    twin = Twin(world, hg.sample_fall(world, "supine", seed=1).posture if lies else squat)
+    result = hg.keep_stand(twin, world)
+    assert result.refusal is not None
+    assert "\n" not in result.refusal
+    assert result.refusal.startswith("the robot does not stand: its torso is")
+    assert not result.succeeded
+    assert not result.by_fault
+    assert not twin.simulation.has_torque
+
+
+def test_a_robot_that_has_no_way_down_is_refused_before_it_moves(tiny: Robot):
+    world = World(tiny)
+    with pytest.raises(ValueError, match="robot 'tiny' has no motions"):
+        hg.keep_stand(Twin(world), world, then="sit")
+    with pytest.raises(ValueError, match="then is 'jump', expected one of 'hold', 'sit'"):
+        hg.keep_stand(Twin(world), world, then="jump")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_way_down_that_the_supply_does_not_allow_is_refused(world: World, op3: Robot):
+    twin = Twin(world, op3.standing, voltage=9.0)
+    result = StandKeeper(StandSession.on(twin, world)).start()
+    assert result.refusal is not None
+    assert result.refusal.startswith("preflight refused")
+
+
+def test_an_interrupted_hold_leaves_the_robot_limp(world: World, op3: Robot):
+    def interrupt(cycle: Cycle) -> None:
+        if cycle.state.time > 1.0:
+            raise KeyboardInterrupt
+
+    twin = Twin(world, op3.standing)
+    with pytest.raises(KeyboardInterrupt):
+        hg.keep_stand(twin, world, then="hand-over", on_cycle=interrupt)
+    assert not twin.simulation.has_torque
+    assert twin.release is Release.LIMP

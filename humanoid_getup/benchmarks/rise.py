@@ -44,6 +44,8 @@ def bench_rise(
         "planning": strategy.planning,
         "filtering": strategy.filtering,
         "assistance": strategy.assistance,
+        "prefer": strategy.prefer,
+        "search_budget_s": strategy.search_budget,
         "classes": {
             name: summarize_records([r for r in records if r["bench_class"] == name])
             for name in BENCH_CLASSES

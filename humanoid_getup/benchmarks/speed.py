@@ -8,7 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from humanoid_getup.filtering.dynamics_filter import Candidate, DynamicsFilter
+from humanoid_getup.filtering.candidate import Candidate
+from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.motions.posture_metric import align

@@ -72,6 +72,8 @@ def bench_rise(command: BenchRise) -> int:
         filtering=command.filtering,
         assistance=command.assistance,
         torque_limit=make_torque_limit(command, world.robot),
+        prefer=command.prefer,
+        search_budget=command.search_budget,
     )
     rises = len(rise.BENCH_CLASSES) * command.n
     return _run(command, rise.bench_rise, planner, count=rises, of="rises")

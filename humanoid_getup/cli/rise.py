@@ -54,6 +54,7 @@ def rise(command: Rise) -> int:
             "method": command.method,
             "planning": command.planning,
             "filtering": command.filtering,
+            "prefer": command.prefer,
         },
     )
 
@@ -98,6 +99,8 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
             planning=command.planning,
             filtering=command.filtering,
             torque_limit=limit,
+            prefer=command.prefer,
+            search_budget=command.search_budget,
         )
     learned = StrategyId(POLICY, command.policy)
     if command.method == POLICY or records.knows(learned):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drivers import Cycle, State
 from drivers.twin.simulation import Simulation
+from humanoid_getup.evaluation.preference import DEEP_OVERLAP
 from humanoid_getup.evaluation.standing import (
     HOLD_TIME,
     StanceMeter,
@@ -26,7 +27,6 @@ from robots import Robot, quaternion
 from robots.kinematics import lowest_point, place_postures, torso_orientation
 from robots.quaternion import Array
 
-DEEP_SELF_CONTACT = 0.0001  # m; contacts are stiff: a touch this deep is firm, a collision
 DEEP_GROUND = 0.005  # m; more than the soft contact of a resting robot
 APART = 0.1  # s after which a collision or violation counts again
 LIMIT_SLACK = np.radians(1.0)  # a soft joint stop yields this much
@@ -150,7 +150,7 @@ class GroundTruthJudge:
         beyond = np.maximum(robot.lower - angles, angles - robot.upper).max()
         self._faults.append(
             (
-                truth.self_penetration > DEEP_SELF_CONTACT,
+                truth.self_penetration > DEEP_OVERLAP,
                 truth.ground_penetration > DEEP_GROUND,
                 bool(beyond > LIMIT_SLACK),
             )

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from humanoid_getup.evaluation.standing import Stance, is_upright, judge, measure_stance
+from humanoid_getup.evaluation.preference import Preference, PreferenceName, RiseFigures
+from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
+from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.rehearsal import Worlds
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
-from humanoid_getup.motions.motion import Trajectory, hold_last
-from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import (
     Feedback,
@@ -33,63 +32,8 @@ CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = RolloutRandomization(
     joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Patience:
-    """How a motion waits for servos that lag behind their targets.
-
-    A servo under load stays behind its target by its torque over its stiffness; beyond the
-    largest torque it does not follow at all, and a motion that goes on regardless leaves the
-    robot behind. So time passes slower the farther the slowest joint is behind.
-    """
-
-    tolerance: float
-    """Lag up to which the motion runs at its own speed [rad]."""
-    band: float
-    """Lag beyond that at which it would stop [rad]."""
-    slowest: float
-    """Smallest speed, as a share of its own."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """A path and a motion to be rolled out."""
-
-    path: Trajectory
-    """From the lying posture to the connecting one."""
-    connection: Connection
-    tempo: float = 1.0
-    """Speed of the path as a share of the planned one."""
-    patience: Patience | None = None
-    """How it waits where the servos lag behind; ``None``: it does not wait."""
-    assistance: float = 1.0
-    """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
-    before: Array | None = None
-    """Targets to send first [rad], (T, n): those of an earlier rollout, at whose end the path
-    begins."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CandidateRollout:
-    """Rollout of a candidate."""
-
-    candidate: Candidate
-    stood: bool
-    """Whether it ended upright for `FIRST_HOLD`; a check asks for more."""
-    stand_time: float
-    """Start to the first moment of the stand [s]; nan if it did not stand."""
-    target: Array
-    """Targets that the servos were sent [rad], (T, n)."""
-    qpos: Array
-    """MuJoCo positions, (T, nq)."""
-    peak_neck: float
-    """Greatest neck height reached [m]."""
-    moving: int
-    """Cycles before the targets stand still."""
-
-
-NO_PATIENCE = Patience(tolerance=np.inf, band=1.0, slowest=1.0)
+HARD_DISTURBANCE = RolloutRandomization()  # of a rise that must have a margin
+FEW = 2  # worlds in which a rise that stands is improved
 
 
 class DynamicsFilter:
@@ -106,14 +50,18 @@ class DynamicsFilter:
         world: World,
         *,
         torque_limit: TorqueLimit = FULL_TORQUE,
+        prefer: PreferenceName = "time",
         threads: int = 0,
     ) -> None:
         self.world, self.torque_limit = world, torque_limit.on(world.robot)
+        self.preference = Preference.of(prefer)
         self.count = 0
         self._threads = threads
         self._limbs = LimbMap.of(world)
         self._simulations: dict[int, Rollout] = {}
-        self._search = TargetSearch(world, worlds=CHECKS, threads=threads)
+        self._search = TargetSearch(
+            world, worlds=CHECKS, preference=self.preference, threads=threads
+        )
         self._rehearsal = self._search.rehearsal
 
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
@@ -124,10 +72,7 @@ class DynamicsFilter:
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
         n = len(candidates)
         trace = self._simulate(n).track(starts, tracker, self._nominal(n))
-        stance = measure_stance(world, trace)
-        return [
-            self._read(trace, stance, i, c, tracker.moving[i]) for i, c in enumerate(candidates)
-        ]
+        return self._read(trace, candidates, tracker.moving)
 
     def _refer(self, c: Candidate) -> Reference:
         reference = compose(self.world, c.path, c.connection.motion, c.connection.frame, c.tempo)
@@ -165,6 +110,30 @@ class DynamicsFilter:
                 break
         return self._replay(start, rollout.candidate, target), share
 
+    def improve(
+        self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
+    ) -> CandidateRollout:
+        """Search variations of a rollout's targets that cost less, or have a margin.
+
+        The rollout stands under every disturbance, and is returned unless a better one stands
+        in all of a fresh check, too. The budget is simulated time [s].
+        """
+        target = rollout.target[: rollout.moving]
+        if self.preference.wants_margin:
+            found = self._search.search(
+                self._disturb(start, rng, HARD_DISTURBANCE), target, budget, rng
+            )
+            better = [] if found.target is target else [found.target]
+        else:
+            few = self._disturb(start, rng).take(np.arange(FEW))
+            found = self._search.improve(few, target, budget, rng)
+            better = found.targets
+        self.count += found.rehearsals
+        for one in better:
+            if self.check(start, one, rng) == 1.0:
+                return self._replay(start, rollout.candidate, one)
+        return rollout
+
     def _replay(self, start: Posture, candidate: Candidate, target: Array) -> CandidateRollout:
         """Play targets (T, n) in the undisturbed world, and hold the last."""
         world, robot = self.world, self.world.robot
@@ -172,15 +141,20 @@ class DynamicsFilter:
         nominal = self._nominal(1)
         starts = place(robot, world.model, start)[None]
         trace = self._simulate(1).play(starts, longer[None], nominal)
-        return self._read(trace, measure_stance(world, trace), 0, candidate, len(target))
+        return self._read(trace, [candidate], np.array([len(target)]))[0]
 
-    def _disturb(self, start: Posture, rng: np.random.Generator) -> Worlds:
+    def _disturb(
+        self,
+        start: Posture,
+        rng: np.random.Generator,
+        disturbance: RolloutRandomization = CHECK_DISTURBANCE,
+    ) -> Worlds:
         world, robot = self.world, self.world.robot
         starts, parameters = randomize_rollouts(
             world,
             place(robot, world.model, start),
             CHECKS,
-            CHECK_DISTURBANCE,
+            disturbance,
             self.torque_limit,
             rng,
         )
@@ -200,19 +174,29 @@ class DynamicsFilter:
         return self._simulations[n]
 
     def _read(
-        self, trace: Trace, stance: Stance, i: int, candidate: Candidate, moving: int
-    ) -> CandidateRollout:
-        upright = is_upright(stance, self.world.robot)[i]
-        stand = judge(upright, trace.period, hold_time=FIRST_HOLD - 0.1)
-        return CandidateRollout(
-            candidate=candidate,
-            stood=stand.stood,
-            stand_time=stand.start_time,
-            target=trace.target[i],
-            qpos=trace.qpos[i],
-            peak_neck=float(stance.neck_height[i].max()),
-            moving=moving,
-        )
+        self, trace: Trace, candidates: list[Candidate], moving: np.ndarray
+    ) -> list[CandidateRollout]:
+        """Judge the rollouts of candidates whose targets stand still after so many cycles."""
+        stance = measure_stance(self.world, trace)
+        upright = is_upright(stance, self.world.robot)
+        stands = [judge(one, trace.period, hold_time=FIRST_HOLD - 0.1) for one in upright]
+        stand_time = np.array([stand.start_time for stand in stands])
+        figures = RiseFigures.of_trace(trace, self.world, stand_time)
+        cost = self.preference.cost(figures)
+        return [
+            CandidateRollout(
+                candidate=candidate,
+                stood=stands[i].stood,
+                stand_time=stands[i].start_time,
+                cost=float(cost[i]),
+                collides=bool(figures.collides[i]),
+                target=trace.target[i],
+                qpos=trace.qpos[i],
+                peak_neck=float(stance.neck_height[i].max()),
+                moving=int(moving[i]),
+            )
+            for i, candidate in enumerate(candidates)
+        ]
 
 
 class _Tracker:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.evaluation.preference import RiseFigures
 from humanoid_getup.evaluation.standing import HOLD_TIME, StanceMeter, is_upright
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
@@ -44,23 +45,13 @@ class Worlds:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rehearsed:
-    """How rehearsals of S motions in K worlds ended."""
+class Rehearsed(RiseFigures):
+    """How rehearsals of S motions in K worlds ended; the figures are (S, K)."""
 
     stood: Bools
     """Whether it ended in a held stand, (S, K)."""
-    stand_time: Array
-    """Start to the first moment of that stand [s], (S, K); nan if it did not stand."""
     progress: Array
     """How near it came to a stand, from 0 to 1, (S, K)."""
-    peak_torque: Array
-    """Largest torque of any servo [N·m], (S, K)."""
-    rms_torque: Array
-    """Over time and servos [N·m], (S, K)."""
-    impact: Array
-    """Largest change of the neck's velocity within a control period [m/s], (S, K)."""
-    overlap: Array
-    """Greatest depth of self-penetration [m], (S, K)."""
     simulated: float
     """Simulated time, all of them together [s]."""
 

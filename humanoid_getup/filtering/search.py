@@ -1,4 +1,4 @@
-"""Search: varies targets until the motion stands in every disturbed world."""
+"""Search: varies targets until a motion stands in every disturbed world, or costs less."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.evaluation.preference import Preference
 from humanoid_getup.filtering.rehearsal import Rehearsal, Rehearsed, Worlds
 from humanoid_getup.filtering.variation import Variation
 from humanoid_getup.simulation.world import World
@@ -17,7 +18,22 @@ HARDEST = 4  # worlds in which every variation is rehearsed
 RIVALS = 2  # best variations of a generation that may be rehearsed in the other worlds
 PARENTS = 5  # best variations of a generation, about whose mean the next one is sampled
 STEP = 0.4  # standard deviation of a generation's genes
-EFFORT_COST = 0.02  # of 1 N·m of RMS torque; a stand is worth 1 and what comes near it up to 1
+EFFORT = 0.02  # of 1 s of a preference's cost; a stand is worth 1, what comes near it up to 1
+NO_STAND = 10.0  # s, cost of a rise that fails, beside the stand that it misses
+FINE_STEP = 0.25  # standard deviation of the genes of a motion that stands
+FINALISTS = 3  # cheapest variations that an improvement returns
+
+
+@dataclass(frozen=True, kw_only=True)
+class Improvement:
+    """Variations of a motion that cost less and stand in the worlds in which they were tried."""
+
+    targets: list[Array]
+    """Their targets [rad], each (T, n), the cheapest first; none if no cheaper one was found."""
+    rehearsals: int
+    """How often a variation was rehearsed in a world."""
+    simulated: float
+    """Simulated time, all rehearsals together [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +63,11 @@ class TargetSearch:
     one that stands in all of them is rehearsed in the others, too.
     """
 
-    def __init__(self, world: World, *, worlds: int, threads: int = 0) -> None:
+    def __init__(
+        self, world: World, *, worlds: int, preference: Preference, threads: int = 0
+    ) -> None:
         """Prepare for searches in up to that many worlds."""
+        self.preference = preference
         self.rehearsal = Rehearsal(world, max(SAMPLES * HARDEST, worlds), threads=threads)
         self._robot, self._layout = world.robot, world.robot.layout(world.model)
 
@@ -72,7 +91,7 @@ class TargetSearch:
             outcome = self.rehearsal.play(worlds.take(hardest), motions)
             rehearsals += outcome.stood.size
             simulated += outcome.simulated
-            cost = _cost(outcome)
+            cost = self._weigh(outcome)
             order = np.argsort(cost, kind="stable")
             mean = _weights() @ genes[order[:PARENTS]]
             for i in order[:RIVALS]:
@@ -92,11 +111,46 @@ class TargetSearch:
             simulated=simulated,
         )
 
+    def improve(
+        self, worlds: Worlds, target: Array, budget: float, rng: np.random.Generator
+    ) -> Improvement:
+        """Vary targets [rad], (T, n), that stand in few worlds, so that they cost less there.
 
-def _cost(outcome: Rehearsed) -> Array:
-    """Weigh motions by their stands, how near the others came to one, and effort, (S,)."""
-    gain = outcome.stood + outcome.progress - EFFORT_COST * outcome.rms_torque  # (S, K)
-    return -gain.mean(axis=1)
+        The budget is simulated time [s]. The search ends before it is spent when no cheaper one
+        is wanted.
+        """
+        start = worlds.starts[0, self._layout.qpos]
+        outcome = self.rehearsal.play(worlds, [target])
+        rehearsals, simulated = len(worlds), outcome.simulated
+        mean = np.zeros(Variation.size(self._robot))
+        begun = float(self._weigh(outcome)[0])
+        best = [(begun, target)]
+        content = self._is_content(outcome, 0)
+        while not content and simulated < budget:
+            genes = mean + FINE_STEP * rng.normal(size=(SAMPLES, len(mean)))
+            motions = [Variation.of(g).apply(target, start, self._robot) for g in genes]
+            outcome = self.rehearsal.play(worlds, motions)
+            rehearsals += outcome.stood.size
+            simulated += outcome.simulated
+            cost = self._weigh(outcome)
+            order = np.argsort(cost, kind="stable")
+            mean = _weights() @ genes[order[:PARENTS]]
+            stands = outcome.stood.all(axis=1)
+            best += [(float(cost[i]), motions[i]) for i in order if stands[i]]
+            best = sorted(best, key=lambda one: one[0])[:FINALISTS]
+            content = best[0][1] is motions[order[0]] and self._is_content(outcome, order[0])
+        cheaper = [motion for cost, motion in best[:FINALISTS] if cost < begun]
+        return Improvement(targets=cheaper, rehearsals=rehearsals, simulated=simulated)
+
+    def _is_content(self, outcome: Rehearsed, i: int | np.int_) -> bool:
+        """Return whether nothing cheaper than a motion is wanted."""
+        return not (self.preference.is_insatiable or np.any(outcome.collides[i]))
+
+    def _weigh(self, outcome: Rehearsed) -> Array:
+        """Weigh motions by their stands, how near the others came to one, and cost, (S,)."""
+        cost = np.where(outcome.stood, self.preference.cost(outcome), NO_STAND)
+        gain = outcome.stood + outcome.progress - EFFORT * cost  # (S, K)
+        return -gain.mean(axis=1)
 
 
 def _share(outcome: Rehearsed) -> float:

@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.filtering.dynamics_filter import (
-    Candidate,
-    CandidateRollout,
-    DynamicsFilter,
-    Patience,
-)
+from humanoid_getup.evaluation.preference import PreferenceName
+from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Patience
+from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
@@ -74,6 +71,8 @@ class PlannedRise:
         filtering: bool = True,
         assistance: float = 1.0,
         torque_limit: TorqueLimit = FULL_TORQUE,
+        prefer: PreferenceName = "time",
+        search_budget: float = SEARCH_BUDGET,
     ) -> None:
         """Prepare to plan.
 
@@ -84,20 +83,29 @@ class PlannedRise:
             filtering: Filter through physics; False: path and motion are played as they are.
             assistance: Share of the virtual actuator's torques that the filter uses.
             torque_limit: Of the servos.
+            prefer: What a rise should be besides successful.
+            search_budget: Simulated time in which a search may vary a rollout's targets [s].
+
+        Raises:
+            ValueError: if the preference is unknown, or the budget not above 0.
         """
+        if not search_budget > 0.0:
+            raise ValueError(f"search_budget is {search_budget} s, expected above 0 s")
+        self.prefer, self.search_budget = prefer, search_budget
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.planning, self.filtering, self.assistance = planning, filtering, assistance
         self.database = load_database(world.robot) if database is None else database
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
-        self.filter = DynamicsFilter(world, torque_limit=self.torque_limit)
+        self.filter = DynamicsFilter(world, torque_limit=self.torque_limit, prefer=prefer)
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
 
-        First the nearest connecting postures of a few motions are tried, and the quickest rise
-        that stands is taken; if none does, further motions and slower paths; if those fail, too,
-        new paths from where their rollouts ended. A robot so tangled that no path leaves its
+        First the nearest connecting postures of a few motions are tried, and the cheapest rise
+        that stands is taken; if none does, or it is not yet as preferred, further motions and
+        slower paths; if those fail, too, new paths from where their rollouts ended. What stands
+        is improved by a search, where more is preferred. A robot so tangled that no path leaves its
         posture is first pulled free by its servos.
         """
         began = time.perf_counter()
@@ -113,7 +121,7 @@ class PlannedRise:
         self._round(progress, first)
         if not first:
             self._round(progress, self._pull_free(progress, connections[:FIRST_CONNECTIONS]))
-        elif not progress.is_done:
+        elif not progress.is_done or self.filter.preference.is_demanding:
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
             self._round(progress, further + [replace(c, patience=PATIENT) for c in first + further])
         if not progress.is_done:
@@ -124,6 +132,7 @@ class PlannedRise:
         for _ in range(SECOND_TRIES):
             if not progress.is_done:
                 self._try_again(progress)
+        self._improve(progress)
         return self._conclude(
             progress,
             rollouts=self.filter.count - already,
@@ -175,11 +184,26 @@ class PlannedRise:
             for c in connections
         ]
 
+    def _wants_more(self, progress: _Progress) -> bool:
+        """Return whether a better rise than the best is searched for."""
+        best, preference = progress.best, self.filter.preference
+        if best is None or not progress.is_done:
+            return True
+        return best.collides or preference.is_insatiable or preference.wants_margin
+
+    def _improve(self, progress: _Progress) -> None:
+        """Vary the targets of a rise that stands under every disturbance."""
+        if progress.best is not None and progress.is_done:
+            budget = self.filter.preference.improvement * self.search_budget
+            progress.best = self.filter.improve(progress.start, progress.best, budget, progress.rng)
+
     def _search(self, progress: _Progress) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
         failed = sorted(progress.tried, key=lambda r: -r.peak_neck)[:HOPEFULS]
         for base in [progress.best] if progress.best else failed:
-            better, share = self.filter.better(progress.start, base, SEARCH_BUDGET, progress.rng)
+            better, share = self.filter.better(
+                progress.start, base, self.search_budget, progress.rng
+            )
             if better.stood and share > (progress.robust if progress.best else 0.0):
                 progress.best, progress.robust = better, share
                 if progress.is_done:
@@ -195,16 +219,18 @@ class PlannedRise:
         self._round(progress, candidates)
 
     def _round(self, progress: _Progress, candidates: list[Candidate]) -> None:
-        """Roll candidates out; check the quickest that stood against disturbances."""
+        """Roll candidates out; check the cheapest that stood against disturbances."""
         if not candidates:
             return
         progress.rounds += 1
         candidates = [replace(c, assistance=self.assistance) for c in candidates]
         progress.tried = self.filter.roll_out(progress.start, candidates)
-        standing = sorted((r for r in progress.tried if r.stood), key=lambda r: r.stand_time)
+        standing = sorted((r for r in progress.tried if r.stood), key=lambda r: r.cost)
         for finalist in standing[:FINALISTS]:
+            if progress.best and progress.is_done and finalist.cost >= progress.best.cost:
+                return
             share = self.filter.check(progress.start, finalist.target, progress.rng)
-            if share > (progress.robust if progress.best else 0.0):
+            if share >= ENOUGH or share > (progress.robust if progress.best else 0.0):
                 progress.best, progress.robust = finalist, share
             if share >= ENOUGH:
                 return

@@ -8,11 +8,17 @@ from typing import Annotated
 from tyro.conf import arg
 
 from humanoid_getup.cli.checks import between, positive
-from humanoid_getup.cli.options.shared import Count, MotionName, TorqueOptions, WorldOptions
+from humanoid_getup.cli.options.shared import (
+    Count,
+    MotionName,
+    PreferenceOptions,
+    TorqueOptions,
+    WorldOptions,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(TorqueOptions, WorldOptions):
+class BenchRise(PreferenceOptions, TorqueOptions, WorldOptions):
     """Rise from many settled falls: success rates, times and faults."""
 
     n: Count = 20

@@ -8,11 +8,17 @@ from typing import Annotated, ClassVar, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import positive
-from humanoid_getup.cli.options.shared import Count, MotionName, PolicyName, RunOptions
+from humanoid_getup.cli.options.shared import (
+    Count,
+    MotionName,
+    PolicyName,
+    PreferenceOptions,
+    RunOptions,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rise(RunOptions):
+class Rise(PreferenceOptions, RunOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
     attempts: Count = 3

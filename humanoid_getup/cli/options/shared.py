@@ -94,6 +94,18 @@ class TorqueOptions(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PreferenceOptions(CommandOptions):
+    """What a planned rise should be, and how long it is searched for."""
+
+    prefer: Literal["time", "torque", "impact", "robustness"] = "time"
+    """What a planned rise should be besides successful: quick, with low torque, soft, or with a
+    margin against disturbances."""
+    search_budget: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 600.0
+    """Simulated time in which a plan's targets are varied until they stand under every disturbance
+    [s]; up to half as much is spent on what stands, as --prefer says."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class MoveOptions(TorqueOptions, WorldOptions):
     """Options of every command that moves a robot."""
 

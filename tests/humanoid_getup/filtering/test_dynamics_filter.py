@@ -4,12 +4,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from humanoid_getup.filtering.dynamics_filter import (
-    LONGEST_STRETCH,
-    Candidate,
-    DynamicsFilter,
-    Patience,
-)
+from humanoid_getup.filtering.candidate import Candidate, Patience
+from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.rehearsal import Rehearsal
 from humanoid_getup.motions.motion import join

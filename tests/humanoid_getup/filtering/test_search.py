@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from humanoid_getup.evaluation.preference import Preference
 from humanoid_getup.filtering.rehearsal import Worlds
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.motions.motion_database import load_database
@@ -18,7 +19,7 @@ def motion(op3):
 
 @pytest.fixture(scope="module")
 def search(world):
-    return TargetSearch(world, worlds=COUNT)
+    return TargetSearch(world, worlds=COUNT, preference=Preference.of("time"))
 
 
 @pytest.fixture(scope="module")

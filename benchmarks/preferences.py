@@ -1,0 +1,184 @@
+"""Measures and draws what each preference of planned rises trades: time, torque, impact, margin.
+
+The same settled falls for all, on the twin, one attempt each. In the case "no search" what stands
+is taken as it is.
+
+    python benchmarks/preferences.py measure --n 4 --seed 5 --json full.json
+    python benchmarks/preferences.py measure --n 4 --seed 5 --torque-limit 2.5 --limit-by pwm \
+        --json weak.json
+    python benchmarks/preferences.py draw full.json weak.json --out preferences.png
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+
+from drivers import Twin
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES
+from humanoid_getup.cli.output import counting, to_json
+from humanoid_getup.evaluation.preference import PREFERENCE_NAMES
+from humanoid_getup.evaluation.statistics import summarize, summarize_records
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
+from humanoid_getup.filtering.rehearsal import Rehearsal, Worlds
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import Fall, sample_falls
+from humanoid_getup.simulation.rollout import randomize_rollouts
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots import TorqueLimit, load_robot
+from robots.files import write_atomically
+from robots.kinematics import place
+from robots.servo import LimitMode
+
+NO_SEARCH = "no search"
+NO_BUDGET = 1e-6  # s
+WORLDS = 16  # hard worlds in which each plan is rehearsed
+SUMMARIZED = ("jolt_m_s", "hard_share", "plan_and_filter_s")
+PANELS = {
+    "stand_time_s": "start to stand [s]",
+    "peak_torque_nm": "peak driving torque [N·m]",
+    "rms_torque_nm": "RMS torque up to the stand [N·m]",
+    "jolt_m_s": "largest jolt of the neck [m/s in 8 ms]",
+    "self_collisions": "self-collisions of a rise",
+    "hard_share": "stood in hard worlds [share]",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """Get up from the same falls with every preference."""
+
+    json: Path
+    n: int = 4
+    """Falls of each class: supine, prone, lateral."""
+    seed: int = 5
+    torque_limit: float | None = None
+    """Of every servo [N·m]; none for all the torque it has."""
+    limit_by: LimitMode | None = None
+    """What the limit acts on; none for the robot's own."""
+    robot: str = "op3"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """Draw measured figures."""
+
+    figures: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    out: Path
+
+
+def measure(options: Measure) -> None:
+    """Measure every preference; write after each."""
+    world = World(load_robot(options.robot))
+    limit = TorqueLimit(options.torque_limit, options.limit_by).on(world.robot)
+    database = load_database(world.robot)
+    classes = dict.fromkeys(BENCH_CLASSES, options.n)
+    falls = sample_falls(world, classes, np.random.default_rng(options.seed))
+    result: dict[str, Any] = {
+        "seed": options.seed,
+        "n": len(falls),
+        "robot": world.robot.name,
+        "torque_limit_nm": limit.value,
+        "limit_by": limit.by,
+        "cases": {},
+    }
+    strategies = {
+        NO_SEARCH: PlannedRise(world, database, torque_limit=limit, search_budget=NO_BUDGET)
+    } | {
+        name: PlannedRise(world, database, torque_limit=limit, prefer=name)
+        for name in PREFERENCE_NAMES
+    }
+    with counting("rises", len(falls) * len(strategies)) as count:
+        for name, strategy in strategies.items():
+            rises = []
+            for number, fall in enumerate(falls):
+                rises.append(_rise(strategy, fall, [options.seed, number]))
+                count(1)
+            summary = {key: summarize(r[key] for r in rises) for key in SUMMARIZED}
+            result["cases"][name] = summarize_records(rises) | summary | {"rises": rises}
+            write_atomically(options.json, to_json(result))
+
+
+def _rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
+    with Twin(strategy.world, fall.posture) as twin:
+        result = get_up(twin, strategy, seed=np.random.default_rng(seed), max_attempts=1)
+    record = result.record()
+    figures = {"jolt_m_s": None, "hard_share": None}
+    if isinstance(result.plan, MotionPlan):
+        figures = _rehearse(strategy, fall, result.plan.motion.joint_target, seed)
+    return record | figures | {"plan_and_filter_s": record["plan_s"] + record["filter_s"]}
+
+
+def _rehearse(
+    strategy: PlannedRise, fall: Fall, target: NDArray[np.float64], seed: list[int]
+) -> dict[str, float | None]:
+    """Play targets (T, n) in hard worlds that no search saw."""
+    world = strategy.world
+    starts, parameters = randomize_rollouts(
+        world,
+        place(world.robot, world.model, fall.posture),
+        WORLDS,
+        HARD_DISTURBANCE,
+        strategy.torque_limit,
+        np.random.default_rng([*seed, 1]),
+    )
+    worlds = Worlds(starts=starts, parameters=parameters)
+    outcome = Rehearsal(world, WORLDS).play(worlds, [target])
+    return {"jolt_m_s": float(outcome.impact[0, 0]), "hard_share": float(outcome.stood.mean())}
+
+
+def draw(options: Draw) -> None:
+    """Draw a panel for each figure: its median (bar) and every rise (dots), by preference."""
+    results = [json.loads(file.read_text("utf-8")) for file in options.figures]
+    figure, panels = plt.subplots(2, 3, figsize=(12.0, 6.5), layout="constrained")
+    for axes, (key, label) in zip(panels.flat, PANELS.items(), strict=True):
+        for i, result in enumerate(results):
+            _draw_figure(axes, result, key, color=f"C{i}", shift=(i - 0.5) * 0.3)
+        axes.set_xticks(range(len(results[0]["cases"])), results[0]["cases"], fontsize=8)
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0.0)
+        axes.grid(alpha=0.3, axis="y")
+    panels.flat[0].legend(loc="lower left", fontsize=8)
+    figure.savefig(options.out, dpi=110)
+
+
+def _draw_figure(axes: Any, result: dict[str, Any], key: str, *, color: str, shift: float) -> None:
+    for x, case in enumerate(result["cases"].values()):
+        values = [r[key] for r in case["rises"] if r.get(key) is not None]
+        # Counts are compared by their means: most are small whole numbers.
+        middle = np.mean(values) if key == "self_collisions" else np.median(values)
+        at = np.full(len(values), x + shift) + np.linspace(-0.06, 0.06, len(values))
+        axes.plot(at, values, ".", color=color, alpha=0.35, markersize=5)
+        label = _name_limit(result) if x == 0 else None
+        axes.hlines(middle, x + shift - 0.13, x + shift + 0.13, color=color, lw=2.5, label=label)
+
+
+def _name_limit(result: dict[str, Any]) -> str:
+    limit = result["torque_limit_nm"]
+    return "full torque" if limit is None else f"{limit:g} N·m by {result['limit_by'].upper()}"
+
+
+def main(options: Measure | Draw) -> None:
+    """Measure or draw."""
+    if isinstance(options, Measure):
+        measure(options)
+    else:
+        draw(options)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Measure | Draw, config=(tyro.conf.OmitArgPrefixes,)))

@@ -1,0 +1,72 @@
+"""Candidates: a path and a motion that are tried together, and their rollouts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.motions.motion import Trajectory
+from humanoid_getup.motions.motion_database import Connection
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patience:
+    """How a motion waits for servos that lag behind their targets.
+
+    A servo under load stays behind its target by its torque over its stiffness; beyond the
+    largest torque it does not follow at all, and a motion that goes on regardless leaves the
+    robot behind. So time passes slower the farther the slowest joint is behind.
+    """
+
+    tolerance: float
+    """Lag up to which the motion runs at its own speed [rad]."""
+    band: float
+    """Lag beyond that at which it would stop [rad]."""
+    slowest: float
+    """Smallest speed, as a share of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A path and a motion to be rolled out."""
+
+    path: Trajectory
+    """From the lying posture to the connecting one."""
+    connection: Connection
+    tempo: float = 1.0
+    """Speed of the path as a share of the planned one."""
+    patience: Patience | None = None
+    """How it waits where the servos lag behind; ``None``: it does not wait."""
+    assistance: float = 1.0
+    """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
+    before: Array | None = None
+    """Targets to send first [rad], (T, n): those of an earlier rollout, at whose end the path
+    begins."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidateRollout:
+    """Rollout of a candidate."""
+
+    candidate: Candidate
+    stood: bool
+    """Whether it ended upright for a second; a check asks for more."""
+    stand_time: float
+    """Start to the first moment of the stand [s]; nan if it did not stand."""
+    cost: float
+    """By the filter's preference [s]; nan if it did not stand."""
+    collides: bool
+    """Whether the robot touched itself firmly."""
+    target: Array
+    """Targets that the servos were sent [rad], (T, n)."""
+    qpos: Array
+    """MuJoCo positions, (T, nq)."""
+    peak_neck: float
+    """Greatest neck height reached [m]."""
+    moving: int
+    """Cycles before the targets stand still."""
+
+
+NO_PATIENCE = Patience(tolerance=np.inf, band=1.0, slowest=1.0)

@@ -131,6 +131,11 @@ def _build(robot: Robot, keyframes: Keyframes, command: BuildMotions) -> Motion:
             _progress.put((keyframes.name, generation, cost, stood))
 
     motion, _ = build_motion(
-        robot, keyframes, generations=command.generations, seed=command.seed, report=report
+        robot,
+        keyframes,
+        generations=command.generations,
+        seed=command.seed,
+        prefer=command.prefer,
+        report=report,
     )
     return motion

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.evaluation.lying import LYING_TIME, measure_lying
+from humanoid_getup.evaluation.preference import Preference, PreferenceName
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes, load_keyframes
 from humanoid_getup.motions.motion import STANDING, Motion, hold_last, join
@@ -43,16 +44,20 @@ def build_motion(
     *,
     generations: int,
     seed: int,
+    prefer: PreferenceName | None = None,
     report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> tuple[Motion, Keyframes]:
     """Optimize one set of keyframes and record it as a motion.
+
+    Without a preference, time and torque cost what the keyframes say.
 
     Raises:
         RuntimeError: if the optimized motion does not end as it should.
     """
     world = World(robot)
     start = settle(world, keyframes)
-    optimizer = TrajectoryOptimizer(world, start)
+    preference = None if prefer is None else Preference.of(prefer)
+    optimizer = TrajectoryOptimizer(world, start, preference=preference)
     optimized, robust = optimizer.optimize(keyframes, generations, seed, report)
     provenance = {
         "program": "getup motions build",
@@ -60,6 +65,7 @@ def build_motion(
         "generations": generations,
         "disturbed_success": robust,
         "torque_limit": keyframes.torque_limit,
+        "prefer": prefer or "keyframes",
     }
     return record(world, optimized, start, provenance), optimized
 

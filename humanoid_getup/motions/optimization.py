@@ -9,9 +9,11 @@ import cma
 import numpy as np
 
 from humanoid_getup.evaluation.lying import LyingSide, measure_lying
+from humanoid_getup.evaluation.preference import DEEP_OVERLAP, Preference, RiseFigures
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, hold_last
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import (
     Rollout,
     RolloutRandomization,
@@ -23,7 +25,8 @@ from robots import TorqueLimit
 from robots.quaternion import Array
 
 POPULATION = 14
-SCENARIOS = 4  # rollouts of each candidate: nominal, with full torque, two disturbed
+SCENARIOS = 5  # rollouts of each candidate: nominal, with full torque, three disturbed
+LIMIT_SHARES = (0.73, 0.61)  # of stall torque, limits of disturbed rollouts beside the motion's own
 FINAL_SCENARIOS = 48
 ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step size: rad, and share of a duration
 SEARCH_HOLD = 1.0  # s of stand or of lying still that a candidate must show; 3.0 when judged
@@ -32,36 +35,44 @@ TRAVEL_COST = 0.02  # of a radian that the targets of a joint travel, on average
 SWAY_TIME = 0.2  # s between the last target and the stand that counts
 SEARCH_TIMESTEP = 0.004  # s; the result is judged, recorded and verified at 0.002
 OVERLAP_COST = 1.0  # of pressing into itself all the time
-DEEP_OVERLAP = 0.0001  # m; contacts are stiff, so this is a firm touch
 FAILURE = 6.0  # cost that no success can reach
+PREFERENCE_SHARE = 0.3  # of a preference's cost, so that no success costs as much as a failure
+MARGIN = RolloutRandomization(joints=np.radians(4.5), root=np.radians(7.5))
 DESCENT_COST = 6.0  # of a meter per second at which the neck of a robot that lies down descends
 
 
 def score(
-    trace: Trace, world: World, keyframes: Keyframes, hold: float
+    trace: Trace,
+    world: World,
+    keyframes: Keyframes,
+    hold: float,
+    preference: Preference | None = None,
 ) -> tuple[Array, np.ndarray]:
     """Compute the cost of each rollout, (N,), and whether it ended as it should, (N,)."""
-    rms = np.sqrt(np.mean(trace.torque**2, axis=(1, 2)))
+    if keyframes.end_class == STANDING:
+        missed, succeeded, time = _judge_rise(trace, world, hold)
+    else:
+        missed, succeeded = _judge_lying_down(trace, world, keyframes.end_class)
+        time = np.full(len(missed), keyframes.duration.sum())
     travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
     collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
-    effort = keyframes.torque_cost * rms + TRAVEL_COST * travel + OVERLAP_COST * collides
-    if keyframes.end_class == STANDING:
-        cost, succeeded = _score_rise(trace, world, keyframes.time_cost, hold)
+    effort = TRAVEL_COST * travel + OVERLAP_COST * collides
+    figures = RiseFigures.of_trace(trace, world, time)
+    if preference is None:
+        preferred = keyframes.time_cost * time + keyframes.torque_cost * figures.rms_torque
     else:
-        cost, succeeded = _score_lying_down(trace, world, keyframes.end_class)
-        cost += keyframes.time_cost * keyframes.duration.sum()
-    return cost + effort, succeeded
+        preferred = PREFERENCE_SHARE * preference.cost(figures)
+    return missed + effort + preferred, succeeded
 
 
-def _score_lying_down(trace: Trace, world: World, side: LyingSide) -> tuple[Array, np.ndarray]:
+def _judge_lying_down(trace: Trace, world: World, side: LyingSide) -> tuple[Array, np.ndarray]:
     lying = measure_lying(world, trace, side)
     missed = FAILURE + np.minimum(lying.lean, 2.0) + np.minimum(lying.sway, 1.0)
     return np.where(lying.lies, 0.0, missed) + DESCENT_COST * lying.descent, lying.lies
 
 
-def _score_rise(
-    trace: Trace, world: World, time_cost: float, hold: float
-) -> tuple[Array, np.ndarray]:
+def _judge_rise(trace: Trace, world: World, hold: float) -> tuple[Array, np.ndarray, Array]:
+    """Return what failures cost, which rollouts stood, and since when [s]; 0 for failures."""
     robot, period = world.robot, trace.period
     stance = measure_stance(world, trace)
     upright = is_upright(stance, robot)
@@ -78,14 +89,27 @@ def _score_rise(
     progress = 0.6 * quality[:, -last:].mean(axis=1) + 0.4 * best
     held = upright[:, -last:].mean(axis=1)
     missed = FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
-    return np.where(stood, time_cost * begin, missed), stood
+    return np.where(stood, 0.0, missed), stood, np.where(stood, begin, 0.0)
 
 
 class TrajectoryOptimizer:
     """Optimizes keyframes of one robot in one scene."""
 
-    def __init__(self, world: World, start: Array, *, threads: int = 1) -> None:
-        self.world, self.start = world, start
+    def __init__(
+        self,
+        world: World,
+        start: Array,
+        *,
+        preference: Preference | None = None,
+        threads: int = 1,
+    ) -> None:
+        """Prepare to optimize from MuJoCo positions (nq,).
+
+        Without a preference, time and torque cost what the keyframes say.
+        """
+        self.world, self.start, self.preference = world, start, preference
+        wants_margin = preference is not None and preference.wants_margin
+        self._randomization = MARGIN if wants_margin else RolloutRandomization()
         coarse = World(world.robot, world.scene, model=copy.copy(world.model))
         coarse.model.opt.timestep = _coarse_step(world)
         self._search = Rollout(coarse, POPULATION * SCENARIOS, threads=threads)
@@ -126,7 +150,7 @@ class TrajectoryOptimizer:
     def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, float]:
         """Compute mean cost and success share over disturbances that the search never saw.
 
-        The share is 0 if it fails undisturbed, at its torque limit or at full torque.
+        The share is 0 if it fails undisturbed, at its own torque limit or at full torque.
         """
         rng = np.random.default_rng([seed, 1])
         cost, stood = self._roll_out(self._final, [keyframes], FINAL_SCENARIOS, rng, HOLD_TIME)
@@ -145,30 +169,51 @@ class TrajectoryOptimizer:
 
         A success is a stand that lasts the last ``hold`` seconds, or lying as it should.
         """
-        world, robot = self.world, self.world.robot
+        robot = self.world.robot
         lead = round(LEAD_IN / robot.control_period)
         plays = [c.targets(robot, hold + SWAY_TIME) for c in candidates]
         length = max(len(play) for play in plays)
         targets = np.array(
             [np.concatenate([np.repeat(p[:1], lead, 0), hold_last(p, length)]) for p in plays]
         )
-        limit = TorqueLimit(candidates[0].torque_limit)
-        starts, parameters = randomize_rollouts(
-            world, self.start, each, RolloutRandomization(), limit, rng
+        own_limit = candidates[0].torque_limit
+        starts, parameters = make_scenarios(
+            self.world, self.start, own_limit, each, self._randomization, rng
         )
-        full = float(robot.max_torque.max())
-        # The second is undisturbed, too, and at full torque.
-        starts[1], parameters.torque_limit[1] = starts[0], full
-        parameters.friction[1] = parameters.friction[0]
-        parameters.voltage[1] = parameters.voltage[0]
         n = len(candidates)
         trace = rollout.play(
             np.tile(starts, (n, 1)),
             np.repeat(targets, each, axis=0),
             parameters.tile(n),
         )
-        cost, stood = score(trace, world, candidates[0], hold)
+        cost, stood = score(trace, self.world, candidates[0], hold, self.preference)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
+
+
+def make_scenarios(
+    world: World,
+    start: Array,
+    own_limit: float,
+    count: int,
+    randomization: RolloutRandomization,
+    rng: np.random.Generator,
+) -> tuple[Array, DomainParameters]:
+    """Make starts (count, nq) and parameters: two undisturbed, all others disturbed.
+
+    The first is at the motion's own torque limit [N·m], the second at full torque. The disturbed
+    ones take turns at that limit and at `LIMIT_SHARES`, in the robot's own mode, so that a motion
+    succeeds under the limits that users set.
+    """
+    starts, parameters = randomize_rollouts(
+        world, start, count, randomization, TorqueLimit(own_limit), rng
+    )
+    full = float(world.robot.max_torque.max())
+    limits = np.array([own_limit, *(share * full for share in LIMIT_SHARES)])
+    parameters.torque_limit[2:] = np.resize(limits, count - 2)
+    starts[1], parameters.torque_limit[1] = starts[0], full
+    parameters.friction[1] = parameters.friction[0]
+    parameters.voltage[1] = parameters.voltage[0]
+    return starts, parameters
 
 
 def _coarse_step(world: World) -> float:

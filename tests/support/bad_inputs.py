@@ -76,6 +76,16 @@ GROUPS: dict[str, list[Case]] = {
             "rise --from supine --torque-limit 4.2",
             "torque limit is 4.2 N·m, expected at most 4.1 N·m, the stall torque",
         ),
+        case(
+            "rise --from supine --prefer luck",
+            "--prefer is 'luck', expected time, torque, impact or robustness",
+        ),
+        case("rise --from supine --search-budget 0", "--search-budget is 0 s", "above 0 s"),
+        case("rise --from supine --search-budget nan", "--search-budget is nan s"),
+        case("rise --from supine --search-budget long", "--search-budget is 'long'", "a number"),
+        case("bench rise --prefer luck", "--prefer is 'luck'"),
+        case("bench rise --search-budget -1", "--search-budget is -1 s"),
+        case("motions build --prefer luck", "--prefer is 'luck', expected time, torque"),
         case("rise --from supine --limit-by luck", "--limit-by is 'luck', expected current, pwm"),
         case(
             "rise --from supine --backend virtual --limit-by ideal",

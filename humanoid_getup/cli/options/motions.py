@@ -13,6 +13,7 @@ from humanoid_getup.cli.options.shared import (
     Count,
     JsonOption,
     MotionName,
+    Prefer,
     RobotOption,
     Seed,
     TorqueOptions,
@@ -42,6 +43,8 @@ class BuildMotions(RobotOption):
     generations: Count = 20
     """Generations of the search that optimizes the keyframes."""
     seed: Seed = 0
+    prefer: Prefer | None = None
+    """What a motion should be besides successful; default: what its keyframes say."""
     jobs: Count = 2
     """Motions that are built in parallel."""
 

@@ -28,6 +28,7 @@ Origin = Annotated[
         help="Start of a simulated robot: class of a sampled fall, or a posture file.",
     ),
 ]
+Prefer = Literal["time", "torque", "impact", "robustness"]
 PolicyName = Annotated[
     str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
 ]
@@ -97,7 +98,7 @@ class TorqueOptions(CommandOptions):
 class PreferenceOptions(CommandOptions):
     """What a planned rise should be, and how long it is searched for."""
 
-    prefer: Literal["time", "torque", "impact", "robustness"] = "time"
+    prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, soft, or with a
     margin against disturbances."""
     search_budget: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 600.0

@@ -215,7 +215,8 @@ def test_robots_are_listed(run: Run, op3: Robot):
 def test_a_motion_is_built_into_a_users_own_robot(run: Run, op3: Robot):
     robot = Path(shutil.copytree(op3.folder, "mine", ignore=shutil.ignore_patterns("motions")))
     code, out, _ = run(
-        "motions", "build", MOTION, "--robot", "mine", "--generations", "1", "--jobs", "1"
+        *("motions", "build", MOTION, "--robot", "mine"),
+        *("--generations", "1", "--jobs", "1", "--prefer", "impact"),
     )
     assert code == 0
     assert out == "built 1 of 1 into mine/motions\n"
@@ -223,3 +224,4 @@ def test_a_motion_is_built_into_a_users_own_robot(run: Run, op3: Robot):
     motion = Motion.load(robot / "motions" / f"{MOTION}.npz")
     assert np.isfinite(motion.joint_target).all()
     assert motion.provenance["generations"] == 1
+    assert motion.provenance["prefer"] == "impact"

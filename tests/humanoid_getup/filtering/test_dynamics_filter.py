@@ -8,6 +8,7 @@ from humanoid_getup.filtering.candidate import Candidate, Patience
 from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.rehearsal import Rehearsal
+from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.motions.motion import join
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
@@ -243,3 +244,14 @@ def test_a_motion_waits_for_some_multiple_of_its_duration_at_most(fall, database
     hold = patient.target[patient.moving + 10 :]  # the virtual actuator has let go by then
     assert np.ptp(hold, axis=0).max() < 1e-12
     assert not patient.stood
+
+
+def test_a_better_rise_that_stands_in_fewer_worlds_is_not_taken(fall, rollouts, monkeypatch):
+    dynamics_filter, _, results = rollouts
+    better = np.tile(fall.joint_pos, (50, 1))
+    found = SimpleNamespace(targets=[better], rehearsals=2)
+    monkeypatch.setattr(TargetSearch, "improve", lambda *_: found)
+    for share, is_taken in ((15 / 16, False), (1.0, True)):
+        monkeypatch.setattr(dynamics_filter, "check", lambda *_, share=share: share)
+        one = dynamics_filter.improve(fall, results[0], 1.0, np.random.default_rng(0))
+        assert (one is not results[0]) is is_taken

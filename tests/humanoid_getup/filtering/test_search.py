@@ -62,3 +62,25 @@ def test_the_budget_ends_a_search_and_one_seed_finds_one_result(search, motion, 
     assert 10.0 <= first.simulated < 40.0
     assert (first.generations, first.simulated) == (second.generations, second.simulated)
     np.testing.assert_array_equal(first.target, second.target)
+
+
+def test_a_quick_motion_that_does_not_touch_itself_is_left_alone(search, motion, make_worlds):
+    improved = search.improve(make_worlds(4.1), motion.joint_target, 100.0, np.random.default_rng())
+    assert improved.targets == []
+    assert improved.rehearsals == COUNT
+
+
+def test_what_stands_is_made_cheaper_and_stands(world, motion, make_worlds):
+    search = TargetSearch(world, worlds=COUNT, preference=Preference.of("torque"))
+    worlds = make_worlds(4.1).take(np.arange(2))
+    first, second = (
+        search.improve(worlds, motion.joint_target, 150.0, np.random.default_rng(3))
+        for _ in range(2)
+    )
+    assert 150.0 <= first.simulated < 400.0
+    np.testing.assert_array_equal(first.targets[0], second.targets[0])
+    outcome = search.rehearsal.play(worlds, [*first.targets, motion.joint_target])
+    assert outcome.stood.all()
+    cost = search.preference.cost(outcome).mean(axis=1)
+    assert np.all(np.diff(cost) >= 0.0)  # cheapest first, and what they came from last
+    assert cost[0] < 0.95 * cost[-1]

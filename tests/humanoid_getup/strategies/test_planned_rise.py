@@ -3,12 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import sample_fall, sample_falls
+from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit
+from robots.kinematics import place
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +83,31 @@ def test_a_rise_that_only_knows_prone_motions_still_answers(world, op3, database
     assert plan.status in (RiseStatus.STOOD, RiseStatus.FELL)
     assert plan.planned
     assert plan.rounds >= 1
+
+
+def test_a_rise_that_prefers_torque_takes_less_and_stands_as_often(world, database, plan, fall):
+    planner = PlannedRise(world, database, prefer="torque", search_budget=200.0)
+    gentle = planner.plan(fall, np.random.default_rng(0))
+    assert gentle.robust >= plan.robust
+
+    def measure(motion):
+        start = place(world.robot, world.model, fall)[None]
+        targets = hold_last(motion.joint_target, len(motion.joint_target) + 400)
+        nominal = DomainParameters.nominal(world, 1)
+        return Rollout(world, 1).play(start, targets[None], nominal).torque
+
+    quick, slow = measure(plan.motion), measure(gentle.motion)
+    assert np.abs(slow).max() < np.abs(quick).max()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"prefer": "luck"}, r"prefer is 'luck', expected one of time, torque"),
+        ({"search_budget": 0.0}, r"search_budget is 0.0 s, expected above 0 s"),
+        ({"search_budget": float("nan")}, r"search_budget is nan s"),
+    ],
+)
+def test_a_wrong_preference_or_budget_is_refused(world, database, options, told):
+    with pytest.raises(ValueError, match=told):
+        PlannedRise(world, database, **options)

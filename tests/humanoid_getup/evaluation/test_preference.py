@@ -1,0 +1,81 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.evaluation.preference import (
+    DEEP_OVERLAP,
+    PREFERENCE_NAMES,
+    Preference,
+    RiseFigures,
+)
+from humanoid_getup.filtering.rehearsal import Rehearsal, Worlds
+from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout
+from robots.kinematics import place
+
+FIGURES = ("stand_time", "peak_torque", "rms_torque", "impact", "overlap")
+amounts = st.floats(0.0, 10.0)
+
+
+def make_figures(*values: float) -> RiseFigures:
+    arrays = {name: np.array([value]) for name, value in zip(FIGURES, values, strict=True)}
+    return RiseFigures(**arrays)
+
+
+@pytest.mark.parametrize("name", PREFERENCE_NAMES)
+@given(values=st.tuples(*[amounts] * 5), figure=st.sampled_from(FIGURES), more=st.floats(0.01, 5.0))
+def test_no_figure_that_grows_makes_a_rise_cheaper(name, values, figure, more):
+    preference, figures = Preference.of(name), make_figures(*values)
+    worse = replace(figures, **{figure: getattr(figures, figure) + more})
+    assert preference.cost(worse)[0] >= preference.cost(figures)[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "figure"), [("time", "stand_time"), ("torque", "rms_torque"), ("impact", "impact")]
+)
+def test_a_preference_counts_most_what_it_is_named_after(name, figure):
+    """Beside a share of what is usual: 3 s, 4 N·m, 0.5 N·m, 0.3 m/s."""
+    usual = make_figures(3.0, 4.0, 0.5, 0.3, 0.0)
+    spared = {
+        f: Preference.of(name).cost(usual)[0]
+        - Preference.of(name).cost(replace(usual, **{f: 0.9 * getattr(usual, f)}))[0]
+        for f in ("stand_time", "rms_torque", "impact")
+    }
+    assert max(spared, key=spared.__getitem__) == figure
+
+
+@pytest.mark.parametrize("name", PREFERENCE_NAMES)
+def test_touching_itself_firmly_costs_a_second(name):
+    preference = Preference.of(name)
+    free, firm = (make_figures(3.0, 4.0, 0.5, 0.3, share * DEEP_OVERLAP) for share in (0.9, 1.1))
+    assert preference.cost(firm)[0] > preference.cost(free)[0] + 0.99
+    assert (free.collides[0], firm.collides[0]) == (False, True)
+
+
+def test_a_rise_that_does_not_stand_has_no_cost():
+    assert np.isnan(Preference.of("torque").cost(make_figures(np.nan, 1.0, 1.0, 1.0, 0.0)))[0]
+
+
+def test_an_unknown_preference_is_refused():
+    with pytest.raises(ValueError, match=r"'luck', expected one of time, torque, impact, robus"):
+        Preference.of("luck")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_rollout_and_a_rehearsal_of_it_have_the_same_figures(world, op3):
+    motion = next(m for m in load_database(op3).motions if m.name == "supine_long_sit")
+    start = place(op3, world.model, motion.posture(0))[None]
+    targets = hold_last(motion.joint_target, len(motion.joint_target) + 130)
+    nominal = DomainParameters.nominal(world, 1)
+    trace = Rollout(world, 1).play(start, targets[None], nominal)
+    measured = RiseFigures.of_trace(trace, world, np.array([2.0]))
+    rehearsed = Rehearsal(world, 1).play(Worlds(starts=start, parameters=nominal), [targets])
+    assert measured.collides[0]
+    for figure in ("peak_torque", "overlap"):
+        np.testing.assert_allclose(getattr(measured, figure), getattr(rehearsed, figure)[0])
+    # A rehearsal does not see the change from one of its chunks to the next.
+    assert 0.0 < rehearsed.impact[0, 0] <= measured.impact[0] + 1e-12

@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.evaluation.preference import Preference
+from humanoid_getup.motions.build import load_robot_keyframes, settle
+from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.optimization import make_scenarios, score
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout, RolloutRandomization
+from robots import TorqueLimit
+from robots.servo import LIMIT_MODES
+
+HOLD = 1.0
+
+
+@pytest.fixture(scope="module")
+def keyframes(op3):
+    return next(k for k in load_robot_keyframes(op3) if k.name == "squat_to_stand")
+
+
+@pytest.fixture(scope="module")
+def start(world, keyframes):
+    return settle(world, keyframes)
+
+
+@pytest.fixture(scope="module")
+def trace(world, keyframes, start):
+    """The keyframes, and a robot that stays where it is."""
+    targets = keyframes.targets(world.robot, HOLD + 0.2)
+    still = hold_last(targets[:1], len(targets))
+    return Rollout(world, 2).play(
+        np.tile(start, (2, 1)), np.array([targets, still]), DomainParameters.nominal(world, 2)
+    )
+
+
+def test_scenarios_cover_several_torque_limits_in_the_robots_own_mode(world, start):
+    starts, parameters = make_scenarios(
+        world, start, 2.0, 11, RolloutRandomization(), np.random.default_rng(0)
+    )
+    limits = parameters.torque_limit
+    np.testing.assert_allclose(limits, [2.0, 4.1, *[2.0, 3.0, 2.5] * 3], atol=0.01)
+    assert {LIMIT_MODES[mode] for mode in parameters.limit_by} == {TorqueLimit().on(world.robot).by}
+    np.testing.assert_allclose(starts[:2], np.tile(start, (2, 1)), atol=0.01)
+    assert len(np.unique(starts[2:], axis=0)) == len(starts) - 2
+
+
+@pytest.mark.parametrize("prefer", [None, "time", "torque", "impact", "robustness"])
+def test_a_success_costs_less_than_any_failure(world, keyframes, trace, prefer):
+    preference = prefer and Preference.of(prefer)
+    cost, stood = score(trace, world, keyframes, HOLD, preference)
+    assert stood.tolist() == [True, False]
+    assert cost[0] < 0.7 * cost[1]
+
+
+def test_without_a_preference_the_keyframes_weigh_time_and_torque(world, keyframes, trace):
+    once, twice = (
+        score(trace, world, replace(keyframes, time_cost=t, torque_cost=0.0), HOLD)[0]
+        for t in (1.0, 2.0)
+    )
+    assert 0.1 < twice[0] - once[0] < 3.0
+    assert twice[1] == once[1]
+
+
+def test_a_preference_replaces_what_the_keyframes_weigh(world, keyframes, trace):
+    costs = [
+        score(trace, world, replace(keyframes, torque_cost=t), HOLD, Preference.of("time"))[0]
+        for t in (0.0, 5.0)
+    ]
+    np.testing.assert_array_equal(*costs)

@@ -106,6 +106,6 @@ class Preference:
 PREFERENCES: dict[PreferenceName, Preference] = {
     "time": Preference(time=1.0, improvement=0.3),
     "torque": Preference(time=0.1, rms_torque=8.0, peak_torque=1.0, is_insatiable=True),
-    "impact": Preference(time=0.1, impact=10.0, is_insatiable=True),
+    "impact": Preference(time=0.1, rms_torque=2.0, impact=10.0, is_insatiable=True),
     "robustness": Preference(time=0.3, wants_margin=True),
 }

@@ -32,7 +32,9 @@ CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = RolloutRandomization(
     joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
 )
-HARD_DISTURBANCE = RolloutRandomization()  # of a rise that must have a margin
+HARD_DISTURBANCE = RolloutRandomization(  # of a rise that must have a margin
+    joints=np.radians(5.0), root=np.radians(10.0), friction=(0.3, 1.3), supply=(0.85, 1.05)
+)
 FEW = 2  # worlds in which a rise that stands is improved
 
 

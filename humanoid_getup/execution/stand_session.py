@@ -85,13 +85,13 @@ def guard_robot(
     guard = backend
     if not isinstance(guard, SafetyGuard):
         guard = SafetyGuard(backend, GuardLimits.of(backend.robot, torque_limit.value))
-    body = guard.backend
+    body, mode = guard.backend, torque_limit.on(backend.robot).mode
     if isinstance(body, Twin):
-        body.limit_by = torque_limit.mode
+        body.limit_by = mode
         return guard, body.simulation
-    if body.limit_by != torque_limit.mode:
+    if body.limit_by != mode:
         raise ValueError(
-            f"the backend limits torque by '{body.limit_by}', expected '{torque_limit.mode}' as "
+            f"the backend limits torque by '{body.limit_by}', expected '{mode}' as "
             "the strategy: build both with one mode"
         )
     return guard, None

@@ -104,7 +104,10 @@ def test_torque_is_left_on_only_for_another_program(
     if left is not None:
         knee = left.record()["joints"]["l_knee"]
         assert knee["target_rad"] == pytest.approx(0.8901, abs=0.002)  # as in robot.toml
-        assert (knee["torque_limit_nm"], knee["position_p_gain"]) == (pytest.approx(4.1, abs=0.005), 800)
+        assert (knee["torque_limit_nm"], knee["position_p_gain"]) == (
+            pytest.approx(4.1, abs=0.005),
+            800,
+        )
         assert "watchdog off" in str(left)
 
 

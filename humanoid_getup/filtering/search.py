@@ -39,8 +39,8 @@ class TargetSearch:
     """An evolution strategy over variations, in the hardest worlds first.
 
     Each generation is sampled about the weighted mean of the best of the one before,
-    (μ/μ_w, λ) of [Hansen16]. Its covariance is fixed: a search ends within a few generations,
-    before CMA-ES would have learned one.
+    (μ/μ_w, λ) of Hansen, "The CMA evolution strategy", 2016. Its covariance is fixed: a search
+    ends within a few generations, before CMA-ES would have learned one.
 
     Disturbed worlds differ much in how hard they are, and most variations fail. So each is
     rehearsed in the nominal world and in those that are hardest for the best targets so far; only

@@ -34,7 +34,7 @@ from robots.quaternion import Array
 SAME_ANGLE = 0.001  # rad; less than a tick of an encoder
 MOST_DISTANCE = 0.5  # posture metric; a little more than 5 degrees in every joint
 NEAR_CHECKS = 4  # rollouts of a plan for a near start, the first one undisturbed
-FADE = 0.5  # s in which the difference between two starts fades out of the targets
+FADE = 0.5  # s in which the difference between two starts fades out of the joint angles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,8 +237,9 @@ class CachedRise:
 def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
     """Turn and shift a motion over the ground to a near start, and let it begin at its angles.
 
-    The difference between the joint angles of the two starts is added to angles and targets, and
-    fades out. A motion that begins there already stays as it is.
+    The targets stay as they were checked from disturbed starts, but for the first few, which must
+    not be beyond the reach of the servos: shifted by the difference between the starts they stand
+    less often. A motion that begins at the start already stays as it is.
     """
     apart = start.joint_pos - motion.joint_pos[0]
     yaw = best_yaw(motion.orientation[0], start.orientation)
@@ -246,15 +247,13 @@ def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
     if max(np.abs(apart).max(), abs(float(yaw)), np.abs(shift).max()) < SAME_ANGLE:
         return motion
     turn = quaternion.from_yaw(yaw)
-    place = motion.position - motion.position[0]
-    faded = _fade(motion.time - motion.time[0])[:, None] * apart
-    angles = np.clip(motion.joint_pos + faded, robot.lower, robot.upper)
+    angles = motion.joint_pos + _fade(motion.time - motion.time[0])[:, None] * apart
     return replace(
         motion,
-        position=quaternion.rotate(turn, place) + start.position,
+        position=quaternion.rotate(turn, motion.position - motion.position[0]) + start.position,
         orientation=quaternion.normalize(quaternion.multiply(turn, motion.orientation)),
-        joint_pos=angles,
-        joint_target=limit_targets(motion.joint_target + faded, start.joint_pos, robot),
+        joint_pos=np.clip(angles, robot.lower, robot.upper),
+        joint_target=limit_targets(motion.joint_target, start.joint_pos, robot),
     )
 
 

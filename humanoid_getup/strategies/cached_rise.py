@@ -23,11 +23,10 @@ from humanoid_getup.strategies.plan_cache import (
     CacheEntry,
     PlanCache,
     PlanCacheError,
-    PlanContext,
-    SolvedRise,
     now,
 )
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 

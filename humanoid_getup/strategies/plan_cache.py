@@ -14,83 +14,25 @@ import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
-from humanoid_getup.motions.motion import MAX_DURATION, Motion
-from robots import Posture, TorqueLimit
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.strategies.solved_rise import SolvedRise, read_solved_rise
 from robots.files import read_bounded, write_atomically
-from robots.posture import UNIT_TOLERANCE
-from robots.quaternion import Array
-from robots.servo import LimitMode
-from robots.validation import on_axes, parse_file, positive, read_table, whole
+from robots.validation import parse_file
 
 FOLDER_VARIABLE = "HUMANOID_GETUP_PLAN_CACHE"
 """Environment variable that names the folder of the cache."""
 CAPACITY = 100  # rises of a robot; OP3's take 0.15 MB each
 MAX_MOTION = 16 * 2**20  # bytes of a motion's file
-MOST_TORQUE, MOST_ROLLOUTS = 1000.0, 10**9
 NAME = re.compile(r"[0-9a-f]{16}")
 SUFFIXES = (".json", ".npz")
 
 
 class PlanCacheError(ValueError):
     """A file of the cache is damaged; the message names it and the reason."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlanContext:
-    """What a plan depends on, besides where the robot lies."""
-
-    robot: str
-    scene: str
-    fingerprint: str
-    """Of the robot, the scene, the motions, the program and its settings."""
-    limit_by: LimitMode
-    torque_limit: Annotated[float, positive(MOST_TORQUE, "N·m")] | None = None
-    """Torque limit of every servo [N·m]; None for stall torque."""
-
-    @property
-    def limit(self) -> TorqueLimit:
-        """Return the torque limit with its mode."""
-        return TorqueLimit(self.torque_limit, self.limit_by)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SolvedRise:
-    """A start, and how the rise from it was solved; the motion has a file of its own."""
-
-    context: PlanContext
-    start_class: str
-    position: Annotated[Array, on_axes(1)]
-    """Of the root at the start [m], (3,)."""
-    orientation: Annotated[Array, on_axes(1)]
-    """Of the root at the start, unit quaternion w x y z, (4,)."""
-    joint_pos: Annotated[Array, on_axes(1)]
-    """Joint angles at the start [rad], (n,), in the robot's joint order."""
-    connection: str
-    """Name of the stored motion that the rise joins."""
-    frame: Annotated[int, whole(0, MOST_ROLLOUTS)]
-    """At which it joins."""
-    distance: Annotated[float, Meta(ge=0.0)]
-    """Posture metric from the start to that frame."""
-    planned: bool
-    stand_time: Annotated[float, positive(MAX_DURATION, "s")]
-    """Start to held stand in the rollout [s]."""
-    robust: Annotated[float, Meta(ge=0.0, le=1.0)]
-    """Share of the disturbed rollouts that stood."""
-    made: float
-    """When it was solved [s since 1970]."""
-
-    @property
-    def start(self) -> Posture:
-        """Return where the robot lay."""
-        return Posture(
-            position=self.position, orientation=self.orientation, joint_pos=self.joint_pos
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -210,7 +152,7 @@ class PlanCache:
         """
         folder = self._subfolder(rise.context.robot)
         folder.mkdir(parents=True, exist_ok=True)
-        file = folder / f"{_name(rise)}.json"
+        file = folder / f"{rise.name}.json"
         motion.save(file.with_suffix(".npz"))
         checksum = hashlib.sha256(file.with_suffix(".npz").read_bytes()).hexdigest()
         record = msgspec.to_builtins(rise, enc_hook=np.ndarray.tolist)
@@ -285,35 +227,10 @@ def _read_entry(file: Path) -> CacheEntry:
     record = parse_file(file, "JSON", json.loads)
     if not isinstance(record, dict):
         raise ValueError("not a JSON object")
-    problems: list[str] = []
-    rise = read_table(SolvedRise, record, "", problems)
-    checksum = record.get("motion_sha256")
+    rise, checksum = read_solved_rise(record), record.get("motion_sha256")
     if not isinstance(checksum, str):
-        problems.append("motion_sha256 is missing, expected a text")
-        checksum = ""
-    if not problems:
-        problems = _find_problems(rise)
-    if problems:
-        raise ValueError("; ".join(problems))
+        raise ValueError("motion_sha256 is missing, expected a text")
     return CacheEntry(file=file, rise=rise, motion_sha256=checksum)
-
-
-def _find_problems(rise: SolvedRise) -> list[str]:
-    if rise.position.shape != (3,) or rise.orientation.shape != (4,):
-        shapes = f"{rise.position.shape} and {rise.orientation.shape}"
-        return [f"position and orientation have shapes {shapes}, expected (3,) and (4,)"]
-    length = float(np.linalg.norm(rise.orientation))
-    if abs(length - 1.0) > UNIT_TOLERANCE:
-        return [f"orientation has length {length:.4f}, expected 1"]
-    return []
-
-
-def _name(rise: SolvedRise) -> str:
-    """Make a name of start and context: the same rise has the same name."""
-    digest = hashlib.sha256(repr(rise.context).encode())
-    for array in (rise.position, rise.orientation, rise.joint_pos):
-        digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
-    return digest.hexdigest()[:16]
 
 
 def _remove(file: Path) -> None:

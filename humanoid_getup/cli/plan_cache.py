@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
@@ -34,7 +35,7 @@ def use_cache(command: Rise, planner: PlannedRise) -> Strategy:
     with refusing():
         cache = PlanCache(command.cache_folder)
         if command.cache_folder is not None:
-            _refuse_damage(cache, planner.world.robot.name)
+            _refuse_damage(cache, planner.world.robot.name, command.cache_folder)
     return CachedRise(planner, cache, report=_warn)
 
 
@@ -44,7 +45,7 @@ def list_or_clear(command: ListPlanCache) -> int:
         cache = PlanCache(command.cache_folder)
         if command.clear:
             return _clear(cache, command)
-        _refuse_damage(cache, command.robot)
+        _refuse_damage(cache, command.robot, command.cache_folder)
         rows = [_describe(entry) for entry in cache.read(command.robot).entries]
     write_json(to_json({"folder": str(cache.folder), "entries": rows}), command.json)
     if command.json is None:
@@ -60,12 +61,13 @@ def _clear(cache: PlanCache, command: ListPlanCache) -> int:
     return DID_IT
 
 
-def _refuse_damage(cache: PlanCache, robot: str | None) -> None:
+def _refuse_damage(cache: PlanCache, robot: str | None, named: Path | None) -> None:
+    """Refuse damaged entries of a robot, or of all; ``named`` is the option --cache-folder."""
     problems = cache.find_problems(robot)
     if problems:
         more = f"; and {len(problems) - MANY} others" if len(problems) > MANY else ""
-        option = "" if robot is None else f" --robot {robot}"
-        raise BadInputError(f"{'; '.join(problems[:MANY])}{more} (remedy: {REMEDY}{option})")
+        remedy = REMEDY if named is None else f"{REMEDY} --cache-folder {named}"
+        raise BadInputError(f"{'; '.join(problems[:MANY])}{more} (remedy: {remedy})")
 
 
 def _warn(problem: str) -> None:
@@ -110,7 +112,8 @@ def _print(rows: list[dict[str, Any]], cache: PlanCache) -> None:
     if rows:
         console_for(None).print(table)
     size = sum(row["bytes"] for row in rows) / 1e6
-    console_for(None).print(escape(f"{len(rows)} solved rises, {size:.1f} MB, in {cache.folder}"))
+    what = "solved rise" if len(rows) == 1 else "solved rises"
+    console_for(None).print(escape(f"{len(rows)} {what}, {size:.1f} MB, in {cache.folder}"))
 
 
 def _format_age(age: float) -> str:

@@ -224,7 +224,7 @@ class CachedRise:
         except OSError as error:
             self._warn(f"plan cache {error.filename}: {error.strerror}; the plan is not kept")
             return plan
-        known = {field.name: getattr(plan, field.name) for field in fields(plan)}
+        known = {field.name: getattr(plan, field.name) for field in fields(MotionPlan)}
         return KeptPlan(**known, cache=self._cache, entry=entry)
 
     def _warn(self, problem: str) -> None:

@@ -48,6 +48,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "calibrate.calibrate",
         "Measure the zeros and signs of the servos.",
     ),
+    "plan-cache": (
+        "motions.ListPlanCache",
+        "plan_cache.list_or_clear",
+        "List the solved rises that are kept, or remove them.",
+    ),
     "preflight": ("motions.Preflight", "preflight.preflight", "Judge if a motion may be played."),
     "replay": ("motions.Replay", "replay.replay_log", "Replay a flight log and compare."),
     "robots": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),

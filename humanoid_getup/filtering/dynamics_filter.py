@@ -133,14 +133,16 @@ class DynamicsFilter:
         reference = compose(self.world, c.path, c.connection.motion, c.connection.frame, c.tempo)
         return reference if c.before is None else reference.after(c.before)
 
-    def check(self, start: Posture, target: Array, rng: np.random.Generator) -> float:
+    def check(
+        self, start: Posture, target: Array, rng: np.random.Generator, worlds: int = CHECKS
+    ) -> float:
         """Replay targets (T, n) without feedback, from the start and from disturbed ones.
 
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
-        worlds = self._disturb(start, rng)
-        self.count += CHECKS
-        rehearsed = self._rehearsal.play(worlds, [target], give_up=True)
+        disturbed = self._disturb(start, rng, worlds)
+        self.count += worlds
+        rehearsed = self._rehearsal.play(disturbed, [target], give_up=True)
         return float(rehearsed.stood.mean()) if rehearsed.stood[0, 0] else 0.0
 
     def better(
@@ -174,12 +176,12 @@ class DynamicsFilter:
         trace = self._simulate(1).play(starts, longer[None], nominal)
         return self._read(trace, measure_stance(world, trace), 0, candidate, len(target))
 
-    def _disturb(self, start: Posture, rng: np.random.Generator) -> Worlds:
+    def _disturb(self, start: Posture, rng: np.random.Generator, worlds: int = CHECKS) -> Worlds:
         world, robot = self.world, self.world.robot
         starts, parameters = randomize_rollouts(
             world,
             place(robot, world.model, start),
-            CHECKS,
+            worlds,
             CHECK_DISTURBANCE,
             self.torque_limit,
             rng,

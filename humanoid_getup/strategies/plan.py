@@ -87,6 +87,9 @@ class RisePlan:
     def save(self, _folder: Path) -> None:
         """Save the plan's motion, if it has one, in a folder."""
 
+    def forget(self) -> None:
+        """Take the plan out of the cache, if it is in one: it was refused, or failed."""
+
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""
         joined = self.connection.motion if self.connection else None
@@ -100,6 +103,7 @@ class RisePlan:
             "connection": joined and joined.name,
             "strategy": joined and joined.strategy,
             "policy": None,
+            "plan_cache": None,
         }
 
 

@@ -34,6 +34,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "bench": ("", "", "Run a benchmark on the twin or on the virtual bus."),
     "bench rise": ("bench.BenchRise", "bench.bench_rise", "Rise from many settled falls."),
     "bench methods": ("bench.BenchMethods", "bench.bench_methods", "Compare plans and policies."),
+    "bench disturbed": (
+        "bench.BenchDisturbed",
+        "bench.bench_disturbed",
+        "Rise in disturbed worlds.",
+    ),
     "bench motions": ("bench.BenchMotions", "bench.bench_motions", "Play every motion disturbed."),
     "bench sit": ("bench.BenchSit", "bench.bench_sit", "Sit and lie down from many stands."),
     "bench filter": ("bench.BenchFilter", "bench.bench_filter", "Time the filter's physics."),

@@ -115,6 +115,8 @@ class MotionPlan(RisePlan):
     simulated: bool = True
     """Whether the joint angles come from a rollout; if not, they are only targets, and no
     monitor expects the robot to reach them."""
+    balanced: bool = True
+    """Whether the torso's attitude is fed back to the ankles; False: open loop."""
 
     @property
     def title(self) -> str:
@@ -133,6 +135,7 @@ class MotionPlan(RisePlan):
             self.motion,
             torque_limit=strategy.torque_limit.value,
             tracked=self.simulated,
+            balanced=self.balanced,
         )
 
     def preflight(
@@ -146,6 +149,7 @@ class MotionPlan(RisePlan):
             torque_limit=strategy.torque_limit,
             temperature=settled.temperature,
             start=measure(),
+            balanced=self.balanced,
         )
 
     def save(self, folder: Path) -> None:

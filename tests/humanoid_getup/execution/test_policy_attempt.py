@@ -201,8 +201,6 @@ def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
     assert choose(world, TrackRecord(), supine) == "plan"
     weak = choose(world, records, supine, torque_limit=1.9)
     assert weak == "plan", "no record is of servos so weak"
-        "no record is of so weak servos"
-    )
 
 
 def test_a_policy_in_a_plan_is_named(world: World, idle: OnnxPolicy, supine: Posture):

@@ -237,8 +237,8 @@ def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
     """Turn and shift a motion over the ground to a near start, and let it begin at its angles.
 
     The targets stay as they were checked from disturbed starts, but for the first few, which must
-    not be beyond the reach of the servos: shifted by the difference between the starts they stand
-    less often. A motion that begins at the start already stays as it is.
+    not be beyond the reach of the servos. Shifted by the difference between the starts, they fell
+    where a limb has little room. A motion that begins at the start already stays as it is.
     """
     apart = start.joint_pos - motion.joint_pos[0]
     yaw = best_yaw(motion.orientation[0], start.orientation)

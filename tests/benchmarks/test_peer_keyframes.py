@@ -95,7 +95,7 @@ def test_all_get_up_from_the_same_falls_under_the_same_limit(peer, world):
     assert list(result["limits"]) == list(limits)
     starts = [record["start_class"] for record in records]
     assert len(starts) == 12
-    assert starts[:3] * 3 == starts
+    assert starts[:3] * 4 == starts
     ways = result["limits"]["3 N·m by PWM"]
     assert list(ways) == [peer.PLANNED, peer.ROBUST, peer.GENTLE, peer.PEER]
     for case in ways.values():

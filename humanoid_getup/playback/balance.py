@@ -15,6 +15,7 @@ from robots import quaternion
 from robots.kinematics import GravitySense, place
 from robots.quaternion import Array
 
+TIME_SLACK = 1e-6  # s; clocks that sum up periods differ by their rounding
 ALIGNED = 0.9  # cosine between the axis of a joint and the one about which the torso turns
 
 
@@ -63,7 +64,7 @@ class Balance:
 
     def correct(self, state: State, time: float, target: Array) -> Array:
         """Correct targets [rad] (n,) that are due at a time [s] of the motion."""
-        frame = min(int(np.searchsorted(self._time, time)), len(self._time) - 1)
+        frame = min(int(np.searchsorted(self._time, time - TIME_SLACK)), len(self._time) - 1)
         if self._share[frame] > 0.0:
             target = target + self._offset(state, frame)
         in_range = np.clip(target, self._robot.lower, self._robot.upper)

@@ -48,24 +48,22 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import FULL_TORQUE, Posture, Robot, TorqueLimit, load_robot
+from robots import Posture, Robot, TorqueLimit, load_robot
 from robots.files import write_atomically
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
+from robots.servo import LimitMode
 
 PAGES_FILE = "op3-getup-pages.json"
 PAGES: dict[StartClass, int] = {"prone": 122, "supine": 123}
+MODES: dict[str, LimitMode] = {"PWM": "pwm", "current": "current"}
 LIMITS = {
-    "none (4.1 N·m)": FULL_TORQUE,  # a PWM limit of the whole supply is no limit
-    "3.0 N·m by PWM": TorqueLimit(3.0, "pwm"),
-    "2.5 N·m by PWM": TorqueLimit(2.5, "pwm"),
-    "2.0 N·m by PWM": TorqueLimit(2.0, "pwm"),
-    "3.0 N·m by current": TorqueLimit(3.0, "current"),
-    "2.5 N·m by current": TorqueLimit(2.5, "current"),
-    "2.0 N·m by current": TorqueLimit(2.0, "current"),
+    f"{torque:.1f} N·m by {name}": TorqueLimit(torque, mode)
+    for name, mode in MODES.items()
+    for torque in (4.1, 3.0, 2.5, 2.0)
 }
 """Torque limits by how the tables name them."""
-PLANNED, ROBUST, PEER = "planned", "robust", "maker's keyframes"
+PLANNED, ROBUST, GENTLE, PEER = "planned", "robust", "gentle", "maker's keyframes"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,6 +220,7 @@ def compare(
         strategies: dict[str, Strategy] = {
             PLANNED: PlannedRise(world, database, torque_limit=limit),
             ROBUST: LearnedRise(world, ROBUST, torque_limit=limit),
+            GENTLE: LearnedRise(world, GENTLE, torque_limit=limit),
             PEER: KeyframeRise(peers, world, limit),
         }
         chosen = {way: strategies[way] for way in ways or strategies}
@@ -295,7 +294,7 @@ def main(options: Options) -> None:
     """Measure, print, write."""
     world = World(load_robot(options.robot), load_scene(options.scene))
     limits = {name: LIMITS[name] for name in options.limits or LIMITS}
-    rises = len(limits) * (len(options.ways) or 3) * len(BENCH_CLASSES) * options.n
+    rises = len(limits) * (len(options.ways) or 4) * len(BENCH_CLASSES) * options.n
     with counting("rises", rises) as count:
         result = compare(
             world,

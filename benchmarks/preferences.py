@@ -31,8 +31,8 @@ from humanoid_getup.cli.output import counting, to_json
 from humanoid_getup.evaluation.preference import PREFERENCE_NAMES
 from humanoid_getup.evaluation.statistics import summarize, summarize_records
 from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
-from humanoid_getup.filtering.rehearsal import Rehearsal, Worlds
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import Fall, sample_falls
 from humanoid_getup.simulation.rollout import randomize_rollouts
@@ -46,7 +46,7 @@ from robots.servo import LimitMode
 
 NO_SEARCH = "no search"
 NO_BUDGET = 1e-6  # s
-WORLDS = 16  # hard worlds in which each plan is rehearsed
+WORLDS = 16  # hard worlds in which each plan is rolled out
 SUMMARIZED = ("jolt_m_s", "hard_share", "plan_and_filter_s")
 PANELS = {
     "stand_time_s": "start to stand [s]",
@@ -86,7 +86,7 @@ def measure(options: Measure) -> None:
     world = World(load_robot(options.robot))
     limit = TorqueLimit(options.torque_limit, options.limit_by).on(world.robot)
     database = load_database(world.robot)
-    classes = dict.fromkeys(BENCH_CLASSES, options.n)
+    classes: dict[str, int] = dict.fromkeys(BENCH_CLASSES, options.n)
     falls = sample_falls(world, classes, np.random.default_rng(options.seed))
     result: dict[str, Any] = {
         "seed": options.seed,
@@ -119,11 +119,11 @@ def _rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
     record = result.record()
     figures = {"jolt_m_s": None, "hard_share": None}
     if isinstance(result.plan, MotionPlan):
-        figures = _rehearse(strategy, fall, result.plan.motion.joint_target, seed)
+        figures = _roll_out(strategy, fall, result.plan.motion.joint_target, seed)
     return record | figures | {"plan_and_filter_s": record["plan_s"] + record["filter_s"]}
 
 
-def _rehearse(
+def _roll_out(
     strategy: PlannedRise, fall: Fall, target: NDArray[np.float64], seed: list[int]
 ) -> dict[str, float | None]:
     """Play targets (T, n) in hard worlds that no search saw."""
@@ -137,7 +137,7 @@ def _rehearse(
         np.random.default_rng([*seed, 1]),
     )
     worlds = Worlds(starts=starts, parameters=parameters)
-    outcome = Rehearsal(world, WORLDS).play(worlds, [target])
+    outcome = DisturbedRollout(world, WORLDS).play(worlds, [target])
     return {"jolt_m_s": float(outcome.impact[0, 0]), "hard_share": float(outcome.stood.mean())}
 
 

@@ -30,17 +30,21 @@ if TYPE_CHECKING:
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
     from humanoid_getup.simulation.falls import sample_fall
     from humanoid_getup.simulation.world import World
+    from humanoid_getup.strategies.cached_rise import CachedRise
     from humanoid_getup.strategies.learned_rise import LearnedRise
+    from humanoid_getup.strategies.plan_cache import PlanCache
     from humanoid_getup.strategies.planned_rise import PlannedRise
     from humanoid_getup.strategies.stored_motion import StoredMotion
     from robots.loading import load_robot
     from robots.torque_limit import TorqueLimit
 
 _HOMES = {
+    "CachedRise": "humanoid_getup.strategies.cached_rise",
     "DynamixelBackend": "drivers.dynamixel.backend",
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
     "Motion": "humanoid_getup.motions.motion",
     "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
+    "PlanCache": "humanoid_getup.strategies.plan_cache",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
     "SafetyGuard": "drivers.safety_guard",
     "StoredMotion": "humanoid_getup.strategies.stored_motion",
@@ -54,10 +58,12 @@ _HOMES = {
 }
 
 __all__ = [
+    "CachedRise",
     "DynamixelBackend",
     "LearnedRise",
     "Motion",
     "OnnxPolicy",
+    "PlanCache",
     "PlannedRise",
     "SafetyGuard",
     "StoredMotion",

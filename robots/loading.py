@@ -17,6 +17,9 @@ from robots.validation import load_toml, shown
 def load_robot(name_or_folder: str | Path) -> Robot:
     """Load a robot by name, or from a user's own folder that holds a robot.toml.
 
+    A name of the package's own robots means them, whatever the present folder holds: ``./op3`` is
+    a folder.
+
     A calibration.toml in the folder replaces what the description says of zeros and signs.
 
     Raises:
@@ -49,12 +52,14 @@ def load_robot(name_or_folder: str | Path) -> Robot:
 
 
 def _find_folder(name_or_folder: str | Path) -> Path:
-    for folder in (Path(name_or_folder), ROBOTS_FOLDER / name_or_folder):
-        try:
-            if (folder / "robot.toml").is_file():
-                return folder
-        except OSError as error:  # a name too long, or a folder that may not be read
-            raise RobotError(f"robot folder {shown(str(folder))}: {error.strerror}") from error
+    if isinstance(name_or_folder, str) and name_or_folder in list_robots():
+        return ROBOTS_FOLDER / name_or_folder
+    folder = Path(name_or_folder)
+    try:
+        if (folder / "robot.toml").is_file():
+            return folder
+    except OSError as error:  # a name too long, or a folder that may not be read
+        raise RobotError(f"robot folder {shown(str(folder))}: {error.strerror}") from error
     raise RobotError(
         f"unknown robot {shown(str(name_or_folder))}: expected {', '.join(list_robots())}, "
         "or a folder that holds a robot.toml"

@@ -7,11 +7,12 @@ from typing import Any
 
 from rich.table import Table
 
-from humanoid_getup.benchmarks import fault_injection, motions, rise, sit, soak, speed
+from humanoid_getup.benchmarks import disturbed, fault_injection, motions, rise, sit, soak, speed
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.cli.options.bench import (
+    BenchDisturbed,
     BenchFaults,
     BenchFilter,
     BenchKill,
@@ -45,6 +46,7 @@ LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 FIGURES = {
     "rise": ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
+    "disturbed": ("n", "stood", "stood_interval_95", "refused", *LOAD_FIGURES, "head_impact_m_s"),
     "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_succeeded"),
     "sit": ("n", "succeeded", "interval_95", "head_impact_max_m_s", "torso_impact_max_m_s"),
     "filter": ("n", "filter_over_bare_steps_per_s"),
@@ -93,6 +95,30 @@ def bench_methods(command: BenchMethods) -> int:
     strategies = {name: make_strategy(name) for name in command.ways}
     rises = len(rise.BENCH_CLASSES) * command.n * len(strategies)
     return _run(command, rise.bench_methods, strategies, count=rises, of="rises")
+
+
+def bench_disturbed(command: BenchDisturbed) -> int:
+    """Compare plans, with and without feedback, and policies in disturbed worlds."""
+    world, database = _load(command)
+    limit = make_torque_limit(command, world.robot)
+    with refusing():
+        cases = disturbed.select(world.robot, command.cases)
+    policies = {
+        name: LearnedRise(
+            world,
+            load_policy(world.robot, name, command.torque_limit),
+            torque_limit=limit,
+            name=name,
+        )
+        for name in command.policies
+    }
+    rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * command.n
+    planner = PlannedRise(world, database, torque_limit=limit)
+
+    def bench(planner: PlannedRise, **options: Any) -> dict[str, Any]:
+        return disturbed.bench_disturbed(planner, policies, disturbances=cases, **options)
+
+    return _run(command, bench, planner, count=rises, of="rises")
 
 
 def bench_motions(command: BenchMotions) -> int:
@@ -145,7 +171,13 @@ def bench_soak(command: BenchSoak) -> int:
 
 
 def _run(
-    command: BenchRise | BenchMethods | BenchMotions | BenchSit | BenchFaults | BenchKill,
+    command: BenchRise
+    | BenchMethods
+    | BenchDisturbed
+    | BenchMotions
+    | BenchSit
+    | BenchFaults
+    | BenchKill,
     bench: Callable[..., dict[str, Any]],
     *subjects: Any,
     count: int,

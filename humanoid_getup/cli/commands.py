@@ -34,6 +34,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "bench": ("", "", "Run a benchmark on the twin or on the virtual bus."),
     "bench rise": ("bench.BenchRise", "bench.bench_rise", "Rise from many settled falls."),
     "bench methods": ("bench.BenchMethods", "bench.bench_methods", "Compare plans and policies."),
+    "bench disturbed": (
+        "bench.BenchDisturbed",
+        "bench.bench_disturbed",
+        "Rise in disturbed worlds.",
+    ),
     "bench motions": ("bench.BenchMotions", "bench.bench_motions", "Play every motion disturbed."),
     "bench sit": ("bench.BenchSit", "bench.bench_sit", "Sit and lie down from many stands."),
     "bench filter": ("bench.BenchFilter", "bench.bench_filter", "Time the filter's physics."),
@@ -47,6 +52,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "hardware.Calibrate",
         "calibrate.calibrate",
         "Measure the zeros and signs of the servos.",
+    ),
+    "plan-cache": (
+        "motions.ListPlanCache",
+        "plan_cache.list_or_clear",
+        "List the solved rises that are kept, or remove them.",
     ),
     "preflight": ("motions.Preflight", "preflight.preflight", "Judge if a motion may be played."),
     "replay": ("motions.Replay", "replay.replay_log", "Replay a flight log and compare."),

@@ -92,15 +92,14 @@ def _describe(motion: Motion, is_mirrored: bool) -> dict[str, Any]:
 def _print(rows: list[dict[str, Any]]) -> None:
     table = Table(box=None, header_style="bold")
     table.add_column("motion", no_wrap=True)
-    for heading in ("start", "end", "strategy"):
-        table.add_column(heading)
+    for heading in ("start", "strategy"):
+        table.add_column(heading, no_wrap=True)
     for heading in ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored"):
         table.add_column(heading, justify="right")
     for row in rows:
         table.add_row(
             row["name"],
             row["start_class"],
-            row["end_class"],
             row["strategy"],
             f"{row['duration_s']:.2f}",
             _format(row["stand_time_s"], ".2f") if row["end_class"] == STANDING else "",

@@ -14,6 +14,7 @@ from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.output import phase
+from humanoid_getup.cli.plan_cache import use_cache
 from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over
@@ -93,7 +94,7 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
         database = None if command.method == POLICY else load_database(robot)
     strategies: dict[StrategyId, Strategy] = {}
     if database is not None:
-        strategies[StrategyId(PLAN)] = PlannedRise(
+        planner = PlannedRise(
             world,
             database,
             planning=command.planning,
@@ -102,6 +103,7 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
             prefer=command.prefer,
             search_budget=command.search_budget,
         )
+        strategies[StrategyId(PLAN)] = use_cache(command, planner)
     learned = StrategyId(POLICY, command.policy)
     if command.method == POLICY or records.knows(learned):
         policy = load_policy(robot, command.policy, command.torque_limit)

@@ -9,7 +9,7 @@ from drivers import Command, Ending, RunReport
 from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.playback.monitors import Abort
 from robots import Robot
-from robots.servo import DEFAULT_P_GAIN
+from robots.servo import DEFAULT_P_GAIN, LimitMode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,13 +19,16 @@ class HandOver:
     robot: Robot
     command: Command
     """Last command that the servos were sent; no watchdog stops them if no other follows."""
+    limit_by: LimitMode
+    """What the torque limits act on, and so in which operating mode the servos are."""
 
     def __str__(self) -> str:
         """Say in one line what the next program finds."""
         command = self.command
         return (
-            f"servos hold their targets, at most {command.torque_limit.max():.2f} N·m, position "
-            f"gain {DEFAULT_P_GAIN * command.gain_scale.min():.0f}, watchdog off"
+            f"servos hold their targets, at most {command.torque_limit.max():.2f} N·m by "
+            f"{self.limit_by}, position gain {DEFAULT_P_GAIN * command.gain_scale.min():.0f}, "
+            "watchdog off"
         )
 
     def record(self) -> dict[str, Any]:
@@ -34,6 +37,7 @@ class HandOver:
         return {
             "summary": str(self),
             "watchdog": "off",
+            "limit_by": self.limit_by,
             "joints": {
                 name: {
                     "target_rad": float(command.joint_pos[i]),

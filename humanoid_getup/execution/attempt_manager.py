@@ -79,6 +79,8 @@ class AttemptManager:
             if attempt.stood:
                 return AttemptStatus.STOOD, attempt.reason
             self._check_end(attempt)
+            if attempt.plan is not None:
+                attempt.plan.forget()
             if self._number < most:
                 self._recover(attempt)
         if most == 1:

@@ -186,7 +186,7 @@ class StandKeeper:
     def _hand_over(self) -> HandOver:
         self._guard.backend.release = Release.HOLD
         assert self._sent is not None
-        return HandOver(robot=self._guard.robot, command=self._sent)
+        return HandOver(robot=self._guard.robot, command=self._sent, limit_by=self._guard.limit_by)
 
     @property
     def _held(self) -> np.ndarray | None:

@@ -11,6 +11,7 @@ from drivers.twin.simulation import Simulation
 from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.playback.play import Judge
+from humanoid_getup.simulation.scene import GroundHeight
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 
@@ -35,6 +36,8 @@ class StandSession:
     """Pace the cycles by the wall clock, for backends that do not pace themselves."""
     simulation: Simulation | None = None
     """Ground truth for the judges; None for sensors alone."""
+    ground: GroundHeight | None = None
+    """Ground on which a simulated robot is; None for that of the world that was planned in."""
     place: Callable[[], None] | None = None
     """Places a simulated robot in its stand, once it is connected; None for a real one."""
     on_phase: Callable[[PhaseChange], None] = lambda _: None
@@ -67,7 +70,8 @@ class StandSession:
         """Make the judge of the next run."""
         limit = self.torque_limit.value
         if self.simulation is not None:
-            return GroundTruthJudge(self.simulation, limit)
+            ground = self.ground or self.world.scene.ground
+            return GroundTruthJudge(self.simulation, limit, ground)
         return SensorJudge(self.world, self.guard.period, limit)
 
 
@@ -85,13 +89,13 @@ def guard_robot(
     guard = backend
     if not isinstance(guard, SafetyGuard):
         guard = SafetyGuard(backend, GuardLimits.of(backend.robot, torque_limit.value))
-    body = guard.backend
+    body, mode = guard.backend, torque_limit.on(backend.robot).mode
     if isinstance(body, Twin):
-        body.limit_by = torque_limit.mode
+        body.limit_by = mode
         return guard, body.simulation
-    if body.limit_by != torque_limit.mode:
+    if body.limit_by != mode:
         raise ValueError(
-            f"the backend limits torque by '{body.limit_by}', expected '{torque_limit.mode}' as "
+            f"the backend limits torque by '{body.limit_by}', expected '{mode}' as "
             "the strategy: build both with one mode"
         )
     return guard, None

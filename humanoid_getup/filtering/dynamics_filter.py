@@ -7,8 +7,8 @@ import numpy as np
 from humanoid_getup.evaluation.preference import Preference, PreferenceName, RiseFigures
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
+from humanoid_getup.filtering.disturbed_rollout import Worlds
 from humanoid_getup.filtering.reference import Reference, compose
-from humanoid_getup.filtering.rehearsal import Worlds
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import hold_last
@@ -64,7 +64,7 @@ class DynamicsFilter:
         self._search = TargetSearch(
             world, worlds=CHECKS, preference=self.preference, threads=threads
         )
-        self._rehearsal = self._search.rehearsal
+        self._disturbed_rollout = self._search.rollout
 
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Track every candidate from the start posture, at rest."""
@@ -80,15 +80,17 @@ class DynamicsFilter:
         reference = compose(self.world, c.path, c.connection.motion, c.connection.frame, c.tempo)
         return reference if c.before is None else reference.after(c.before)
 
-    def check(self, start: Posture, target: Array, rng: np.random.Generator) -> float:
+    def check(
+        self, start: Posture, target: Array, rng: np.random.Generator, worlds: int = CHECKS
+    ) -> float:
         """Replay targets (T, n) without feedback, from the start and from disturbed ones.
 
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
-        worlds = self._disturb(start, rng)
-        self.count += CHECKS
-        rehearsed = self._rehearsal.play(worlds, [target], give_up=True)
-        return float(rehearsed.stood.mean()) if rehearsed.stood[0, 0] else 0.0
+        disturbed = self._disturb(start, rng, worlds)
+        self.count += worlds
+        outcome = self._disturbed_rollout.play(disturbed, [target], give_up=True)
+        return float(outcome.stood.mean()) if outcome.stood[0, 0] else 0.0
 
     def better(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
@@ -102,7 +104,7 @@ class DynamicsFilter:
         target, share = rollout.target[: rollout.moving], 0.0
         while budget > 0.0:
             found = self._search.search(self._disturb(start, rng), target, budget, rng)
-            self.count += found.rehearsals
+            self.count += found.rollouts
             budget -= found.simulated
             target, share = found.target, found.share
             if share < 1.0:
@@ -123,14 +125,14 @@ class DynamicsFilter:
         target = rollout.target[: rollout.moving]
         if self.preference.wants_margin:
             found = self._search.search(
-                self._disturb(start, rng, HARD_DISTURBANCE), target, budget, rng
+                self._disturb(start, rng, disturbance=HARD_DISTURBANCE), target, budget, rng
             )
             better = [] if found.target is target else [found.target]
         else:
             few = self._disturb(start, rng).take(np.arange(FEW))
             found = self._search.improve(few, target, budget, rng)
             better = found.targets
-        self.count += found.rehearsals
+        self.count += found.rollouts
         for one in better:
             if self.check(start, one, rng) == 1.0:
                 return self._replay(start, rollout.candidate, one)
@@ -149,13 +151,14 @@ class DynamicsFilter:
         self,
         start: Posture,
         rng: np.random.Generator,
+        worlds: int = CHECKS,
         disturbance: RolloutRandomization = CHECK_DISTURBANCE,
     ) -> Worlds:
         world, robot = self.world, self.world.robot
         starts, parameters = randomize_rollouts(
             world,
             place(robot, world.model, start),
-            CHECKS,
+            worlds,
             disturbance,
             self.torque_limit,
             rng,

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.preference import Preference
-from humanoid_getup.filtering.rehearsal import Rehearsal, Rehearsed, Worlds
+from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, RolloutOutcome, Worlds
 from humanoid_getup.filtering.variation import Variation
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
 SAMPLES = 10  # variations of a generation
-HARDEST = 4  # worlds in which every variation is rehearsed
-RIVALS = 2  # best variations of a generation that may be rehearsed in the other worlds
+HARDEST = 4  # worlds in which every variation is rolled out
+RIVALS = 2  # best variations of a generation that may be rolled out in the other worlds
 PARENTS = 5  # best variations of a generation, about whose mean the next one is sampled
 STEP = 0.4  # standard deviation of a generation's genes
 EFFORT = 0.02  # of 1 s of a preference's cost; a stand is worth 1, what comes near it up to 1
@@ -30,10 +30,10 @@ class Improvement:
 
     targets: list[Array]
     """Their targets [rad], each (T, n), the cheapest first; none if no cheaper one was found."""
-    rehearsals: int
-    """How often a variation was rehearsed in a world."""
+    rollouts: int
+    """How often a variation was rolled out in a world."""
     simulated: float
-    """Simulated time, all rehearsals together [s]."""
+    """Simulated time, all rollouts together [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,22 +45,22 @@ class SearchResult:
     share: float
     """Share of the worlds in which they end in a held stand; 0 if not in the nominal one."""
     generations: int
-    rehearsals: int
-    """How often a variation was rehearsed in a world."""
+    rollouts: int
+    """How often a variation was rolled out in a world."""
     simulated: float
-    """Simulated time, all rehearsals together [s]."""
+    """Simulated time, all rollouts together [s]."""
 
 
 class TargetSearch:
     """An evolution strategy over variations, in the hardest worlds first.
 
     Each generation is sampled about the weighted mean of the best of the one before,
-    (μ/μ_w, λ) of [Hansen16]. Its covariance is fixed: a search ends within a few generations,
-    before CMA-ES would have learned one.
+    (μ/μ_w, λ) of Hansen, "The CMA evolution strategy", 2016. Its covariance is fixed: a search
+    ends within a few generations, before CMA-ES would have learned one.
 
     Disturbed worlds differ much in how hard they are, and most variations fail. So each is
-    rehearsed in the nominal world and in those that are hardest for the best targets so far; only
-    one that stands in all of them is rehearsed in the others, too.
+    rolled out in the nominal world and in those that are hardest for the best targets so far; only
+    one that stands in all of them is rolled out in the others, too.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class TargetSearch:
     ) -> None:
         """Prepare for searches in up to that many worlds."""
         self.preference = preference
-        self.rehearsal = Rehearsal(world, max(SAMPLES * HARDEST, worlds), threads=threads)
+        self.rollout = DisturbedRollout(world, max(SAMPLES * HARDEST, worlds), threads=threads)
         self._robot, self._layout = world.robot, world.robot.layout(world.model)
 
     def search(
@@ -80,16 +80,16 @@ class TargetSearch:
         when the budget of simulated time [s] is spent.
         """
         start = worlds.starts[0, self._layout.qpos]
-        outcome = self.rehearsal.play(worlds, [target])
-        rehearsals, simulated, generations = len(worlds), outcome.simulated, 0
+        outcome = self.rollout.play(worlds, [target])
+        rollouts, simulated, generations = len(worlds), outcome.simulated, 0
         best, share, hardest = target, _share(outcome), _find_hardest(outcome)
         mean = np.zeros(Variation.size(self._robot))
         while share < 1.0 and simulated < budget:
             generations += 1
             genes = mean + STEP * rng.normal(size=(SAMPLES, len(mean)))
             motions = [Variation.of(g).apply(target, start, self._robot) for g in genes]
-            outcome = self.rehearsal.play(worlds.take(hardest), motions)
-            rehearsals += outcome.stood.size
+            outcome = self.rollout.play(worlds.take(hardest), motions)
+            rollouts += outcome.stood.size
             simulated += outcome.simulated
             cost = self._weigh(outcome)
             order = np.argsort(cost, kind="stable")
@@ -97,8 +97,8 @@ class TargetSearch:
             for i in order[:RIVALS]:
                 if not outcome.stood[i].all():
                     break
-                whole = self.rehearsal.play(worlds, [motions[i]])
-                rehearsals += len(worlds)
+                whole = self.rollout.play(worlds, [motions[i]])
+                rollouts += len(worlds)
                 simulated += whole.simulated
                 if _share(whole) > share:
                     best, share, hardest = motions[i], _share(whole), _find_hardest(whole)
@@ -107,7 +107,7 @@ class TargetSearch:
             target=best,
             share=share,
             generations=generations,
-            rehearsals=rehearsals,
+            rollouts=rollouts,
             simulated=simulated,
         )
 
@@ -120,8 +120,8 @@ class TargetSearch:
         is wanted.
         """
         start = worlds.starts[0, self._layout.qpos]
-        outcome = self.rehearsal.play(worlds, [target])
-        rehearsals, simulated = len(worlds), outcome.simulated
+        outcome = self.rollout.play(worlds, [target])
+        rollouts, simulated = len(worlds), outcome.simulated
         mean = np.zeros(Variation.size(self._robot))
         begun = float(self._weigh(outcome)[0])
         best = [(begun, target)]
@@ -129,36 +129,36 @@ class TargetSearch:
         while not content and simulated < budget:
             genes = mean + FINE_STEP * rng.normal(size=(SAMPLES, len(mean)))
             motions = [Variation.of(g).apply(target, start, self._robot) for g in genes]
-            outcome = self.rehearsal.play(worlds, motions)
-            rehearsals += outcome.stood.size
+            outcome = self.rollout.play(worlds, motions)
+            rollouts += outcome.stood.size
             simulated += outcome.simulated
             cost = self._weigh(outcome)
             order = np.argsort(cost, kind="stable")
             mean = _weights() @ genes[order[:PARENTS]]
-            stands = outcome.stood.all(axis=1)
+            stands = np.asarray(outcome.stood.all(axis=1))
             best += [(float(cost[i]), motions[i]) for i in order if stands[i]]
             best = sorted(best, key=lambda one: one[0])[:FINALISTS]
             content = best[0][1] is motions[order[0]] and self._is_content(outcome, order[0])
         cheaper = [motion for cost, motion in best[:FINALISTS] if cost < begun]
-        return Improvement(targets=cheaper, rehearsals=rehearsals, simulated=simulated)
+        return Improvement(targets=cheaper, rollouts=rollouts, simulated=simulated)
 
-    def _is_content(self, outcome: Rehearsed, i: int | np.int_) -> bool:
+    def _is_content(self, outcome: RolloutOutcome, i: int | np.int_) -> bool:
         """Return whether nothing cheaper than a motion is wanted."""
         return not (self.preference.is_insatiable or np.any(outcome.collides[i]))
 
-    def _weigh(self, outcome: Rehearsed) -> Array:
+    def _weigh(self, outcome: RolloutOutcome) -> Array:
         """Weigh motions by their stands, how near the others came to one, and cost, (S,)."""
         cost = np.where(outcome.stood, self.preference.cost(outcome), NO_STAND)
         gain = outcome.stood + outcome.progress - EFFORT * cost  # (S, K)
         return -gain.mean(axis=1)
 
 
-def _share(outcome: Rehearsed) -> float:
+def _share(outcome: RolloutOutcome) -> float:
     """Return the share of the worlds in which a motion stands; 0 if not in the first."""
     return float(outcome.stood[0].mean()) if outcome.stood[0, 0] else 0.0
 
 
-def _find_hardest(outcome: Rehearsed) -> NDArray[np.int_]:
+def _find_hardest(outcome: RolloutOutcome) -> NDArray[np.int_]:
     """Return the nominal world and those in which a motion does worst, (HARDEST,).
 
     Where it does not even stand in the nominal one, they are any.

@@ -6,6 +6,7 @@ import numpy as np
 
 from drivers.state import Command, State
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.balance import Balance
 from robots import Robot
 from robots.quaternion import Array
 
@@ -27,11 +28,13 @@ class MotionPlayer:
         hold: float,
         torque_limit: float | None = None,
         held: Array | None = None,
+        balance: Balance | None = None,
     ) -> None:
         """Prepare to play a motion, and to ``hold`` its end for a while [s].
 
         ``held`` are the targets that the servos follow already [rad], (n,); ``None`` if torque is
-        off, and begins where the joints are.
+        off, and begins where the joints are. ``balance`` corrects the targets; without it they
+        are sent as they are.
         """
         self._robot, self._motion, self._torque_limit = robot, motion, torque_limit
         self.longest = motion.duration + hold
@@ -39,7 +42,7 @@ class MotionPlayer:
         self.approach_time = 0.0
         """Time that the approach to the first targets takes [s]."""
         self._begin = self._clock = 0.0
-        self._held = held
+        self._held, self._balance = held, balance
         self._from = motion.joint_target[0]
 
     @property
@@ -55,6 +58,8 @@ class MotionPlayer:
         reach = self._robot.max_velocity * self._robot.control_period  # in one cycle
         near = np.all(distance <= reach)
         self.approach_time = 0.0 if near else float(distance.max()) / APPROACH_SPEED
+        if self._balance is not None:
+            self._balance.reset(self._from)
 
     def _is_over(self, duration: float) -> bool:
         """Return whether a time [s] has passed since the end of the approach."""
@@ -63,10 +68,13 @@ class MotionPlayer:
     def step(self, state: State) -> Command:
         """Send the targets that are due at the measurement."""
         self._clock = state.time
-        return Command.position(self._robot, self._target(), self._torque_limit)
-
-    def _target(self) -> Array:
         time = self._clock - self._begin - self.approach_time
+        target = self._target(time)
+        if self._balance is not None:
+            target = self._balance.correct(state, time, target)
+        return Command.position(self._robot, target, self._torque_limit)
+
+    def _target(self, time: float) -> Array:
         first = self._motion.joint_target[0]
         if time < 0.0:
             return first + (time / self.approach_time) * (first - self._from)

@@ -99,6 +99,7 @@ def preflight(
     torque_limit: TorqueLimit = FULL_TORQUE,
     temperature: Array | float = AMBIENT_TEMPERATURE,
     start: State | None = None,
+    balanced: bool = True,
 ) -> MotionVerdict:
     """Judge a motion with torque off, and report all problems at once.
 
@@ -113,6 +114,7 @@ def preflight(
         torque_limit: Of the servos.
         temperature: Present temperature of the servos [°C], (n,) or a number for all.
         start: Measurement of the lying robot; ``None`` where there is none yet.
+        balanced: Whether a rise is played with feedback, as by `supervise_motion`.
 
     Raises:
         ValueError: if voltage or temperature is not a sensible number.
@@ -121,7 +123,7 @@ def preflight(
     _check_input(voltage, temperature)
     torque_limit = torque_limit.on(robot)
     heat = np.broadcast_to(np.asarray(temperature, dtype=float), (robot.n,))
-    figures = measure(world, motion, voltage, torque_limit, heat, start)
+    figures = measure(world, motion, voltage, torque_limit, heat, start, balanced)
     reasons = [
         *_judge_supply(robot, voltage),
         *_judge_limits(robot, motion),

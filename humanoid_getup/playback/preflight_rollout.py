@@ -15,6 +15,7 @@ from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import Stand
 from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.playback.motion_player import MotionPlayer
@@ -72,6 +73,7 @@ def measure(
     torque_limit: TorqueLimit,
     temperature: Array,
     start: State | None,
+    balanced: bool = True,
 ) -> Figures:
     """Roll a motion out and compute the figures of a verdict; arguments as of `preflight`."""
     robot = world.robot
@@ -79,7 +81,8 @@ def measure(
         at_rest = estimate_posture(world, start)
     else:
         at_rest = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
-    rollout = _roll_out(world, motion, at_rest, voltage, torque_limit)
+    balance = make_balance(world, motion) if balanced else None
+    rollout = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)
     at_start = find_overlap(world, at_rest, mujoco.MjData(world.model))
     deepest = np.maximum(rollout.overlap, _find_deepest(world, motion))
     stall = robot.max_torque * voltage / robot.supply_voltage
@@ -122,7 +125,12 @@ class _Rollout:
 
 
 def _roll_out(
-    world: World, motion: Motion, start: Posture, voltage: float, torque_limit: TorqueLimit
+    world: World,
+    motion: Motion,
+    start: Posture,
+    voltage: float,
+    torque_limit: TorqueLimit,
+    balance: Balance | None,
 ) -> _Rollout:
     """Play the motion on a twin, without the guard's limits of supply and temperature."""
     robot = world.robot
@@ -140,7 +148,9 @@ def _roll_out(
         np.maximum(overlap, measure_overlap(twin.truth.model, twin.truth.data), out=overlap)
 
     hold = hold_time(motion)
-    player = MotionPlayer(robot, motion, hold=hold, torque_limit=torque_limit.value)
+    player = MotionPlayer(
+        robot, motion, hold=hold, torque_limit=torque_limit.value, balance=balance
+    )
     _, outcome = play(player, SafetyGuard(twin, limits), judge, on_cycle=record)
     return _Rollout(
         stand=outcome.stand,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from drivers import Command, State
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.balance import make_balance
 from humanoid_getup.playback.ending import hold_time
 from humanoid_getup.playback.monitors import (
     Abort,
@@ -66,14 +67,21 @@ def supervise_motion(
     torque_limit: float | None = None,
     tracked: bool = True,
     held: Array | None = None,
+    balanced: bool = True,
 ) -> Supervisor:
     """Make a supervised player of a motion that holds its end for as long as judging takes.
 
     The torque limit [N·m] is that of every servo; ``tracked`` is False for a motion that was
-    never rolled out; ``held`` are the targets that the servos follow already [rad], (n,).
+    never rolled out; ``held`` are the targets that the servos follow already [rad], (n,);
+    ``balanced`` is False to play a rise open loop.
     """
     player = MotionPlayer(
-        world.robot, motion, hold=hold_time(motion), torque_limit=torque_limit, held=held
+        world.robot,
+        motion,
+        hold=hold_time(motion),
+        torque_limit=torque_limit,
+        held=held,
+        balance=make_balance(world, motion) if balanced and tracked else None,
     )
     tracking = MotionMonitor(world, motion, player, tracked=tracked)
     return Supervisor(player, [tracking, ServoMonitor(world.robot)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from rich.console import Console
@@ -77,6 +78,10 @@ def _describe_motion(report: dict[str, Any]) -> str:
     if not report["connection"]:
         return ""
     text = f"{report['connection']} ({report['strategy']})"
+    if kept := report.get("plan_cache"):
+        apart = math.degrees(kept["joint_rad"])
+        took = report["plan_s"] + report["filter_s"]
+        return f"{text}, plan kept from a start within {apart:.1f}°, checked in {took:.2f} s"
     text += f", planned in {report['plan_s']:.2f} s" if report.get("planning") else ", not planned"
     if not report.get("filtering"):
         return f"{text}, not filtered"

@@ -87,6 +87,9 @@ class RisePlan:
     def save(self, _folder: Path) -> None:
         """Save the plan's motion, if it has one, in a folder."""
 
+    def forget(self) -> None:
+        """Take the plan out of the cache, if it is in one: it was refused, or failed."""
+
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""
         joined = self.connection.motion if self.connection else None
@@ -100,6 +103,7 @@ class RisePlan:
             "connection": joined and joined.name,
             "strategy": joined and joined.strategy,
             "policy": None,
+            "plan_cache": None,
         }
 
 
@@ -111,6 +115,8 @@ class MotionPlan(RisePlan):
     simulated: bool = True
     """Whether the joint angles come from a rollout; if not, they are only targets, and no
     monitor expects the robot to reach them."""
+    balanced: bool = True
+    """Whether the torso's attitude is fed back to the ankles; False: open loop."""
 
     @property
     def title(self) -> str:
@@ -129,6 +135,7 @@ class MotionPlan(RisePlan):
             self.motion,
             torque_limit=strategy.torque_limit.value,
             tracked=self.simulated,
+            balanced=self.balanced,
         )
 
     def preflight(
@@ -142,6 +149,7 @@ class MotionPlan(RisePlan):
             torque_limit=strategy.torque_limit,
             temperature=settled.temperature,
             start=measure(),
+            balanced=self.balanced,
         )
 
     def save(self, folder: Path) -> None:

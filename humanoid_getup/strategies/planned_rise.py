@@ -91,7 +91,8 @@ class PlannedRise:
         """
         if not search_budget > 0.0:
             raise ValueError(f"search_budget is {search_budget} s, expected above 0 s")
-        self.prefer, self.search_budget = prefer, search_budget
+        self.prefer: PreferenceName = prefer
+        self.search_budget = search_budget
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.planning, self.filtering, self.assistance = planning, filtering, assistance
         self.database = load_database(world.robot) if database is None else database

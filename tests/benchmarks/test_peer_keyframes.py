@@ -94,10 +94,10 @@ def test_all_get_up_from_the_same_falls_under_the_same_limit(peer, world):
     result = peer.compare(world, PEERS, seed=4, each=1, limits=limits, report=records.append)
     assert list(result["limits"]) == list(limits)
     starts = [record["start_class"] for record in records]
-    assert len(starts) == 9
-    assert starts[:3] * 3 == starts
+    assert len(starts) == 12
+    assert starts[:3] * 4 == starts
     ways = result["limits"]["3 N·m by PWM"]
-    assert list(ways) == [peer.PLANNED, peer.ROBUST, peer.PEER]
+    assert list(ways) == [peer.PLANNED, peer.ROBUST, peer.GENTLE, peer.PEER]
     for case in ways.values():
         assert case["n"] == 3
         assert case["stood"] == sum(case["stood_by_class"].values())

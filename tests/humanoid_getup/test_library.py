@@ -53,7 +53,9 @@ def test_a_gl_is_chosen_before_mujoco_unless_the_user_did_or_there_is_a_display(
 
 def test_every_public_name_is_there_and_is_listed():
     names = "load_robot World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall get_up"
-    names += " keep_stand PlannedRise LearnedRise StoredMotion Motion OnnxPolicy"
+    names += (
+        " keep_stand PlannedRise CachedRise PlanCache LearnedRise StoredMotion Motion OnnxPolicy"
+    )
     assert set(hg.__all__) == set(names.split())
     for name in hg.__all__:
         assert getattr(hg, name).__name__ == name

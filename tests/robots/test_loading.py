@@ -1,5 +1,7 @@
 """Loading robots: by name and from a folder."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from spoiling import spoil
@@ -22,6 +24,13 @@ def test_a_copy_of_a_robots_folder_is_the_same_robot(tiny, own_robot):
 
 def test_a_folder_may_be_given_as_text(own_robot):
     assert load_robot(str(own_robot)).name == "tiny"
+
+
+def test_a_name_means_the_packages_robot_whatever_folder_is_here(own_robot, monkeypatch):
+    own_robot.rename(own_robot.parent / "op3")
+    monkeypatch.chdir(own_robot.parent)
+    assert load_robot("op3").name == "op3"
+    assert load_robot("./op3").name == load_robot(Path("op3")).name == "tiny"
 
 
 def test_a_robots_stance_is_worked_out_from_its_soles(tiny):

@@ -86,7 +86,8 @@ def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
     def thrash(observations: np.ndarray) -> np.ndarray:
         return np.sin(np.arange(SIZE) + observations[:, :1] * 20.0)
 
-    for trial in (Perturbation(torque_limit=1.5), Perturbation(torque_limit=1.5, limit_by="pwm")):
+    for by in ("current", "ideal"):  # by PWM, a servo that is turned back brakes with more
+        trial = Perturbation(torque_limit=1.5, limit_by=by)
         (record,) = evaluate_policy(
             op3, action, thrash, [op3.standing] * 2, trial, 0, duration=1.0, threads=1
         )

@@ -21,6 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache
+from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
 from robots import Robot, load_robot
 
 MOTION = "squat_to_stand"
@@ -277,6 +279,23 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --robot wrong_calibration --from supine", "wrong_calibration/calibration.toml"),
         case("calibrate --robot wrong_calibration --port none", "calibration.toml"),
     ],
+    "plan caches": [
+        case("rise --from supine --cache-folder broken_plans", ".json: not JSON"),
+        case("rise --from supine --cache-folder wrong_plans", "robust is 2.0, expected a share"),
+        case("rise --from supine --cache-folder half_plans", ".npz: its checksum differs"),
+        case("rise --from supine --cache-folder lost_plans", ".npz: No such file or directory"),
+        case("rise --from supine --cache-folder text.txt", "text.txt is not a folder"),
+        case("rise --from supine --cache-folder /proc/plans", "output folder /proc/plans"),
+        case("plan-cache --cache-folder broken_plans", "not JSON", "getup plan-cache --clear"),
+        case(
+            "plan-cache --cache-folder half_plans --robot op3",
+            "checksum",
+            "--clear --cache-folder half_plans",
+        ),
+        case("plan-cache --cache-folder none", "--cache-folder is none, expected an existing"),
+        case("plan-cache --cache-folder text.txt --clear", "--cache-folder is text.txt"),
+        case("plan-cache --json folder", "output file folder: is a folder"),
+    ],
     "outputs": [
         case("rise --from supine --out text.txt", "text.txt is not a folder"),
         case("rise --from supine --out text.txt/below", "text.txt is not a folder"),
@@ -321,6 +340,7 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "unreadable").chmod(0)
     _make_postures(folder, robot)
     _make_motions(folder, robot)
+    _make_plans(folder, robot)
     _make_policies(folder, robot)
     _make_robots(folder, robot)
 
@@ -361,6 +381,36 @@ def _make_motions(folder: Path, robot: Robot) -> None:
     motion = Motion.load(file)
     fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
     Motion(**{**fields, "robot": "nao"}).save(folder / "other.npz")
+
+
+def _make_plans(folder: Path, robot: Robot) -> None:
+    motion, standing = Motion.load(robot.folder / "motions" / f"{MOTION}.npz"), robot.standing
+    rise = SolvedRise(
+        context=PlanContext(
+            robot=robot.name, scene="flat", fingerprint="none", limit_by=robot.limit_by
+        ),
+        start_class="supine",
+        position=standing.position,
+        orientation=standing.orientation,
+        joint_pos=standing.joint_pos,
+        connection=MOTION,
+        frame=0,
+        distance=0.0,
+        planned=True,
+        stand_time=2.0,
+        robust=1.0,
+        made=0.0,
+    )
+
+    def keep(name: str) -> CacheEntry:
+        return PlanCache(folder / name).keep(rise, motion)
+
+    keep("broken_plans").file.write_text("{")
+    wrong = keep("wrong_plans").file
+    wrong.write_text(wrong.read_text().replace('"robust": 1.0', '"robust": 2.0'))
+    half = keep("half_plans").motion_file
+    half.write_bytes(half.read_bytes()[:1000])
+    keep("lost_plans").motion_file.unlink()
 
 
 def _make_policies(folder: Path, robot: Robot) -> None:

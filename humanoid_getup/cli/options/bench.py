@@ -42,6 +42,18 @@ class BenchMethods(TorqueOptions, WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BenchDisturbed(TorqueOptions, WorldOptions):
+    """Get up in worlds that no plan knows of: loads, slopes, a step, weak servos."""
+
+    n: Count = 20
+    """Falls of each class: supine, prone, lateral."""
+    policies: tuple[str, ...] = ("robust",)
+    """Policies beside the plans, by name or file."""
+    cases: tuple[str, ...] = ()
+    """Disturbances by their names in the table; none for all."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class BenchMotions(WorldOptions):
     """Play every motion of the database: time, load, reserve and robustness."""
 

@@ -1,4 +1,4 @@
-"""Options of `getup robots`, `motions list`, `build` and `show`, `preflight` and `replay`."""
+"""Options of `robots`, `motions list`, `build` and `show`, `plan-cache`, `preflight`, `replay`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
+    CacheFolder,
     Count,
     JsonOption,
     MotionName,
@@ -27,6 +28,24 @@ REPLAY_FILES = ("replay.json", "flight.png", "replay.png")
 @dataclass(frozen=True, kw_only=True)
 class ListRobots(JsonOption):
     """List the robots that come with the program."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListPlanCache(JsonOption):
+    """List the solved rises that are kept, or remove them."""
+
+    robot: str | None = None
+    """Name of a robot; default: all."""
+    cache_folder: CacheFolder = None
+    clear: bool = False
+    """Remove them, damaged ones too."""
+
+    def find_faults(self) -> list[str]:
+        """Report a folder that does not exist, too."""
+        faults = super().find_faults()
+        if self.cache_folder is not None and not self.cache_folder.is_dir():
+            faults.append(f"--cache-folder is {self.cache_folder}, expected an existing folder")
+        return faults
 
 
 @dataclass(frozen=True, kw_only=True)

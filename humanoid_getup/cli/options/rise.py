@@ -9,12 +9,14 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import positive
 from humanoid_getup.cli.options.shared import (
+    CacheFolder,
     Count,
     MotionName,
     PolicyName,
     PreferenceOptions,
     RunOptions,
 )
+from humanoid_getup.cli.output import find_folder_faults
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,12 +32,17 @@ class Rise(PreferenceOptions, RunOptions):
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True
     """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
+    plan_cache: bool = True
+    """Begin with the plan of a solved rise whose start was near, and keep new ones."""
+    cache_folder: CacheFolder = None
 
     def find_faults(self) -> list[str]:
-        """Report an option that does not fit the backend, too."""
+        """Report an option that does not fit the backend or another one, too."""
         faults = super().find_faults()
         if self.is_real and not self.filtering:
             faults.append("--no-filtering requires a simulated robot")
+        if self.cache_folder is not None:
+            faults += find_folder_faults(self.cache_folder, ())
         return faults
 
 

@@ -11,6 +11,10 @@ from tyro.conf import arg
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
 
+CacheFolder = Annotated[
+    Path | None,
+    arg(metavar="DIR", help="Folder of the plan cache; default: in the user's cache folder."),
+]
 Count = Annotated[int, at_least(1)]
 JsonTarget = Annotated[
     str | None,

@@ -76,7 +76,7 @@ def test_a_robot_without_torque_lies_still(op3: Robot, side: list[float]):
             joint_pos=op3.standing.joint_pos,
         )
     )
-    virtual.physics.advance(3.0)
+    virtual.physics.advance(4.0)
     settled = virtual.simulation.joint_pos.copy()
     virtual.physics.advance(8.0)
     moved = np.abs(virtual.simulation.joint_pos - settled) / RAD_PER_TICK

@@ -77,8 +77,9 @@ def test_a_motion_of_a_robot_that_stays_down_has_no_lowest_limit(world, one_moti
 
 def test_the_command_writes_what_it_ran_with(tmp_path: Path):
     file = tmp_path / "rise.json"
-    limit = ("--torque-limit", "3", "--pwm-limited", "--no-planning", "--no-filtering")
+    limit = ("--torque-limit", "3", "--limit-by", "pwm", "--no-planning", "--no-filtering")
     assert main(("bench", "rise", "--n", "1", "--seed", "4", *limit, "--json", str(file))) == 0
     result = json.loads(file.read_text())
     assert (result["name"], result["n"], result["torque_limit_nm"]) == ("rise", 3, 3.0)
+    assert result["limit_by"] == "pwm"
     assert (result["planning"], result["filtering"]) == (False, False)

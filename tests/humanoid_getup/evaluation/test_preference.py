@@ -11,7 +11,7 @@ from humanoid_getup.evaluation.preference import (
     Preference,
     RiseFigures,
 )
-from humanoid_getup.filtering.rehearsal import Rehearsal, Worlds
+from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -66,16 +66,16 @@ def test_an_unknown_preference_is_refused():
         Preference.of("luck")  # pyright: ignore[reportArgumentType]
 
 
-def test_a_rollout_and_a_rehearsal_of_it_have_the_same_figures(world, op3):
+def test_a_rollout_and_a_disturbed_one_have_the_same_figures(world, op3):
     motion = next(m for m in load_database(op3).motions if m.name == "supine_long_sit")
     start = place(op3, world.model, motion.posture(0))[None]
     targets = hold_last(motion.joint_target, len(motion.joint_target) + 130)
     nominal = DomainParameters.nominal(world, 1)
     trace = Rollout(world, 1).play(start, targets[None], nominal)
     measured = RiseFigures.of_trace(trace, world, np.array([2.0]))
-    rehearsed = Rehearsal(world, 1).play(Worlds(starts=start, parameters=nominal), [targets])
+    outcome = DisturbedRollout(world, 1).play(Worlds(starts=start, parameters=nominal), [targets])
     assert measured.collides[0]
     for figure in ("peak_torque", "overlap"):
-        np.testing.assert_allclose(getattr(measured, figure), getattr(rehearsed, figure)[0])
-    # A rehearsal does not see the change from one of its chunks to the next.
-    assert 0.0 < rehearsed.impact[0, 0] <= measured.impact[0] + 1e-12
+        np.testing.assert_allclose(getattr(measured, figure), getattr(outcome, figure)[0])
+    # A rollout does not see the change from one of its chunks to the next.
+    assert 0.0 < outcome.impact[0, 0] <= measured.impact[0] + 1e-12

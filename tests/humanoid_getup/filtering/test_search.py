@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.evaluation.preference import Preference
-from humanoid_getup.filtering.rehearsal import Worlds
+from humanoid_getup.filtering.disturbed_rollout import Worlds
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
@@ -38,7 +38,7 @@ def make_worlds(world, motion):
 def test_what_stands_everywhere_is_left_alone(search, motion, make_worlds):
     found = search.search(make_worlds(4.1), motion.joint_target, 100.0, np.random.default_rng(0))
     assert found.share == 1.0
-    assert (found.generations, found.rehearsals) == (0, COUNT)
+    assert (found.generations, found.rollouts) == (0, COUNT)
     assert found.target is motion.joint_target
 
 
@@ -48,7 +48,7 @@ def test_a_motion_too_quick_for_weak_servos_is_made_to_stand(search, motion, mak
     found = search.search(worlds, motion.joint_target, 400.0, np.random.default_rng(0))
     assert found.share == 1.0
     assert found.generations > 0
-    outcome = search.rehearsal.play(worlds, [found.target, motion.joint_target])
+    outcome = search.rollout.play(worlds, [found.target, motion.joint_target])
     assert outcome.stood[0].all()
     assert not outcome.stood[1].any()
 
@@ -67,7 +67,7 @@ def test_the_budget_ends_a_search_and_one_seed_finds_one_result(search, motion, 
 def test_a_quick_motion_that_does_not_touch_itself_is_left_alone(search, motion, make_worlds):
     improved = search.improve(make_worlds(4.1), motion.joint_target, 100.0, np.random.default_rng())
     assert improved.targets == []
-    assert improved.rehearsals == COUNT
+    assert improved.rollouts == COUNT
 
 
 def test_what_stands_is_made_cheaper_and_stands(world, motion, make_worlds):
@@ -79,7 +79,7 @@ def test_what_stands_is_made_cheaper_and_stands(world, motion, make_worlds):
     )
     assert 150.0 <= first.simulated < 400.0
     np.testing.assert_array_equal(first.targets[0], second.targets[0])
-    outcome = search.rehearsal.play(worlds, [*first.targets, motion.joint_target])
+    outcome = search.rollout.play(worlds, [*first.targets, motion.joint_target])
     assert outcome.stood.all()
     cost = search.preference.cost(outcome).mean(axis=1)
     assert np.all(np.diff(cost) >= 0.0)  # cheapest first, and what they came from last

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.evaluation.preference import Preference
-from humanoid_getup.filtering.rehearsal import Rehearsal, Worlds
+from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -95,8 +95,8 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     start = place(world.robot, world.model, fall)[None]
     nominal = Worlds(starts=start, parameters=DomainParameters.nominal(world, 1))
     motions = [plan.motion.joint_target, gentle.motion.joint_target]
-    rehearsed = Rehearsal(world, 2).play(nominal, motions)
-    quick, cheap = Preference.of("torque").cost(rehearsed)[:, 0]
+    outcome = DisturbedRollout(world, 2).play(nominal, motions)
+    quick, cheap = Preference.of("torque").cost(outcome)[:, 0]
     assert cheap < quick
 
 

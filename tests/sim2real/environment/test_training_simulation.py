@@ -45,7 +45,9 @@ def angles(robot: Robot, sim: TrainingSim) -> np.ndarray:
 
 
 def test_a_robot_moves_as_in_a_plain_loop(op3, world, falls):
+    """The model is compiled for servos in position mode."""
     sim = TrainingSim(world, 3, cycles=CYCLES, threads=2)
+    sim.set_parameters(sim.everyone, DomainParameters.nominal(world, 3, limit_by="pwm"))
     starts, layout = falls[:3], op3.layout(world.model)
     sim.place(np.arange(3), starts)
     target = starts[:, layout.qpos]
@@ -149,6 +151,7 @@ def test_masses_gains_and_friction_are_in_the_physics(op3, world):
         armature=np.array([1.0, 1.4]),
         friction_loss=np.array([1.0, 0.5]),
         com_shift=np.array([[0.0, 0.0, 0.0], [0.01, -0.02, 0.005]]),
+        limit_by=PWM,
     )
     plain, changed = sim.batch.get_model(0), sim.batch.get_model(1)
     assert plain.body_mass == pytest.approx(world.model.body_mass)
@@ -170,7 +173,7 @@ def test_masses_gains_and_friction_are_in_the_physics(op3, world):
 
 
 def test_nominal_parameters_are_the_world_as_it_was_compiled(world):
-    sim = make_sim(world, 1)
+    sim = make_sim(world, 1, limit_by=PWM)
     model = sim.batch.get_model(0)
     for name in ("body_mass", "body_inertia", "dof_armature", "dof_invweight0", "body_ipos"):
         assert getattr(model, name) == pytest.approx(getattr(world.model, name))
@@ -186,10 +189,13 @@ def test_no_servo_gives_more_than_its_torque_limit_and_strength(op3, world):
     target = start[:, op3.layout(world.model).qpos]
     torque = sim.follow(target, target + 0.6, record=("actuator_force",))["actuator_force"]
     peak = np.abs(torque).max(axis=1)
-    assert peak[0].max() == pytest.approx(1.0)
-    assert np.delete(peak[1], 4).max() == pytest.approx(2.0)
-    assert peak[1, 4] <= 1.0
-    assert sim.batch.get_model(1).actuator_forcerange[4] == pytest.approx([-1.0, 1.0])
+    # By current, in whole counts of 2.69 mA at 4.1 N·m / 2.3 A: 208, 417 and again 208.
+    count = 0.00269 * 4.1 / 2.3
+    assert peak[0].max() == pytest.approx(208 * count)
+    assert np.delete(peak[1], 4).max() == pytest.approx(417 * count)
+    assert peak[1, 4] <= 208 * count + 1e-9
+    most = sim.batch.get_model(1).actuator_forcerange[4]
+    assert most == pytest.approx([-208 * count, 208 * count])
 
 
 def test_parameters_of_some_leave_the_others_as_they_are(op3, delayed_world, falls):

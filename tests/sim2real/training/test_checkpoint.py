@@ -59,7 +59,7 @@ def test_code_in_a_checkpoint_is_not_run(tmp_path: Path, how: str):
     assert "\n" not in str(refusal.value)
     assert not target.exists()
     if how == "torch":  # the file would do harm to a reader that unpickles
-        torch.load(file, weights_only=False)
+        torch.load(file, weights_only=False)  # which no code of the package does
         assert target.exists()
 
 

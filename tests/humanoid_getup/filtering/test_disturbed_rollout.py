@@ -1,10 +1,10 @@
-"""A rehearsal ends early, and its verdict is that of the whole hold."""
+"""A disturbed rollout ends early, and its verdict is that of the whole hold."""
 
 import numpy as np
 import pytest
 
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
-from humanoid_getup.filtering.rehearsal import Rehearsal, Worlds
+from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.rollout import (
@@ -35,7 +35,7 @@ def worlds(world, motion):
 
 def test_a_verdict_is_that_of_the_whole_hold_and_costs_less(world, motion, worlds):
     period = world.robot.control_period
-    rehearsed = Rehearsal(world, COUNT).play(worlds, [motion.joint_target])
+    outcome = DisturbedRollout(world, COUNT).play(worlds, [motion.joint_target])
     longer = hold_last(motion.joint_target, len(motion.joint_target) + round(3.3 / period))
     trace = Rollout(world, COUNT).play(
         worlds.starts, np.tile(longer, (COUNT, 1, 1)), worlds.parameters
@@ -43,15 +43,15 @@ def test_a_verdict_is_that_of_the_whole_hold_and_costs_less(world, motion, world
     upright = is_upright(measure_stance(world, trace), world.robot)
     whole = [judge(u, period) for u in upright]
     assert {s.stood for s in whole} == {True, False}
-    assert rehearsed.stood[0].tolist() == [s.stood for s in whole]
-    np.testing.assert_allclose(rehearsed.stand_time[0], [s.start_time for s in whole])
-    assert rehearsed.simulated < 0.9 * COUNT * len(longer) * period
+    assert outcome.stood[0].tolist() == [s.stood for s in whole]
+    np.testing.assert_allclose(outcome.stand_time[0], [s.start_time for s in whole])
+    assert outcome.simulated < 0.9 * COUNT * len(longer) * period
 
 
 def test_a_motion_stands_alike_alone_and_among_others(world, motion, worlds):
-    alone = Rehearsal(world, COUNT).play(worlds, [motion.joint_target])
+    alone = DisturbedRollout(world, COUNT).play(worlds, [motion.joint_target])
     still = np.tile(motion.joint_pos[:1], (30, 1))
-    both = Rehearsal(world, 2 * COUNT).play(worlds, [still, motion.joint_target])
+    both = DisturbedRollout(world, 2 * COUNT).play(worlds, [still, motion.joint_target])
     assert not both.stood[0].any()
     np.testing.assert_array_equal(both.stood[1], alone.stood[0])
     np.testing.assert_array_equal(both.rms_torque[1], alone.rms_torque[0])
@@ -60,7 +60,9 @@ def test_a_motion_stands_alike_alone_and_among_others(world, motion, worlds):
 
 def test_all_is_given_up_when_the_first_has_failed(world, motion, worlds):
     still = np.tile(motion.joint_pos[:1], (30, 1))
-    given_up = Rehearsal(world, 2 * COUNT).play(worlds, [still, motion.joint_target], give_up=True)
+    given_up = DisturbedRollout(world, 2 * COUNT).play(
+        worlds, [still, motion.joint_target], give_up=True
+    )
     assert not given_up.stood.any()
     assert given_up.simulated <= 2 * COUNT * 0.61
 

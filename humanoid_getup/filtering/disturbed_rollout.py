@@ -1,4 +1,4 @@
-"""Rehearsals: targets replayed in many disturbed worlds, each ended once its outcome is known."""
+"""Disturbed rollouts: targets replayed in many worlds, each ended once its outcome is known."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Worlds:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rehearsed(RiseFigures):
-    """How rehearsals of S motions in K worlds ended; the figures are (S, K)."""
+class RolloutOutcome(RiseFigures):
+    """How rollouts of S motions in K worlds ended; the figures are (S, K)."""
 
     stood: Bools
     """Whether it ended in a held stand, (S, K)."""
@@ -55,7 +55,7 @@ class Rehearsed(RiseFigures):
     simulated: float
     """Simulated time, all of them together [s]."""
 
-    def take(self, rows: NDArray[np.int_]) -> Rehearsed:
+    def take(self, rows: NDArray[np.int_]) -> RolloutOutcome:
         """Return the outcomes in some of the worlds."""
         arrays = {
             f.name: getattr(self, f.name)[:, rows] for f in fields(self) if f.name != "simulated"
@@ -63,7 +63,7 @@ class Rehearsed(RiseFigures):
         return replace(self, **arrays)
 
 
-class Rehearsal:
+class DisturbedRollout:
     """Plays motions in worlds, and drops each as soon as its outcome is known.
 
     A robot that is at rest in a stand, with targets that do not move any more, stays there: its
@@ -76,7 +76,9 @@ class Rehearsal:
         self.sim.bind("qvel")
         self._steps = count_substeps(world.model, world.robot.control_period)
 
-    def play(self, worlds: Worlds, motions: Sequence[Array], *, give_up: bool = False) -> Rehearsed:
+    def play(
+        self, worlds: Worlds, motions: Sequence[Array], *, give_up: bool = False
+    ) -> RolloutOutcome:
         """Play the targets of S motions [rad], each (T, n), in every world.
 
         With ``give_up`` all end as soon as the first one has failed.
@@ -100,7 +102,7 @@ def _cut(target: Array, first: int) -> Array:
 
 
 class _Tally:
-    """What is known of N rehearsals so far."""
+    """What is known of N rollouts so far."""
 
     def __init__(self, world: World, length: NDArray[np.int_]) -> None:
         n, self._world, self._length = len(length), world, length
@@ -152,11 +154,11 @@ class _Tally:
         ):
             name[going] = np.maximum(name[going], now)
 
-    def conclude(self, shape: tuple[int, int]) -> Rehearsed:
+    def conclude(self, shape: tuple[int, int]) -> RolloutOutcome:
         """Return the outcomes; a world that was given up did not stand."""
         stood, period = self._stood, self._period
         progress = np.where(stood, 1.0, 0.6 * self._last + 0.4 * self._best)
-        return Rehearsed(
+        return RolloutOutcome(
             stood=stood.reshape(shape),
             stand_time=np.where(stood, (self._since + 1) * period, np.nan).reshape(shape),
             progress=progress.reshape(shape),

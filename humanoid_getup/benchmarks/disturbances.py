@@ -1,0 +1,185 @@
+"""Disturbances: how the world of a rise differs from the one for which it was planned."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.simulation.scene import GroundHeight, Scene, flat_ground
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, quaternion
+from robots.ground import GROUND, add_world_geom
+from robots.kinematics import lowest_point, place
+from robots.quaternion import Array
+
+# Where a load is strapped on, in the torso's frame, as shares of the neck's height there: on OP3
+# 82 mm behind and above the origin, on the back of the chest.
+BACK = np.array([-0.6, 0.0, 0.6])
+LOAD_SIZE = 0.02  # m, half an edge of the cube whose inertia the load has
+PLATE = 2.0  # m, half an edge of the plate whose edge is a step
+LIMB_SPREAD = math.radians(5.0)  # of joints that were moved after planning
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """Differences from the nominal world; none by default.
+
+    Directions are those of a robot that lies with its head along +x, as `turn_head` lays it.
+    """
+
+    load: float = 0.0
+    """Mass on the torso's back [kg]; it has no shape of its own."""
+    slope: float = 0.0
+    """Angle by which the ground rises towards the head [rad]."""
+    step: float = 0.0
+    """Height of a plate under one half of the robot [m]; its edge goes through the hips."""
+    friction: float | None = None
+    """Sliding friction of the ground."""
+    mass: float = 1.0
+    """Factor on the mass of every link."""
+    com_shift: float = 0.0
+    """Shift of the torso's center of mass at a right angle to the spine [m]."""
+    voltage: float | None = None
+    """Supply [V]."""
+    strength: float = 1.0
+    """Factor on torque and gain of one servo."""
+    joint: str | None = None
+    """The weak servo; ``None`` for a random one."""
+    start_angle: float = 0.0
+    """Angle by which the robot is turned after planning [rad], and its joints moved by 5 deg
+    (standard deviation), before it settles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbedScene(Scene):
+    """A scene with a slope or a step under the robot, and a load on its back."""
+
+    slope: float = 0.0
+    step: float = 0.0
+    step_direction: float = 0.0
+    """Horizontal direction from the hips towards the plate [rad]."""
+    load: float = 0.0
+
+    def build(self, robot: Robot) -> mujoco.MjSpec:
+        """Add this scene to the robot's model."""
+        spec = super().build(robot)
+        spec.geom(GROUND).quat = _tilt(self.slope)
+        if self.step:
+            _add_plate(spec, self)
+        if self.load:
+            _add_load(spec, robot, self.load)
+        return spec
+
+
+def disturb_world(world: World, disturbance: Disturbance, direction: float) -> World:
+    """Build the disturbed world.
+
+    Args:
+        world: Nominal world, flat.
+        disturbance: What differs.
+        direction: Direction of the step's plate, and of the center of mass in the torso [rad].
+    """
+    scene = DisturbedScene(
+        name=f"{world.scene.name}, disturbed",
+        friction=disturbance.friction or world.scene.friction,
+        obstacles=world.scene.obstacles,
+        ground=_make_ground(disturbance, direction),
+        slope=disturbance.slope,
+        step=disturbance.step,
+        step_direction=direction,
+        load=disturbance.load,
+    )
+    disturbed = World(world.robot, scene)
+    model = disturbed.model
+    model.body_mass *= disturbance.mass
+    model.body_inertia *= disturbance.mass
+    torso = model.body(world.robot.torso).id
+    model.body_ipos[torso] += disturbance.com_shift * _point(direction)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return disturbed
+
+
+def disturb_start(
+    world: World, start: Posture, disturbance: Disturbance, rng: np.random.Generator
+) -> Posture:
+    """Lay a robot that lies as `turn_head` lays it on disturbed ground, to settle there.
+
+    Args:
+        world: Nominal world.
+        start: Posture on flat ground.
+        disturbance: What differs.
+        rng: Of the axis about which the robot is turned, and of its joints.
+    """
+    if disturbance.start_angle:
+        start = _disturb_posture(world, start, disturbance.start_angle, rng)
+    slope = _tilt(disturbance.slope)
+    raised = quaternion.rotate(slope, start.position) + np.array([0.0, 0.0, disturbance.step])
+    turned = quaternion.multiply(slope, start.orientation)
+    return replace(start, position=raised, orientation=turned)
+
+
+def turn_head(posture: Posture) -> Posture:
+    """Turn and move a lying posture: its head points along +x, its root is above the origin."""
+    up = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
+    turn = quaternion.from_yaw(-math.atan2(up[1], up[0]))
+    return replace(
+        posture,
+        position=np.array([0.0, 0.0, posture.position[2]]),
+        orientation=quaternion.normalize(quaternion.multiply(turn, posture.orientation)),
+    )
+
+
+def _disturb_posture(
+    world: World, start: Posture, angle: float, rng: np.random.Generator
+) -> Posture:
+    """Turn a robot about a random horizontal axis, move its joints, and put it on the ground."""
+    robot, heading = world.robot, rng.uniform(0.0, 2.0 * math.pi)
+    turn = quaternion.from_axis_angle(_point(heading), angle)
+    joints = start.joint_pos + rng.normal(0.0, LIMB_SPREAD, robot.n)
+    turned = replace(
+        start,
+        orientation=quaternion.multiply(turn, start.orientation),
+        joint_pos=np.clip(joints, robot.lower, robot.upper),
+    )
+    lowest = lowest_point(world.model, place(robot, world.model, turned))
+    return replace(turned, position=turned.position - np.array([0.0, 0.0, lowest]))
+
+
+def _tilt(slope: float) -> Array:
+    """Return the orientation of a ground that rises along +x by an angle [rad], (4,)."""
+    return quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -slope)
+
+
+def _point(direction: float) -> Array:
+    """Return the horizontal unit vector of a direction [rad], (3,)."""
+    return np.array([math.cos(direction), math.sin(direction), 0.0])
+
+
+def _make_ground(disturbance: Disturbance, direction: float) -> GroundHeight:
+    if disturbance.slope:
+        return lambda x, _y: math.tan(disturbance.slope) * x
+    if disturbance.step:
+        toward = _point(direction)
+        return lambda x, y: disturbance.step * (x * toward[0] + y * toward[1] > 0.0)
+    return flat_ground
+
+
+def _add_plate(spec: mujoco.MjSpec, scene: DisturbedScene) -> None:
+    plate = add_world_geom(spec, "step", scene.friction)
+    plate.type = mujoco.mjtGeom.mjGEOM_BOX
+    plate.size[:] = [PLATE, PLATE, 0.5 * scene.step]
+    plate.pos[:] = PLATE * _point(scene.step_direction) + np.array([0.0, 0.0, 0.5 * scene.step])
+    plate.quat[:] = quaternion.from_yaw(scene.step_direction)
+    plate.rgba[:] = [0.62, 0.45, 0.30, 1.0]
+
+
+def _add_load(spec: mujoco.MjSpec, robot: Robot, mass: float) -> None:
+    neck = float(spec.site(robot.neck_site).pos[2])
+    load = spec.body(robot.torso).add_body(name="load")
+    load.pos = neck * BACK
+    load.mass = mass
+    load.inertia = np.full(3, mass * (2.0 * LOAD_SIZE) ** 2 / 6.0)
+    load.explicitinertial = True

@@ -1,0 +1,211 @@
+"""Rises in disturbed worlds, by strategies that know only the nominal one: same falls for all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from drivers import Command, Twin
+from humanoid_getup.benchmarks.disturbances import (
+    Disturbance,
+    disturb_start,
+    disturb_world,
+    turn_head,
+)
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES
+from humanoid_getup.evaluation.statistics import summarize_records
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.playback.estimation import estimate_posture
+from humanoid_getup.simulation.falls import Fall, sample_falls
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots import Posture, Robot, TorqueLimit
+from robots.quaternion import Array
+
+OPEN_LOOP, FEEDBACK = "plan, open loop", "plan"
+DISTURBANCES = {
+    "nominal": Disturbance(),
+    "300 g on the back": Disturbance(load=0.3),
+    "slope +5 deg": Disturbance(slope=math.radians(5.0)),
+    "slope -5 deg": Disturbance(slope=math.radians(-5.0)),
+    "step of 2 cm": Disturbance(step=0.02),
+    "left shoulder limp": Disturbance(strength=0.0, joint="l_sho_pitch"),
+    "one servo at 60 %": Disturbance(strength=0.6),
+    "friction 0.3": Disturbance(friction=0.3),
+    "mass +10 %": Disturbance(mass=1.1),
+    "mass -10 %": Disturbance(mass=0.9),
+    "center of mass 5 mm off": Disturbance(com_shift=0.005),
+    "supply 11.0 V": Disturbance(voltage=11.0),
+    "supply 12.6 V": Disturbance(voltage=12.6),
+    "start 10 deg off": Disturbance(start_angle=math.radians(10.0)),
+}
+"""What is measured, by how the tables name it."""
+
+
+class WeakTwin(Twin):
+    """A twin whose servos have a share of their torque and gain; its commands do not tell."""
+
+    def __init__(self, world: World, start: Posture, strength: Array, voltage: float | None):
+        """Build a twin in a world, at a start, with a strength of each servo, (n,)."""
+        super().__init__(world, start, voltage=voltage)
+        self._strength = strength
+
+    def write(self, command: Command) -> Command:
+        """Hold a command for one period, as far as the servos can; return it as sent."""
+        limit = np.minimum(command.torque_limit, self.robot.max_torque)
+        weak = replace(
+            command,
+            torque_limit=limit * self._strength,
+            gain_scale=command.gain_scale * self._strength,
+        )
+        sent = super().write(weak)
+        return replace(sent, torque_limit=limit, gain_scale=command.gain_scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """A strategy that plays one plan, from every start."""
+
+    world: World
+    torque_limit: TorqueLimit
+    rise: RisePlan
+
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> RisePlan:
+        """Return the plan."""
+        return self.rise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One robot in one disturbed world."""
+
+    world: World
+    start: Posture
+    strength: Array
+    """Share of torque and gain that each servo has, (n,)."""
+    voltage: float | None
+    """Supply [V]; ``None`` for the nominal one."""
+
+    @staticmethod
+    def of(world: World, fall: Fall, disturbance: Disturbance, seed: list[int]) -> Trial:
+        """Disturb a world and a fall; the same seed draws the same."""
+        rng, robot = np.random.default_rng(seed), world.robot
+        direction = rng.uniform(0.0, 2.0 * math.pi)
+        weak = int(rng.integers(robot.n))
+        if disturbance.joint is not None:
+            weak = robot.joint_names.index(disturbance.joint)
+        strength = np.ones(robot.n)
+        strength[weak] = disturbance.strength
+        return Trial(
+            world=disturb_world(world, disturbance, direction),
+            start=disturb_start(world, turn_head(fall.posture), disturbance, rng),
+            strength=strength,
+            voltage=disturbance.voltage,
+        )
+
+    def rise(self, strategy: Strategy, fall: Fall, seed: list[int]) -> dict[str, Any]:
+        """Get up once; return the record of the rise."""
+        session = RiseSession.on(
+            WeakTwin(self.world, self.start, self.strength, self.voltage),
+            strategy,
+            max_attempts=1,
+            start_class=fall.start_class,
+            ground=self.world.scene.ground,
+        )
+        result = AttemptManager(session).get_up(np.random.default_rng(seed))
+        return result.record() | {"refused": result.run is None}
+
+
+def bench_disturbed(
+    planner: PlannedRise,
+    policies: Mapping[str, Strategy],
+    *,
+    seed: int,
+    each: int,
+    disturbances: Mapping[str, Disturbance] = DISTURBANCES,
+    report: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Get up from the same falls in disturbed worlds: by plans, with feedback or not, by policies.
+
+    Each fall is planned once, undisturbed. Preflight and supervision know the nominal world, the
+    judge knows the true one.
+
+    Args:
+        planner: Plans in the nominal, flat world.
+        policies: Further strategies for that world, by name.
+        seed: Of the falls, the plans and what is random in a disturbance.
+        each: Falls of each of `BENCH_CLASSES`.
+        disturbances: What is disturbed, by name.
+        report: Called with the record of each rise.
+    """
+    rng = np.random.default_rng(seed)
+    falls = sample_falls(planner.world, dict.fromkeys(BENCH_CLASSES, each), rng)
+    records = []
+    for number, fall in enumerate(falls):
+        ways = _plan(planner, fall, [seed, number]) | dict(policies)
+        for case, disturbance in disturbances.items():
+            trial = Trial.of(planner.world, fall, disturbance, [seed, number])
+            for way, strategy in ways.items():
+                label = {"fall": number, "case": case, "way": way}
+                records.append(trial.rise(strategy, fall, [seed, number]) | label)
+                report(records[-1])
+    return {
+        "name": "disturbed",
+        "seed": seed,
+        "n": len(falls),
+        "robot": planner.world.robot.name,
+        "torque_limit_nm": planner.torque_limit.value,
+        "limit_by": planner.torque_limit.by,
+        "cases": {
+            f"{case}: {way}": _summarize(records, case, way)
+            for case in disturbances
+            for way in (OPEN_LOOP, FEEDBACK, *policies)
+        },
+        "rises": records,
+    }
+
+
+def select(robot: Robot, names: Sequence[str] = ()) -> dict[str, Disturbance]:
+    """Select disturbances by name; no names for all.
+
+    Raises:
+        ValueError: if there is no disturbance of a name, or the robot lacks its joint.
+    """
+    for name in names:
+        if name not in DISTURBANCES:
+            raise ValueError(f"unknown case '{name}': expected {', '.join(DISTURBANCES)}")
+    chosen = {name: DISTURBANCES[name] for name in names or DISTURBANCES}
+    for name, disturbance in chosen.items():
+        if disturbance.joint not in (None, *robot.joint_names):
+            raise ValueError(
+                f"robot '{robot.name}' has no joint '{disturbance.joint}': expected cases "
+                f"other than '{name}'"
+            )
+    return chosen
+
+
+def _plan(planner: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Strategy]:
+    """Plan a rise from a measured fall, to be played open loop and with feedback."""
+    world, limit = planner.world, planner.torque_limit
+    with Twin(world, turn_head(fall.posture)) as twin:
+        start = estimate_posture(world, twin.read())
+    rise = planner.plan(start, np.random.default_rng(seed))
+    bare = replace(rise, balanced=False) if isinstance(rise, MotionPlan) else rise
+    return {
+        OPEN_LOOP: Known(world=world, torque_limit=limit, rise=bare),
+        FEEDBACK: Known(world=world, torque_limit=limit, rise=rise),
+    }
+
+
+def _summarize(records: list[dict[str, Any]], case: str, way: str) -> dict[str, Any]:
+    ours = [r for r in records if r["case"] == case and r["way"] == way]
+    return summarize_records(ours) | {
+        "refused": sum(r["refused"] for r in ours),
+        "failures": [f"fall {r['fall']}: {r['reason']}" for r in ours if not r["stood"]],
+    }

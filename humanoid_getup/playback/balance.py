@@ -1,0 +1,143 @@
+"""Balance: the ankles correct the attitude of the torso at the end of a rise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from drivers import State
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.simulation.world import World
+from robots import quaternion
+from robots.kinematics import GravitySense, place
+from robots.quaternion import Array
+
+TIME_SLACK = 1e-6  # s; clocks that sum up periods differ by their rounding
+ALIGNED = 0.9  # cosine between the axis of a joint and the one about which the torso turns
+
+
+@dataclass(frozen=True, kw_only=True)
+class BalanceGains:
+    """How the ankles answer an error of the torso's attitude; (2,) is roll, pitch."""
+
+    attitude: Array
+    """Correction of the ankles per error, (2,)."""
+    rate: Array
+    """Correction of the ankles per error of the angular velocity [s], (2,)."""
+    begin: float = math.radians(44.0)
+    """Tilt of the recorded torso below which they act, to the end of the motion [rad]."""
+    full: float = math.radians(10.0)
+    """Tilt of the recorded torso from which they act as a whole [rad]."""
+    largest: float = 0.35
+    """Bound of a correction [rad]."""
+
+
+GAINS = BalanceGains(attitude=np.array([0.15, 0.8]), rate=np.array([0.06, 0.08]))
+
+
+class Balance:
+    """Corrects a motion's targets where its torso leaves the attitude that was recorded.
+
+    The error is the rotation by which gravity in the torso differs from that of the recorded
+    posture at the same time, and the difference of the angular velocities. It is fed back to the
+    ankles once the recorded torso is so upright that the feet alone carry the robot, and as long
+    as the stand is held. The corrected targets stay in the joints' ranges and speeds.
+    """
+
+    def __init__(self, world: World, motion: Motion, gains: BalanceGains = GAINS) -> None:
+        """Prepare to balance a motion that ends standing."""
+        self._robot, self._gains = world.robot, gains
+        self._sense_gravity = GravitySense(world.model.site(world.robot.imu_site).quat)
+        self._time = motion.time - motion.time[0]
+        self._gravity_b = quaternion.gravity_in_body(motion.orientation)  # (T, 3)
+        self._turn = _differentiate(motion)  # (T, 3)
+        self._share = _share(motion, gains)  # (T,)
+        self._ankles = find_ankles(world)  # (2, n)
+        self._reach = world.robot.max_velocity * world.robot.control_period
+
+    def reset(self, held: Array) -> None:
+        """Begin at the targets that the servos follow [rad], (n,)."""
+        self._sent = held
+
+    def correct(self, state: State, time: float, target: Array) -> Array:
+        """Correct targets [rad] (n,) that are due at a time [s] of the motion."""
+        frame = min(int(np.searchsorted(self._time, time - TIME_SLACK)), len(self._time) - 1)
+        if self._share[frame] > 0.0:
+            target = target + self._offset(state, frame)
+        in_range = np.clip(target, self._robot.lower, self._robot.upper)
+        self._sent = np.clip(in_range, self._sent - self._reach, self._sent + self._reach)
+        return self._sent
+
+    def _offset(self, state: State, frame: int) -> Array:
+        gains, share = self._gains, self._share[frame]
+        gravity_b = self._sense_gravity(state.orientation)
+        error = share * np.cross(gravity_b, self._gravity_b[frame])[:2]
+        turn = self._sense_gravity.torso_from_imu @ state.gyro
+        rate = share * (turn - self._turn[frame])[:2]
+        turn_back = -gains.attitude * error - gains.rate * rate
+        return np.clip(turn_back, -gains.largest, gains.largest) @ self._ankles
+
+
+def make_balance(world: World, motion: Motion) -> Balance | None:
+    """Make the balance of a motion; ``None`` for one that does not end standing."""
+    return Balance(world, motion) if motion.rises else None
+
+
+def find_ankles(world: World) -> Array:
+    """Find how the ankles turn a robot that stands on both feet.
+
+    The ankle of an axis is the first joint above a foot that turns about it.
+
+    Returns:
+        Changes of the joint angles [rad] per rotation of the torso about its x (roll) and y axis
+        (pitch), (2, n).
+    """
+    robot, model = world.robot, world.model
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(robot, model, robot.standing)
+    mujoco.mj_kinematics(model, data)
+    axes = data.xaxis[[model.joint(name).id for name in robot.joint_names]]  # (n, 3)
+    ankles = np.zeros((2, robot.n))
+    for site in robot.sole_sites:
+        leg = _find_chain(world, int(model.site(site).bodyid[0]))
+        for axis in (0, 1):
+            ankle = [i for i in leg if abs(axes[i, axis]) > ALIGNED][:1]
+            # The foot stays, so the torso turns against the joint.
+            ankles[axis, ankle] = -np.sign(axes[ankle, axis])
+    return ankles
+
+
+def _find_chain(world: World, body: int) -> list[int]:
+    """List the joints from a body up to the root."""
+    model, names = world.model, world.robot.joint_names
+    joint_of = {int(model.jnt_bodyid[model.joint(name).id]): i for i, name in enumerate(names)}
+    chain = []
+    while body:
+        if body in joint_of:
+            chain.append(joint_of[body])
+        body = int(model.body_parentid[body])
+    return chain
+
+
+def _share(motion: Motion, gains: BalanceGains) -> Array:
+    """Compute the share of the gains at each frame, (T,); 1 at the end."""
+    tilt = quaternion.tilt(motion.orientation)
+    share = np.clip((gains.begin - tilt) / (gains.begin - gains.full), 0.0, 1.0)
+    beyond = np.flatnonzero(tilt > gains.begin)
+    share[: beyond[-1] + 1 if len(beyond) else 0] = 0.0
+    share[-1] = 1.0
+    return share
+
+
+def _differentiate(motion: Motion) -> Array:
+    """Compute the recorded angular velocity of the torso in its own frame [rad/s], (T, 3).
+
+    At the end it is zero: from there the posture is held.
+    """
+    before, after = motion.orientation[:-1], motion.orientation[1:]
+    turn = quaternion.multiply(quaternion.inverse(before), after)  # (T - 1, 4)
+    small = 2.0 * np.sign(turn[:, :1]) * turn[:, 1:]
+    return np.vstack([small / np.diff(motion.time)[:, None], np.zeros(3)])

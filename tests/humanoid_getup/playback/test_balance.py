@@ -1,0 +1,148 @@
+"""Balance: ankles turn the torso back to the attitude that the motion had."""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import State
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import find_lying_down
+from humanoid_getup.playback.balance import GAINS, Balance, find_ankles, make_balance
+from humanoid_getup.playback.stand_holder import make_stand
+from humanoid_getup.simulation.world import World
+from robots import Robot, quaternion
+from robots.kinematics import place
+
+SMALL = 0.1  # rad
+FORWARD = np.array([0.0, 1.0, 0.0])
+RIGHT = np.array([1.0, 0.0, 0.0])
+
+
+def measure(world: World, orientation: np.ndarray, gyro: np.ndarray | None = None) -> State:
+    """Measure a torso orientation and angular velocity [rad/s] through the mounted IMU."""
+    robot, mounting = world.robot, world.model.site(world.robot.imu_site).quat
+    zeros = np.zeros(robot.n)
+    turn = np.zeros(3) if gyro is None else gyro
+    return State(
+        time=0.0,
+        joint_pos=robot.standing.joint_pos,
+        joint_vel=zeros,
+        joint_current=zeros,
+        gyro=quaternion.rotate(quaternion.inverse(mounting), turn),
+        orientation=quaternion.multiply(orientation, mounting),
+        temperature=zeros + 25.0,
+        voltage=12.0,
+    )
+
+
+def correct(world: World, state: State, cycles: int = 40) -> np.ndarray:
+    """Correct the standing posture until the correction is no longer limited by speed."""
+    target = world.robot.standing.joint_pos
+    balance = Balance(world, make_stand(world.robot))
+    balance.reset(target)
+    for _ in range(cycles):
+        sent = balance.correct(state, 0.0, target)
+    return sent - target
+
+
+def test_ankles_turn_the_torso_over_the_feet(op3: Robot, world: World):
+    data = mujoco.MjData(world.model)
+    for row, axis in zip(find_ankles(world), (RIGHT, FORWARD), strict=True):
+        joint_pos = op3.standing.joint_pos + SMALL * row
+        data.qpos[:] = place(op3, world.model, replace(op3.standing, joint_pos=joint_pos))
+        mujoco.mj_kinematics(world.model, data)
+        for site in op3.sole_sites:
+            foot = data.xquat[world.model.site(site).bodyid[0]]
+            torso = quaternion.inverse(foot)  # seen from the foot, which was level
+            turned = quaternion.from_axis_angle(axis, SMALL)
+            assert float(quaternion.angle_between(torso, turned)) < 0.1 * SMALL, site
+
+
+def test_a_torso_as_recorded_leaves_the_targets_as_they_are(op3: Robot, world: World):
+    assert np.array_equal(correct(world, measure(world, op3.standing.orientation)), np.zeros(op3.n))
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.3])
+@pytest.mark.parametrize("row", [0, 1])
+def test_a_leaning_torso_is_turned_back_whatever_its_heading(world: World, row, heading):
+    lean = quaternion.from_axis_angle((RIGHT, FORWARD)[row], SMALL)
+    stand = quaternion.multiply(world.robot.standing.orientation, lean)
+    state = measure(world, quaternion.multiply(quaternion.from_yaw(heading), stand))
+    wanted = -GAINS.attitude[row] * math.sin(SMALL) * find_ankles(world)[row]
+    assert correct(world, state) == pytest.approx(wanted, abs=0.001)  # OP3 stands 5 deg forward
+
+
+def test_a_falling_torso_is_turned_back_before_it_leans(op3: Robot, world: World):
+    state = measure(world, op3.standing.orientation, gyro=0.5 * FORWARD)
+    assert correct(world, state) == pytest.approx(-0.5 * GAINS.rate[1] * find_ankles(world)[1])
+
+
+@given(
+    axis=st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3).filter(
+        lambda axis: np.linalg.norm(axis) > 0.1
+    ),
+    angle=st.floats(-3.0, 3.0),
+    turn=st.lists(st.floats(-20.0, 20.0), min_size=3, max_size=3),
+    off=st.floats(-4.0, 4.0),
+)
+def test_targets_stay_in_range_in_speed_and_near_the_motion(world: World, axis, angle, turn, off):
+    robot = world.robot
+    unit = np.array(axis) / np.linalg.norm(axis)
+    state = measure(world, quaternion.from_axis_angle(unit, angle), np.array(turn))
+    balance = Balance(world, make_stand(robot))
+    last = robot.standing.joint_pos
+    balance.reset(last)
+    target = np.clip(last + off, robot.lower, robot.upper)
+    for _ in range(5):
+        sent = balance.correct(state, 0.0, target)
+        assert np.all(np.abs(sent - last) <= robot.max_velocity * robot.control_period + 1e-12)
+        assert np.all((sent >= robot.lower) & (sent <= robot.upper))
+        last = sent
+    assert np.all(np.abs(correct(world, state)) <= GAINS.largest + 1e-12)
+
+
+@given(angle=st.floats(-0.3, 0.3), roll=st.floats(-0.3, 0.3), turn=st.floats(-2.0, 2.0))
+def test_mirrored_errors_are_answered_mirrored(world: World, angle, roll, turn):
+    lean = quaternion.multiply(
+        quaternion.from_axis_angle(RIGHT, roll), quaternion.from_axis_angle(FORWARD, angle)
+    )
+    gyro = np.array([turn, 0.5 * turn, 0.0])
+    lean = quaternion.multiply(world.robot.standing.orientation, lean)
+    original = correct(world, measure(world, lean, gyro))
+    mirrored_gyro = gyro * np.array([-1.0, 1.0, -1.0])
+    mirrored = correct(world, measure(world, quaternion.mirror(lean), mirrored_gyro))
+    assert mirrored == pytest.approx(world.robot.mirror_joints(original), abs=1e-9)
+
+
+def test_until_the_torso_is_upright_a_motion_is_sent_as_it_is(op3: Robot, world: World):
+    tilts = np.radians([90.0, 60.0, 20.0, 50.0, 30.0, 0.0])
+    motion = Motion.through(
+        [
+            replace(op3.standing, orientation=quaternion.from_axis_angle(FORWARD, tilt))
+            for tilt in tilts
+        ],
+        op3.control_period,
+        name="raise",
+        robot=op3.name,
+        start_class="prone",
+        strategy="raising the torso",
+        joint_target=np.tile(op3.standing.joint_pos, (len(tilts), 1)),
+    )
+    balance = Balance(world, motion)
+    balance.reset(op3.standing.joint_pos)
+    lying = measure(world, quaternion.from_axis_angle(FORWARD, 1.2))
+    moved = [
+        not np.array_equal(balance.correct(lying, time, target), target)
+        for time, target in zip(motion.time, motion.joint_target, strict=True)
+    ]
+    assert moved == [False, False, False, False, True, True]  # the last time it comes up counts
+
+
+def test_a_motion_that_ends_lying_is_not_balanced(op3: Robot, world: World):
+    assert make_balance(world, find_lying_down(op3)) is None
+    assert make_balance(world, make_stand(op3)) is not None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.evaluation.preference import DEEP_OVERLAP
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from robots.quaternion import Array
@@ -57,8 +58,8 @@ class CandidateRollout:
     """Start to the first moment of the stand [s]; nan if it did not stand."""
     cost: float
     """By the filter's preference [s]; nan if it did not stand."""
-    collides: bool
-    """Whether the robot touched itself firmly."""
+    overlap: Array
+    """Depth of self-penetration [m], (T,)."""
     target: Array
     """Targets that the servos were sent [rad], (T, n)."""
     qpos: Array
@@ -67,6 +68,15 @@ class CandidateRollout:
     """Greatest neck height reached [m]."""
     moving: int
     """Cycles before the targets stand still."""
+
+    @property
+    def collides(self) -> bool:
+        """Whether the robot touched itself firmly."""
+        return bool(np.any(self.overlap > DEEP_OVERLAP))
+
+    def measure_overlap(self, touch: float) -> float:
+        """Sum up by how much the robot overlaps itself deeper than a touch [m]."""
+        return float(np.maximum(self.overlap - touch, 0.0).sum())
 
 
 NO_PATIENCE = Patience(tolerance=np.inf, band=1.0, slowest=1.0)

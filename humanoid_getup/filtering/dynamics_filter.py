@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.evaluation.preference import Preference, PreferenceName, RiseFigures
+from humanoid_getup.evaluation.preference import (
+    DEEP_OVERLAP,
+    Preference,
+    PreferenceName,
+    RiseFigures,
+)
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
 from humanoid_getup.filtering.disturbed_rollout import Worlds
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
+from humanoid_getup.filtering.separation import Separation
+from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -35,6 +42,8 @@ CHECK_DISTURBANCE = RolloutRandomization(
 HARD_DISTURBANCE = RolloutRandomization(  # of a rise that must have a margin
     joints=np.radians(5.0), root=np.radians(10.0), friction=(0.3, 1.3), supply=(0.85, 1.05)
 )
+SEPARATIONS = 6  # times that targets are shifted where limbs touch
+TOUCH = 0.5 * DEEP_OVERLAP  # m; what a rollout avoids, so that the robot does not collide
 FEW = 2  # worlds in which a rise that stands is improved
 
 
@@ -65,6 +74,7 @@ class DynamicsFilter:
             world, worlds=CHECKS, preference=self.preference, threads=threads
         )
         self._disturbed_rollout = self._search.rollout
+        self._separation = Separation(world)
 
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Track every candidate from the start posture, at rest."""
@@ -112,7 +122,32 @@ class DynamicsFilter:
             share = self.check(start, target, rng)
             if share == 1.0:
                 break
-        return self._replay(start, rollout.candidate, target), share
+        return self._replay(start, rollout.candidate, [target])[0], share
+
+    def separate(
+        self, start: Posture, rollout: CandidateRollout, share: float, rng: np.random.Generator
+    ) -> tuple[CandidateRollout, float]:
+        """Shift the targets of a rollout that stands where the robot touches itself.
+
+        Returns it unchanged, with the share of its check, if no shift stands as often in fresh
+        worlds.
+        """
+        best = rollout
+        for _ in range(SEPARATIONS):
+            if (overlap := best.measure_overlap(TOUCH)) == 0.0:
+                break
+            target = best.target[: best.moving]
+            shifts = self._separation.shift(best.qpos, best.overlap, best.moving)
+            motions = [limit_targets(target + s, start.joint_pos, self.world.robot) for s in shifts]
+            standing = [r for r in self._replay(start, rollout.candidate, motions) if r.stood]
+            least = min(standing, key=lambda r: r.measure_overlap(TOUCH), default=best)
+            if least.measure_overlap(TOUCH) >= overlap:
+                break
+            best = least
+        if best is rollout:
+            return rollout, share
+        found = self.check(start, best.target[: best.moving], rng)
+        return (best, found) if found >= share else (rollout, share)
 
     def improve(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
@@ -135,17 +170,20 @@ class DynamicsFilter:
         self.count += found.rollouts
         for one in better:
             if self.check(start, one, rng) == 1.0:
-                return self._replay(start, rollout.candidate, one)
+                return self._replay(start, rollout.candidate, [one])[0]
         return rollout
 
-    def _replay(self, start: Posture, candidate: Candidate, target: Array) -> CandidateRollout:
-        """Play targets (T, n) in the undisturbed world, and hold the last."""
-        world, robot = self.world, self.world.robot
-        longer = hold_last(target, len(target) + round(FIRST_HOLD / robot.control_period))
-        nominal = self._nominal(1)
-        starts = place(robot, world.model, start)[None]
-        trace = self._simulate(1).play(starts, longer[None], nominal)
-        return self._read(trace, [candidate], np.array([len(target)]))[0]
+    def _replay(
+        self, start: Posture, candidate: Candidate, targets: list[Array]
+    ) -> list[CandidateRollout]:
+        """Play targets, each (T, n), in the undisturbed world, and hold the last."""
+        world, robot, n = self.world, self.world.robot, len(targets)
+        moving = np.array([len(target) for target in targets])
+        length = int(moving.max()) + round(FIRST_HOLD / robot.control_period)
+        longer = np.array([hold_last(target, length) for target in targets])
+        starts = np.tile(place(robot, world.model, start), (n, 1))
+        trace = self._simulate(n).play(starts, longer, self._nominal(n))
+        return self._read(trace, [candidate] * n, moving)
 
     def _disturb(
         self,
@@ -194,7 +232,7 @@ class DynamicsFilter:
                 stood=stands[i].stood,
                 stand_time=stands[i].start_time,
                 cost=float(cost[i]),
-                collides=bool(figures.collides[i]),
+                overlap=trace.overlap[i],
                 target=trace.target[i],
                 qpos=trace.qpos[i],
                 peak_neck=float(stance.neck_height[i].max()),

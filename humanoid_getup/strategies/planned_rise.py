@@ -185,17 +185,16 @@ class PlannedRise:
             for c in connections
         ]
 
-    def _wants_more(self, progress: _Progress) -> bool:
-        """Return whether a better rise than the best is searched for."""
-        best, preference = progress.best, self.filter.preference
-        if best is None or not progress.is_done:
-            return True
-        return best.collides or preference.is_insatiable or preference.wants_margin
-
     def _improve(self, progress: _Progress) -> None:
-        """Vary the targets of a rise that stands under every disturbance."""
-        if progress.best is not None and progress.is_done:
-            budget = self.filter.preference.improvement * self.search_budget
+        """Part limbs that touch; vary the targets of a rise that stands everywhere."""
+        if progress.best is None:
+            return
+        progress.best, progress.robust = self.filter.separate(
+            progress.start, progress.best, progress.robust, progress.rng
+        )
+        preference = self.filter.preference
+        if progress.is_done and (preference.is_demanding or progress.best.collides):
+            budget = preference.improvement * self.search_budget
             progress.best = self.filter.improve(progress.start, progress.best, budget, progress.rng)
 
     def _search(self, progress: _Progress) -> None:

@@ -1,0 +1,100 @@
+"""Separation: moves limbs apart where a rollout of targets lets them touch each other."""
+
+from __future__ import annotations
+
+import itertools
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.simulation.world import World
+from robots.quaternion import Array
+
+MARGINS = (0.01, 0.005, 0.002)  # m
+FADES = (0.15, 0.4)  # s
+LARGEST_SHIFT = 0.15  # rad of a joint, for one touch
+GAP = 0.1  # s between two touches of the same bodies that count as one
+
+
+class Separation:
+    """Shifts joint angles along the gradients of the distances between the bodies that touch.
+
+    A touch of depth d is answered by the smallest shift of the joint angles that makes the
+    distance a margin m: Δq = Jᵀ(d + m) / JJᵀ, where J is the gradient of the distance. It fades
+    in before the touch and out after it.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._robot, self._model = world.robot, world.model
+        self._data = mujoco.MjData(world.model)
+        self._dof = world.robot.layout(world.model).dof
+
+    def shift(self, qpos: Array, overlap: Array, length: int) -> list[Array]:
+        """Return shifts of the first joint targets [rad], each (length, n), to choose from.
+
+        They differ in the distance that shall remain, in how long they fade, and in whether the
+        other side of the body moves likewise.
+
+        Args:
+            qpos: MuJoCo positions of the rollout, one row for each control period, (T, nq).
+            overlap: Depth of self-penetration [m], (T,).
+            length: Number of targets that are shifted.
+        """
+        touches = self._find_touches(qpos, overlap)
+        shifts = []
+        for margin, fade in itertools.product(MARGINS, FADES):
+            shift = np.zeros((length, self._robot.n))
+            for frames, depth, gradient in touches:
+                change = gradient * (depth + margin) / (gradient @ gradient + 1e-6)
+                change *= min(1.0, LARGEST_SHIFT / float(np.abs(change).max() + 1e-9))
+                shift += self._fade(frames, length, fade)[:, None] * change
+            shifts += [shift + self._robot.mirror_joints(shift), shift]
+        return shifts
+
+    def _find_touches(
+        self, qpos: Array, overlap: Array
+    ) -> list[tuple[tuple[int, int], float, Array]]:
+        """Return first and last frame, depth and gradient of the distance of every touch."""
+        touches: dict[tuple[int, int], list[tuple[tuple[int, int], float, Array]]] = {}
+        gap = round(GAP / self._robot.control_period)
+        for frame in np.flatnonzero(overlap > 0.0):
+            for bodies, depth, gradient in self._measure(qpos[frame]):
+                known = touches.setdefault(bodies, [])
+                if known and frame - known[-1][0][1] <= gap:
+                    (first, _), deepest, best = known[-1]
+                    if depth > deepest:
+                        deepest, best = depth, gradient
+                    known[-1] = ((first, int(frame)), deepest, best)
+                else:
+                    known.append(((int(frame), int(frame)), depth, gradient))
+        return [touch for known in touches.values() for touch in known]
+
+    def _measure(self, qpos: Array) -> list[tuple[tuple[int, int], float, Array]]:
+        """Return the bodies, depth and gradient of each contact of the robot with itself."""
+        model, data = self._model, self._data
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        touches = []
+        for contact in data.contact[: data.ncon]:
+            a, b = (int(body) for body in model.geom_bodyid[contact.geom])
+            if contact.dist < 0.0 and model.body_rootid[a] == model.body_rootid[b] != 0:
+                normal = contact.frame[:3]
+                apart = self._jacobian(contact.pos, b) - self._jacobian(contact.pos, a)
+                touches.append(((a, b), -float(contact.dist), normal @ apart))
+        return touches
+
+    def _jacobian(self, point: NDArray[np.float64], body: int) -> Array:
+        """Return how a point of a body moves with the joints, (3, n)."""
+        jacobian = np.zeros((3, self._model.nv))
+        mujoco.mj_jac(self._model, self._data, jacobian, None, point, body)
+        return jacobian[:, self._dof]
+
+    def _fade(self, frames: tuple[int, int], length: int, fade: float) -> Array:
+        """Return 1 from the first frame to the last, and smoothly less before and after."""
+        time = np.arange(length)
+        away = np.maximum(frames[0] - time, time - frames[1]) * self._robot.control_period
+        share = np.clip(1.0 - away / fade, 0.0, 1.0)
+        return share * share * (3.0 - 2.0 * share)

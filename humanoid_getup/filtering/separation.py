@@ -13,6 +13,7 @@ from robots.quaternion import Array
 
 MARGINS = (0.01, 0.005, 0.002)  # m
 FADES = (0.15, 0.4)  # s
+END = 0.3  # s before the last target in which a shift fades out
 LARGEST_SHIFT = 0.15  # rad of a joint, for one touch
 GAP = 0.1  # s between two touches of the same bodies that count as one
 
@@ -34,7 +35,8 @@ class Separation:
         """Return shifts of the first joint targets [rad], each (length, n), to choose from.
 
         They differ in the distance that shall remain, in how long they fade, and in whether the
-        other side of the body moves likewise.
+        other side of the body moves likewise. The last target is not shifted: a rise ends in the
+        stance.
 
         Args:
             qpos: MuJoCo positions of the rollout, one row for each control period, (T, nq).
@@ -42,6 +44,8 @@ class Separation:
             length: Number of targets that are shifted.
         """
         touches = self._find_touches(qpos, overlap)
+        left = (length - 1 - np.arange(length)) * self._robot.control_period
+        end = np.clip(left / END, 0.0, 1.0)[:, None]
         shifts = []
         for margin, fade in itertools.product(MARGINS, FADES):
             shift = np.zeros((length, self._robot.n))
@@ -49,6 +53,7 @@ class Separation:
                 change = gradient * (depth + margin) / (gradient @ gradient + 1e-6)
                 change *= min(1.0, LARGEST_SHIFT / float(np.abs(change).max() + 1e-9))
                 shift += self._fade(frames, length, fade)[:, None] * change
+            shift *= end
             shifts += [shift + self._robot.mirror_joints(shift), shift]
         return shifts
 

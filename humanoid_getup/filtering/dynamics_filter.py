@@ -15,7 +15,7 @@ from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, Candidate
 from humanoid_getup.filtering.disturbed_rollout import Worlds
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
-from humanoid_getup.filtering.separation import Separation
+from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import hold_last
@@ -42,7 +42,6 @@ CHECK_DISTURBANCE = RolloutRandomization(
 HARD_DISTURBANCE = RolloutRandomization(  # of a rise that must have a margin
     joints=np.radians(5.0), root=np.radians(10.0), friction=(0.3, 1.3), supply=(0.85, 1.05)
 )
-SEPARATIONS = 6  # times that targets are shifted where limbs touch
 TOUCH = 0.5 * DEEP_OVERLAP  # m; what a rollout avoids, so that the robot does not collide
 FEW = 2  # worlds in which a rise that stands is improved
 
@@ -124,30 +123,25 @@ class DynamicsFilter:
                 break
         return self._replay(start, rollout.candidate, [target])[0], share
 
-    def separate(
-        self, start: Posture, rollout: CandidateRollout, share: float, rng: np.random.Generator
-    ) -> tuple[CandidateRollout, float]:
+    def separate(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
         """Shift the targets of a rollout that stands where the robot touches itself.
 
-        Returns it unchanged, with the share of its check, if no shift stands as often in fresh
-        worlds.
+        What comes out stands undisturbed; it is the rollout itself if no shift helps.
         """
-        best = rollout
-        for _ in range(SEPARATIONS):
-            if (overlap := best.measure_overlap(TOUCH)) == 0.0:
-                break
-            target = best.target[: best.moving]
-            shifts = self._separation.shift(best.qpos, best.overlap, best.moving)
+        margins = list(MARGINS)
+        while margins and (overlap := rollout.measure_overlap(TOUCH)) > 0.0:
+            target = rollout.target[: rollout.moving]
+            shifts = self._separation.shift(
+                rollout.qpos, rollout.overlap, rollout.moving, margins[0]
+            )
             motions = [limit_targets(target + s, start.joint_pos, self.world.robot) for s in shifts]
             standing = [r for r in self._replay(start, rollout.candidate, motions) if r.stood]
-            least = min(standing, key=lambda r: r.measure_overlap(TOUCH), default=best)
-            if least.measure_overlap(TOUCH) >= overlap:
-                break
-            best = least
-        if best is rollout:
-            return rollout, share
-        found = self.check(start, best.target[: best.moving], rng)
-        return (best, found) if found >= share else (rollout, share)
+            least = min(standing, key=lambda r: r.measure_overlap(TOUCH), default=rollout)
+            if least.measure_overlap(TOUCH) < overlap:
+                rollout = least
+            else:
+                margins.pop(0)
+        return rollout
 
     def improve(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +9,7 @@ from numpy.typing import NDArray
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
-MARGINS = (0.01, 0.005, 0.002)  # m
+MARGINS = (0.005, 0.01, 0.002)  # m, in turn
 FADES = (0.15, 0.4)  # s
 END = 0.3  # s before the last target in which a shift fades out
 LARGEST_SHIFT = 0.15  # rad of a joint, for one touch
@@ -31,23 +29,23 @@ class Separation:
         self._data = mujoco.MjData(world.model)
         self._dof = world.robot.layout(world.model).dof
 
-    def shift(self, qpos: Array, overlap: Array, length: int) -> list[Array]:
+    def shift(self, qpos: Array, overlap: Array, length: int, margin: float) -> list[Array]:
         """Return shifts of the first joint targets [rad], each (length, n), to choose from.
 
-        They differ in the distance that shall remain, in how long they fade, and in whether the
-        other side of the body moves likewise. The last target is not shifted: a rise ends in the
-        stance.
+        They differ in how long they fade, and in whether the other side of the body moves
+        likewise. The last target is not shifted: a rise ends in the stance.
 
         Args:
             qpos: MuJoCo positions of the rollout, one row for each control period, (T, nq).
             overlap: Depth of self-penetration [m], (T,).
             length: Number of targets that are shifted.
+            margin: Distance that shall remain [m].
         """
         touches = self._find_touches(qpos, overlap)
         left = (length - 1 - np.arange(length)) * self._robot.control_period
         end = np.clip(left / END, 0.0, 1.0)[:, None]
         shifts = []
-        for margin, fade in itertools.product(MARGINS, FADES):
+        for fade in FADES:
             shift = np.zeros((length, self._robot.n))
             for frames, depth, gradient in touches:
                 change = gradient * (depth + margin) / (gradient @ gradient + 1e-6)

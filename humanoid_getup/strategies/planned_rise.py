@@ -31,7 +31,7 @@ OTHER_PATIENCE = (
     Patience(tolerance=0.15, band=0.15, slowest=0.4),
 )
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
-FINALISTS = 2  # rollouts of a round that are checked
+FINALISTS = 3  # rollouts of a round that may be checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
 HOPEFULS = 2  # failed rollouts that a search begins with, where none stood
@@ -185,17 +185,24 @@ class PlannedRise:
             for c in connections
         ]
 
+    def _check(self, progress: _Progress, rollout: CandidateRollout) -> None:
+        """Check a rollout that stands, its touching limbs parted; keep it if it is the best."""
+        parted = self.filter.separate(progress.start, rollout)
+        for one in [parted] if parted is rollout else [parted, rollout]:
+            best = progress.best
+            if best and progress.is_done and one.cost >= best.cost:
+                return
+            share = self.filter.check(progress.start, one.target, progress.rng)
+            known = (progress.robust, -best.cost) if best else (0.0, 0.0)
+            if share > 0.0 and (share, -one.cost) > known:
+                progress.best, progress.robust = one, share
+
     def _improve(self, progress: _Progress) -> None:
-        """Part limbs that touch; vary the targets of a rise that stands everywhere."""
-        if progress.best is None:
-            return
-        progress.best, progress.robust = self.filter.separate(
-            progress.start, progress.best, progress.robust, progress.rng
-        )
-        preference = self.filter.preference
-        if progress.is_done and (preference.is_demanding or progress.best.collides):
+        """Vary the targets of a rise that stands everywhere, where more is preferred."""
+        best, preference = progress.best, self.filter.preference
+        if best and progress.is_done and (preference.is_demanding or best.collides):
             budget = preference.improvement * self.search_budget
-            progress.best = self.filter.improve(progress.start, progress.best, budget, progress.rng)
+            progress.best = self.filter.improve(progress.start, best, budget, progress.rng)
 
     def _search(self, progress: _Progress) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
@@ -206,6 +213,8 @@ class PlannedRise:
             )
             if better.stood and share > (progress.robust if progress.best else 0.0):
                 progress.best, progress.robust = better, share
+                if better.collides:
+                    self._check(progress, better)
                 if progress.is_done:
                     return
 
@@ -227,12 +236,8 @@ class PlannedRise:
         progress.tried = self.filter.roll_out(progress.start, candidates)
         standing = sorted((r for r in progress.tried if r.stood), key=lambda r: r.cost)
         for finalist in standing[:FINALISTS]:
-            if progress.best and progress.is_done and finalist.cost >= progress.best.cost:
-                return
-            share = self.filter.check(progress.start, finalist.target, progress.rng)
-            if share >= ENOUGH or share > (progress.robust if progress.best else 0.0):
-                progress.best, progress.robust = finalist, share
-            if share >= ENOUGH:
+            self._check(progress, finalist)
+            if progress.best and progress.is_done and not progress.best.collides:
                 return
 
     def _conclude(

@@ -15,8 +15,10 @@ from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
 from humanoid_getup.playback.play import play_engaged
+from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.falls import UNCLASSED, classify
+from humanoid_getup.strategies.plan import RisePlan
 
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
 
@@ -104,15 +106,27 @@ class AttemptManager:
             return attempt
         if session.preflight:
             self._report(Phase.PREFLIGHT, plan.title)
-            verdict = plan.preflight(session.strategy, state, self._measure)
-            attempt = replace(attempt, verdict=verdict)
-            if not verdict.passed:
+            plan, verdict = self._preflight(plan, state)
+            attempt = replace(attempt, plan=plan, verdict=verdict)
+            controller = plan.controller(session.strategy)
+            if controller is None or not verdict.passed:
                 return replace(attempt, refusal=str(verdict))
             down = self._keeper.preflight(state)
             if not down.passed:
                 return replace(attempt, refusal=f"the way down after the stand: {down}")
         self._report(Phase.PLAYING, plan.title)
         return self._play(attempt, controller)
+
+    def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
+        """Judge a plan, and without its feedback if it fails with it; return what is better."""
+        strategy = self._session.strategy
+        verdict = plan.preflight(strategy, state, self._measure)
+        other = None if verdict.passed else plan.open_loop()
+        if other is not None:
+            second = other.preflight(strategy, state, self._measure)
+            if second.passed:
+                return other, second
+        return plan, verdict
 
     def _settle(self) -> State:
         """Wait until the robot is still, and recover from faults meanwhile."""

@@ -85,7 +85,7 @@ def _describe_motion(report: dict[str, Any]) -> str:
     text += f", planned in {report['plan_s']:.2f} s" if report.get("planning") else ", not planned"
     if not report.get("filtering"):
         return f"{text}, not filtered"
-    return f"{text}, filtered in {report['filter_s']:.2f} s over {report['rehearsals']} rollouts"
+    return f"{text}, filtered in {report['filter_s']:.2f} s over {report['rollouts']} rollouts"
 
 
 def _describe_load(report: dict[str, Any]) -> str:

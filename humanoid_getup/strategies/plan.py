@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -84,6 +84,10 @@ class RisePlan:
         """
         return Verdict()
 
+    def open_loop(self) -> RisePlan | None:
+        """Return the plan without feedback while it is played; ``None`` if it has none."""
+        return None
+
     def save(self, _folder: Path) -> None:
         """Save the plan's motion, if it has one, in a folder."""
 
@@ -97,13 +101,14 @@ class RisePlan:
             "planned": self.planned,
             "plan_s": self.plan_s,
             "filter_s": self.filter_s,
-            "rehearsals": self.rollouts,
-            "rehearsal_rounds": self.rounds,
+            "rollouts": self.rollouts,
+            "rounds": self.rounds,
             "robust": None if math.isnan(self.robust) else self.robust,
             "connection": joined and joined.name,
             "strategy": joined and joined.strategy,
             "policy": None,
             "plan_cache": None,
+            "balanced": None,
         }
 
 
@@ -151,6 +156,14 @@ class MotionPlan(RisePlan):
             start=measure(),
             balanced=self.balanced,
         )
+
+    def open_loop(self) -> RisePlan | None:
+        """Return the plan without the feedback to the ankles; ``None`` if it has none."""
+        return replace(self, balanced=False) if self.balanced else None
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures of the plan under report.json's keys."""
+        return super().record() | {"balanced": self.balanced and self.simulated}
 
     def save(self, folder: Path) -> None:
         """Save the motion."""

@@ -99,7 +99,7 @@ def test_one_seed_gives_one_rise(report: dict, tmp_path: Path):
     figures = tmp_path / "again.json"
     assert main([*SEEDED, "--json", str(figures)]) == 0
     again = json.loads(figures.read_text())
-    for key in ("stand_time_s", "hold_s", "peak_torque_nm", "rehearsals", "connection", "robust"):
+    for key in ("stand_time_s", "hold_s", "peak_torque_nm", "rollouts", "connection", "robust"):
         assert again[key] == report[key]
 
 

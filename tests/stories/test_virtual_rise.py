@@ -39,7 +39,7 @@ def test_one_seed_is_one_rise_on_the_twin_and_on_the_bus(op3: Robot, tmp_path: P
     same = ("--from", "supine", "--seed", "2", "--no-plan-cache", "--then", "limp")
     on_twin = rise(*same, out=tmp_path / "twin")
     on_bus = rise(*same, "--backend", "virtual", out=tmp_path / "bus")
-    for key in ("stand_time_s", "peak_torque_nm", "connection", "rehearsals"):
+    for key in ("stand_time_s", "peak_torque_nm", "connection", "rollouts"):
         assert on_bus[key] == on_twin[key], key
     records = [FlightRecord.load(tmp_path / name / "flight.mcap", op3) for name in ("twin", "bus")]
     paths = [record.state["joint_pos"] for record in records]

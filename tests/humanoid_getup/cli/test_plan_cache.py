@@ -9,7 +9,7 @@ from humanoid_getup.cli.main import main
 from humanoid_getup.strategies.plan_cache import PlanCache
 
 TIMES = {"plan_s", "filter_s", "busy_p99_s", "late_p99_s", "overruns"}
-HOW = {"plan_cache", "rehearsals", "rehearsal_rounds"}
+HOW = {"plan_cache", "rollouts", "rounds"}
 
 
 def rise(out: Path, *arguments: str) -> dict:
@@ -30,7 +30,7 @@ def test_the_same_command_again_differs_in_how_its_plan_came_about_alone(
     assert "plan kept" in capsys.readouterr().out
     assert {key for key in first if first[key] != again[key]} <= TIMES | HOW
     assert again["plan_cache"]["joint_rad"] == 0.0
-    assert again["rehearsals"] == 1
+    assert again["rollouts"] == 1
 
     assert main(["plan-cache", "--json", "-"]) == 0
     listed = json.loads(capsys.readouterr().out)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from humanoid_getup.motions.motion import STANDING, Motion
+from humanoid_getup.playback.balance import Balance
 from humanoid_getup.playback.motion_player import MotionPlayer
 from robots import Robot
 from robots.quaternion import Array
@@ -25,13 +26,16 @@ class StandHolder(MotionPlayer):
         is_released: Callable[[], bool],
         torque_limit: float | None = None,
         held: Array | None = None,
+        balance: Balance | None = None,
     ) -> None:
         """Prepare to hold for at least a time [s].
 
         ``motion`` is that of `make_stand`; ``is_released`` is called every cycle; the others are
         those of the player.
         """
-        super().__init__(robot, motion, hold=least, torque_limit=torque_limit, held=held)
+        super().__init__(
+            robot, motion, hold=least, torque_limit=torque_limit, held=held, balance=balance
+        )
         self._is_released = is_released
         self._least, self.longest = self.longest, math.inf
 

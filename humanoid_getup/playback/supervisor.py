@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from drivers import Command, State
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.balance import make_balance
+from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import hold_time
 from humanoid_getup.playback.monitors import (
     Abort,
@@ -107,6 +107,7 @@ def supervise_stand(
         is_released=is_released,
         torque_limit=torque_limit,
         held=held,
+        balance=Balance(world, stand),
     )
     return Supervisor(holder, [MotionMonitor(world, stand, holder), ServoMonitor(world.robot)])
 

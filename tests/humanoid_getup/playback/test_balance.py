@@ -9,11 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import State
+from drivers import GuardLimits, SafetyGuard, State, Twin
+from humanoid_getup.benchmarks.disturbances import Disturbance, disturb_start, disturb_world
+from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down
 from humanoid_getup.playback.balance import GAINS, Balance, find_ankles, make_balance
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import play
 from humanoid_getup.playback.stand_holder import make_stand
+from humanoid_getup.playback.supervisor import Supervisor, supervise_stand
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import place
@@ -146,3 +151,19 @@ def test_until_the_torso_is_upright_a_motion_is_sent_as_it_is(op3: Robot, world:
 def test_a_motion_that_ends_lying_is_not_balanced(op3: Robot, world: World):
     assert make_balance(world, find_lying_down(op3)) is None
     assert make_balance(world, make_stand(op3)) is not None
+
+
+@pytest.mark.parametrize("slope", [-10.0, 12.0])
+def test_on_a_steep_slope_a_stand_lasts_only_with_balance(op3: Robot, world: World, slope: float):
+    tilted = Disturbance(slope=math.radians(slope))
+    start = disturb_start(world, op3.standing, tilted, np.random.default_rng(0))
+    scene, held = disturb_world(world, tilted, 0.0), op3.standing.joint_pos
+
+    def stands(controller: MotionPlayer | Supervisor) -> bool:
+        twin = Twin(scene, start)
+        judge = GroundTruthJudge(twin.simulation, None)
+        play(controller, SafetyGuard(twin, GuardLimits.of(op3, None)), judge)
+        return judge.end()
+
+    assert stands(supervise_stand(world, least=5.0, is_released=lambda: True, held=held))
+    assert not stands(MotionPlayer(op3, make_stand(op3), hold=5.0, held=held))

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +49,13 @@ class UnheededVerdict(Verdict):
 
     given: Verdict | None = None
     """None where nothing was planned."""
+    is_last: bool = True
+    """Whether nothing else is judged in its place; then the rise is played."""
 
     @property
     def passed(self) -> bool:
-        """Return True: the rise is played."""
-        return True
+        """Return whether the rise is played as it is."""
+        return self.is_last or (self.given is not None and self.given.passed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +72,13 @@ class PlayedPlan(RisePlan):
         self, strategy: Strategy, settled: State, measure: Callable[[], State]
     ) -> UnheededVerdict:
         """Keep the plan's verdict."""
-        return UnheededVerdict(given=self.plan.preflight(strategy, settled, measure))
+        given = self.plan.preflight(strategy, settled, measure)
+        return UnheededVerdict(given=given, is_last=self.plan.open_loop() is None)
+
+    def open_loop(self) -> PlayedPlan | None:
+        """Return the plan without feedback, which is judged where it is refused with it."""
+        other = self.plan.open_loop()
+        return None if other is None else replace(self, plan=other)
 
 
 class PlayAnyway:

@@ -62,6 +62,13 @@ def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
     assert verdict.figures.end_temperature.max() < 27.0
 
 
+@pytest.mark.parametrize("voltage", [11.1, 11.6, 12.6])
+def test_the_motion_of_the_first_connection_passes_under_its_limit(world: World, voltage: float):
+    limit = TorqueLimit(2.5)
+    verdict = preflight(world, MOTIONS["supine_long_sit"], voltage=voltage, torque_limit=limit)
+    assert verdict.passed, str(verdict)
+
+
 @pytest.mark.parametrize(
     ("voltage", "told"),
     [

@@ -129,6 +129,8 @@ GROUPS: dict[str, list[Case]] = {
         case("bench filter --n many", "--n is 'many', expected a whole number"),
         case("bench faults --motion moonwalk", "unknown motion 'moonwalk'"),
         case("bench kill --motion moonwalk", "unknown motion 'moonwalk'"),
+        case("bench disturbed --cases moon", "unknown case 'moon': expected nominal"),
+        case("bench disturbed --policies moonwalk", "unknown policy 'moonwalk'"),
         case("bench soak --duration 0", "--duration is 0 s", "above 0 s, at most 1e+06 s"),
         case("bench methods --ways moonwalk", "unknown policy 'moonwalk'"),
         case("bench methods --ways plan empty.onnx", "empty.onnx"),

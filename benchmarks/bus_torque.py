@@ -82,7 +82,7 @@ def measure(options: Options, report: Callable[[int], None]) -> dict[str, Any]:
     counts: dict[str, int] = dict.fromkeys(BENCH_CLASSES, options.n)
     rises = []
     for number, fall in enumerate(sample_falls(world, counts, np.random.default_rng(options.seed))):
-        rises.append(rise(strategy, fall, [options.seed, number]))
+        rises.append(rise(strategy, fall, [options.seed, 1, number]))
         report(1)
     played = [r for r in rises if r["peak_torque_nm"] is not None]
     return {
@@ -93,8 +93,8 @@ def measure(options: Options, report: Callable[[int], None]) -> dict[str, Any]:
         "limit_by": limit.by,
         "stood": sum(r["stood"] for r in rises),
         "played": len(played),
-        "peak_torque_nm": max(r["peak_torque_nm"] for r in played),
-        "peak_braking_torque_nm": max(r["peak_braking_torque_nm"] for r in played),
+        "peak_torque_nm": max((r["peak_torque_nm"] for r in played), default=0.0),
+        "peak_braking_torque_nm": max((r["peak_braking_torque_nm"] for r in played), default=0.0),
         "rises": rises,
     }
 

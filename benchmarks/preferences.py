@@ -106,7 +106,7 @@ def measure(options: Measure) -> None:
         for name, strategy in strategies.items():
             rises = []
             for number, fall in enumerate(falls):
-                rises.append(_rise(strategy, fall, [options.seed, number]))
+                rises.append(_rise(strategy, fall, [options.seed, 1, number]))
                 count(1)
             summary = {key: summarize(r[key] for r in rises) for key in SUMMARIZED}
             result["cases"][name] = summarize_records(rises) | summary | {"rises": rises}
@@ -134,7 +134,7 @@ def _roll_out(
         WORLDS,
         HARD_DISTURBANCE,
         strategy.torque_limit,
-        np.random.default_rng([*seed, 1]),
+        np.random.default_rng([*seed, 2]),
     )
     worlds = Worlds(starts=starts, parameters=parameters)
     outcome = DisturbedRollout(world, WORLDS).play(worlds, [target])

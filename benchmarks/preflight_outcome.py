@@ -60,7 +60,10 @@ class UnheededVerdict(Verdict):
 
 @dataclass(frozen=True, kw_only=True)
 class PlayedPlan(RisePlan):
-    """A plan that is played whatever its preflight says."""
+    """A plan that is played whatever its preflight says.
+
+    It is played open loop where it is refused with feedback, and judged as it is played.
+    """
 
     plan: RisePlan
 
@@ -153,7 +156,7 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 def _kind(text: str) -> str:
     """Return the kind of a refusal, without joints and numbers."""
-    kinds = ("into itself", "inside itself", "at its torque limit", "held stand", "targets move")
+    kinds = ("into itself", "inside itself", "all the torque", "held stand", "targets move")
     return next((kind for kind in kinds if kind in text), text)
 
 
@@ -171,7 +174,7 @@ def compare(
         falls = sample_falls(body, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
         outcomes = []
         for number, fall in enumerate(falls):
-            outcomes.append(rise(body, strategy, fall, [seed, number]))
+            outcomes.append(rise(body, strategy, fall, [seed, 1, number]))
             report(outcomes[-1])
         cases[name] = summarize(outcomes) | {"rises": [asdict(o) for o in outcomes]}
     return {

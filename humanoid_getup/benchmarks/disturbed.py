@@ -148,12 +148,12 @@ def bench_disturbed(
     falls = sample_falls(planner.world, dict.fromkeys(BENCH_CLASSES, each), rng)
     records = []
     for number, fall in enumerate(falls):
-        ways = _plan(planner, fall, [seed, number]) | dict(policies)
+        ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)
         for case, disturbance in disturbances.items():
-            trial = Trial.of(planner.world, fall, disturbance, [seed, number])
+            trial = Trial.of(planner.world, fall, disturbance, [seed, 2, number])
             for way, strategy in ways.items():
                 label = {"fall": number, "case": case, "way": way}
-                records.append(trial.rise(strategy, fall, [seed, number]) | label)
+                records.append(trial.rise(strategy, fall, [seed, 3, number]) | label)
                 report(records[-1])
     return {
         "name": "disturbed",

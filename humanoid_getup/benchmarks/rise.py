@@ -110,7 +110,8 @@ def _rise_all(
     """Rise from every fall on a fresh twin; return the labeled record of each rise."""
     records = []
     for number, fall in enumerate(falls):
-        rise = _rise(Twin(strategy.world, fall.posture), strategy, fall, [seed, number], **options)
+        twin = Twin(strategy.world, fall.posture)
+        rise = _rise(twin, strategy, fall, [seed, 1, number], **options)
         bench_class = BENCH_CLASSES[number * len(BENCH_CLASSES) // len(falls)]
         records.append(rise.record() | {"bench_class": bench_class} | label)
         report(records[-1])
@@ -134,7 +135,7 @@ def _heat_up(strategy: Strategy, falls: list[Fall], seed: int) -> float:
     for number, fall in enumerate(falls):
         twin.place(fall.posture)
         simulation.temperature[:] = temperature
-        _rise(twin, strategy, fall, [seed, number])
+        _rise(twin, strategy, fall, [seed, 1, number])
         simulation.release()
         for _ in range(round(REST / twin.period)):
             simulation.step(simulation.steps_per_period)

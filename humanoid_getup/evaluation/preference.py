@@ -26,7 +26,7 @@ class RiseFigures:
     peak_torque: Array
     """Largest torque of any servo [N·m]."""
     rms_torque: Array
-    """Over time and servos [N·m]."""
+    """Over time up to the stand, or to the end without one, and servos [N·m]."""
     impact: Array
     """Largest change of the neck's velocity within a control period [m/s]."""
     overlap: Array
@@ -40,7 +40,7 @@ class RiseFigures:
         return RiseFigures(
             stand_time=stand_time,
             peak_torque=np.abs(trace.torque).max(axis=(1, 2)),
-            rms_torque=np.sqrt(np.mean(trace.torque**2, axis=(1, 2))),
+            rms_torque=_measure_rms(trace, stand_time),
             impact=change.max(axis=1),
             overlap=trace.overlap.max(axis=1),
         )
@@ -49,6 +49,15 @@ class RiseFigures:
     def collides(self) -> np.ndarray:
         """Whether the robot touched itself firmly, (...)."""
         return self.overlap > DEEP_OVERLAP
+
+
+def _measure_rms(trace: Trace, stand_time: Array) -> Array:
+    """Measure the RMS torque up to the stand; of the whole trace without one, (N,) [N·m]."""
+    whole = trace.torque.shape[1]
+    cycles = np.where(stand_time > 0.0, np.round(stand_time / trace.period), whole).astype(int)
+    square = np.cumsum(np.mean(trace.torque**2, axis=2), axis=1)  # (N, T)
+    cycles = np.clip(cycles, 1, whole)
+    return np.sqrt(square[np.arange(len(square)), cycles - 1] / cycles)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,7 +81,7 @@ class AttemptManager:
             if attempt.stood:
                 return AttemptStatus.STOOD, attempt.reason
             self._check_end(attempt)
-            if attempt.plan is not None:
+            if attempt.plan is not None and _is_plan_to_blame(attempt):
                 attempt.plan.forget()
             if self._number < most:
                 self._recover(attempt)
@@ -121,7 +121,7 @@ class AttemptManager:
         """Judge a plan, and without its feedback if it fails with it; return what is better."""
         strategy = self._session.strategy
         verdict = plan.preflight(strategy, state, self._measure)
-        other = None if verdict.passed else plan.open_loop()
+        other = plan.open_loop() if verdict.falls else None
         if other is not None:
             second = other.preflight(strategy, state, self._measure)
             if second.passed:
@@ -158,7 +158,8 @@ class AttemptManager:
             )
             completed = report.ending is Ending.DONE and controller.aborted is None
             if judge.end() and completed:
-                after = self._keeper.keep()
+                may_balance = attempt.plan is None or attempt.plan.may_balance
+                after = self._keeper.keep(balanced=may_balance)
         return replace(
             attempt,
             run=report,
@@ -187,6 +188,13 @@ class AttemptManager:
 
     def _report(self, phase: Phase, detail: str) -> None:
         self._session.on_phase(PhaseChange(phase, self._number, detail))
+
+
+def _is_plan_to_blame(attempt: Attempt) -> bool:
+    """Return whether a plan would fail again: it fell, in the preflight or when it was played."""
+    if attempt.run is not None:
+        return attempt.run.ending is not Ending.FAULT
+    return attempt.verdict is not None and attempt.verdict.falls
 
 
 def _ended_by_fault(attempts: list[Attempt], status: AttemptStatus) -> bool:

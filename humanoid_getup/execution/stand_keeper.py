@@ -80,13 +80,15 @@ class StandKeeper:
         if self._session.on_cycle is not None:
             self._session.on_cycle(cycle)
 
-    def keep(self) -> AfterStand:
+    def keep(self, *, balanced: bool = True) -> AfterStand:
         """Do what follows a judged stand, on the engaged robot.
+
+        ``balanced`` is False to hold the stand without feedback to the ankles.
 
         Raises:
             KeyboardInterrupt: if it was interrupted; the robot's torque goes off then.
         """
-        hold = self._hold(least=0.0) if self._session.then == "hold" else None
+        hold = self._hold(0.0, balanced) if self._session.then == "hold" else None
         if hold is not None and not hold.is_done:
             return AfterStand(hold=hold)
         return self._end(hold)
@@ -106,7 +108,7 @@ class StandKeeper:
             self._place()
             hold = None
             if self._session.then != "sit":
-                hold = self._hold(least=HOLD)
+                hold = self._hold(HOLD, balanced=True)
                 if not hold.is_done:
                     return AfterStand(hold=hold)
             return self._end(hold)
@@ -132,7 +134,7 @@ class StandKeeper:
         verdict = self.preflight(state)
         return None if verdict.passed else str(verdict)
 
-    def _hold(self, least: float) -> Step:
+    def _hold(self, least: float, balanced: bool) -> Step:
         self._report(Phase.HOLDING)
         session = self._session
         judge = session.make_judge() if least else None
@@ -142,6 +144,7 @@ class StandKeeper:
             is_released=session.is_released,
             torque_limit=self._limit,
             held=self._held,
+            balanced=balanced,
         )
 
         def watch(cycle: Cycle) -> None:

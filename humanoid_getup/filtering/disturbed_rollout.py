@@ -113,7 +113,9 @@ class _Tally:
         self.cycle = 0
         self.going, self.failed = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
         self._stood, self._since = np.zeros(n, dtype=bool), np.zeros(n, dtype=int)
-        self._best, self._last, self._square = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._best, self._last = np.zeros(n), np.zeros(n)
+        self._square: list[Array] = []  # of the torque, mean over servos, each (n, CHUNK)
+        self._neck_before = np.zeros((n, 2, 3))
         self._peak, self._impact, self._deepest = np.zeros(n), np.zeros(n), np.zeros(n)
         self._cycles = np.zeros(n, dtype=int)
 
@@ -145,8 +147,13 @@ class _Tally:
     def _add_costs(self, going: NDArray[np.int_], record: dict[str, Array]) -> None:
         torque, contact = record["actuator_force"], record["sensordata"]
         neck = record["site_xpos"][:, :, self._neck]
+        if self.cycle:
+            neck = np.concatenate([self._neck_before[going], neck], axis=1)
+        self._neck_before[going] = neck[:, -2:]
+        square = np.zeros((len(self.going), CHUNK))
+        square[going] = np.mean(torque**2, axis=2)
+        self._square.append(square)
         change = np.linalg.norm(np.diff(neck, n=2, axis=1), axis=2) / self._period
-        self._square[going] += np.mean(torque**2, axis=2).sum(axis=1)
         for name, now in (
             (self._peak, np.abs(torque).max(axis=(1, 2))),
             (self._impact, change.max(axis=1)),
@@ -158,12 +165,14 @@ class _Tally:
         """Return the outcomes; a world that was given up did not stand."""
         stood, period = self._stood, self._period
         progress = np.where(stood, 1.0, 0.6 * self._last + 0.4 * self._best)
+        last = np.where(stood, self._since, self._cycles - 1)
+        square = np.cumsum(np.concatenate(self._square, axis=1), axis=1)[np.arange(len(last)), last]
         return RolloutOutcome(
             stood=stood.reshape(shape),
             stand_time=np.where(stood, (self._since + 1) * period, np.nan).reshape(shape),
             progress=progress.reshape(shape),
             peak_torque=self._peak.reshape(shape),
-            rms_torque=np.sqrt(self._square / np.maximum(self._cycles, 1)).reshape(shape),
+            rms_torque=np.sqrt(square / (last + 1)).reshape(shape),
             impact=self._impact.reshape(shape),
             overlap=self._deepest.reshape(shape),
             simulated=float(self._cycles.sum()) * period,

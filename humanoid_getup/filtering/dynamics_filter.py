@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from humanoid_getup.evaluation.preference import (
@@ -12,7 +14,7 @@ from humanoid_getup.evaluation.preference import (
 )
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
-from humanoid_getup.filtering.disturbed_rollout import Worlds
+from humanoid_getup.filtering.disturbed_rollout import LAST_CALL, Worlds
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.separation import MARGINS, Separation
@@ -34,6 +36,7 @@ from robots.quaternion import Array
 
 FADE_CYCLES = 40  # in which the virtual actuator fades out before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
+LONG_HOLD = FIRST_HOLD + LAST_CALL  # s, so that every stand that a check takes shows
 LONGEST_STRETCH = 2.5  # of its own duration that a motion may last
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = RolloutRandomization(
@@ -96,10 +99,13 @@ class DynamicsFilter:
 
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
-        disturbed = self._disturb(start, rng, worlds)
-        self.count += worlds
-        outcome = self._disturbed_rollout.play(disturbed, [target], give_up=True)
-        return float(outcome.stood.mean()) if outcome.stood[0, 0] else 0.0
+        return self._check_in(self._disturb(start, rng, worlds), target).share
+
+    def _check_in(self, worlds: Worlds, target: Array) -> _Check:
+        self.count += len(worlds)
+        outcome = self._disturbed_rollout.play(worlds, [target], give_up=True)
+        share = float(outcome.stood.mean()) if outcome.stood[0, 0] else 0.0
+        return _Check(share, outcome.simulated)
 
     def better(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
@@ -108,20 +114,18 @@ class DynamicsFilter:
 
         What stands in all the worlds it was searched in is checked in fresh ones. If it falls in
         some, the search goes on from it in those. The budget is simulated time [s]. Returns the
-        rollout of the best targets, and the share of their check.
+        rollout of the best targets, and the share of their check in fresh worlds.
         """
-        target, share = rollout.target[: rollout.moving], 0.0
-        while budget > 0.0:
-            found = self._search.search(self._disturb(start, rng), target, budget, rng)
+        target = rollout.target[: rollout.moving]
+        worlds = self._disturb(start, rng)
+        while True:
+            found = self._search.search(worlds, target, budget, rng)
             self.count += found.rollouts
-            budget -= found.simulated
-            target, share = found.target, found.share
-            if share < 1.0:
-                break
-            share = self.check(start, target, rng)
-            if share == 1.0:
-                break
-        return self._replay(start, rollout.candidate, [target])[0], share
+            target, worlds = found.target, self._disturb(start, rng)
+            fresh = self._check_in(worlds, target)
+            budget -= found.simulated + fresh.simulated
+            if found.share < 1.0 or fresh.share == 1.0 or budget <= 0.0:
+                return self._replay(start, rollout.candidate, [target], LONG_HOLD)[0], fresh.share
 
     def separate(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
         """Shift the targets of a rollout that stands where the robot touches itself.
@@ -164,16 +168,22 @@ class DynamicsFilter:
         self.count += found.rollouts
         for one in better:
             if self.check(start, one, rng) == 1.0:
-                return self._replay(start, rollout.candidate, [one])[0]
+                played = self._replay(start, rollout.candidate, [one], LONG_HOLD)[0]
+                if played.stood:
+                    return played
         return rollout
 
     def _replay(
-        self, start: Posture, candidate: Candidate, targets: list[Array]
+        self,
+        start: Posture,
+        candidate: Candidate,
+        targets: list[Array],
+        hold: float = FIRST_HOLD,
     ) -> list[CandidateRollout]:
-        """Play targets, each (T, n), in the undisturbed world, and hold the last."""
+        """Play targets, each (T, n), in the undisturbed world, and hold the last for a time [s]."""
         world, robot, n = self.world, self.world.robot, len(targets)
         moving = np.array([len(target) for target in targets])
-        length = int(moving.max()) + round(FIRST_HOLD / robot.control_period)
+        length = int(moving.max()) + round(hold / robot.control_period)
         longer = np.array([hold_last(target, length) for target in targets])
         starts = np.tile(place(robot, world.model, start), (n, 1))
         trace = self._simulate(n).play(starts, longer, self._nominal(n))
@@ -234,6 +244,15 @@ class DynamicsFilter:
             )
             for i, candidate in enumerate(candidates)
         ]
+
+
+class _Check(NamedTuple):
+    """Outcome of targets in disturbed worlds."""
+
+    share: float
+    """Share that ended in a held stand; 0 if the undisturbed one did not."""
+    simulated: float
+    """Simulated time [s]."""
 
 
 class _Tracker:

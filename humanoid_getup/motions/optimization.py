@@ -47,13 +47,17 @@ def score(
     keyframes: Keyframes,
     hold: float,
     preference: Preference | None = None,
+    duration: Array | None = None,
 ) -> tuple[Array, np.ndarray]:
-    """Compute the cost of each rollout, (N,), and whether it ended as it should, (N,)."""
+    """Compute the cost of each rollout, (N,), and whether it ended as it should, (N,).
+
+    ``duration`` [s], (N,), is that of the keyframes in each; ``None`` for those given.
+    """
     if keyframes.end_class == STANDING:
         missed, succeeded, time = _judge_rise(trace, world, hold)
     else:
         missed, succeeded = _judge_lying_down(trace, world, keyframes.end_class)
-        time = np.full(len(missed), keyframes.duration.sum())
+        time = np.full(len(missed), keyframes.duration.sum()) if duration is None else duration
     travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
     collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
     effort = TRAVEL_COST * travel + OVERLAP_COST * collides
@@ -186,7 +190,8 @@ class TrajectoryOptimizer:
             np.repeat(targets, each, axis=0),
             parameters.tile(n),
         )
-        cost, stood = score(trace, self.world, candidates[0], hold, self.preference)
+        durations = np.repeat([c.duration.sum() for c in candidates], each)
+        cost, stood = score(trace, self.world, candidates[0], hold, self.preference, durations)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
 
 

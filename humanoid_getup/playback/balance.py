@@ -44,7 +44,7 @@ class Balance:
     The error is the rotation by which gravity in the torso differs from that of the recorded
     posture at the same time, and the difference of the angular velocities. It is fed back to the
     ankles once the recorded torso is so upright that the feet alone carry the robot, and as long
-    as the stand is held. The corrected targets stay in the joints' ranges and speeds.
+    as the stand is held. A correction never leads out of the joints' ranges and speeds.
     """
 
     def __init__(self, world: World, motion: Motion, gains: BalanceGains = GAINS) -> None:
@@ -60,16 +60,31 @@ class Balance:
 
     def reset(self, held: Array) -> None:
         """Begin at the targets that the servos follow [rad], (n,)."""
-        self._sent = held
+        self._sent = self._target = held
 
     def correct(self, state: State, time: float, target: Array) -> Array:
         """Correct targets [rad] (n,) that are due at a time [s] of the motion."""
         frame = min(int(np.searchsorted(self._time, time - TIME_SLACK)), len(self._time) - 1)
+        sent = target
         if self._share[frame] > 0.0:
-            target = target + self._offset(state, frame)
-        in_range = np.clip(target, self._robot.lower, self._robot.upper)
-        self._sent = np.clip(in_range, self._sent - self._reach, self._sent + self._reach)
-        return self._sent
+            sent = self._bound(target + self._offset(state, frame), target)
+        self._sent, self._target = sent, target
+        return sent
+
+    def _bound(self, corrected: Array, target: Array) -> Array:
+        """Bound a correction; by how much the target itself is out of bounds is left to the guard.
+
+        Args:
+            corrected: Target with its correction [rad], (n,).
+            target: Target of the motion [rad], (n,).
+        """
+        robot, reach = self._robot, self._reach
+        beyond_range = target - np.clip(target, robot.lower, robot.upper)
+        step = target - self._target
+        beyond_reach = step - np.clip(step, -reach, reach)
+        wanted = np.clip(corrected, robot.lower, robot.upper) + beyond_range
+        change = np.clip(wanted - self._sent - beyond_reach, -reach, reach) + beyond_reach
+        return self._sent + change
 
     def _offset(self, state: State, frame: int) -> Array:
         gains, share = self._gains, self._share[frame]

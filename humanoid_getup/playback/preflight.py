@@ -25,11 +25,11 @@ ANGLE_SLACK = np.radians(1.0)  # by which a measured angle may exceed its joint'
 SPEED_SLACK = 1.001
 FAR_ANGLE = 0.1  # rad from the first frame, which the player must approach
 FAR_TILT = math.radians(45.0)  # another side is 90 deg away
-# On the twin, the 24 motions of the OP3's database and 24 planned rises are at the torque-speed
+# On the twin, the motions of the OP3's database and 24 planned rises are at the torque-speed
 # line for 0.7 s at a time and 1.2 s in total, at 12.0 to 10.2 V, and most still end standing. A
 # servo's overload protection trips within a few seconds near stall.
 LONG_SATURATION, ALL_SATURATION = 1.5, 1.0  # s
-DEEP_OVERLAP, TOUCHING_OVERLAP = 0.006, 0.002  # m; those motions touch by up to 1.6 mm
+REFUSED_OVERLAP, TOUCHING_OVERLAP = 0.006, 0.002  # m; those motions touch by up to 1.6 mm
 # A robot that lies with its limbs folded overlaps itself by what its shapes are thicker than its
 # links: by up to 17 mm in 384 falls that settled on the meshes of OP3's links.
 IMPOSSIBLE_OVERLAP = 0.025  # m
@@ -68,6 +68,11 @@ class Verdict:
         return not self.refusals
 
     @property
+    def falls(self) -> bool:
+        """Return whether the motion was rolled out and does not end as it should."""
+        return False
+
+    @property
     def refusals(self) -> tuple[Reason, ...]:
         """Return the reasons that it must not be played."""
         return tuple(r for r in self.reasons if r.severity is Severity.REFUSE)
@@ -89,6 +94,11 @@ class MotionVerdict(Verdict):
     """Whether a motion may be played, with the figures of its rollout."""
 
     figures: Figures = field(kw_only=True)
+
+    @property
+    def falls(self) -> bool:
+        """Return whether the motion does not end as it should in the rollout."""
+        return not self.figures.succeeded
 
 
 def preflight(
@@ -225,12 +235,12 @@ def _judge_load(
         longest, whole = figures.longest_saturation[i], figures.saturation[i]
         if longest > LONG_SATURATION:
             text = (
-                f"is at its torque limit for {longest:.1f} s at a time, "
+                f"has all the torque of this supply for {longest:.1f} s at a time, "
                 f"expected at most {LONG_SATURATION:g} s: its overload protection may trip"
             )
             reasons.append(_refuse(text, name))
         elif whole > ALL_SATURATION:
-            text = f"is at its torque limit for {whole:.1f} s: no reserve is left"
+            text = f"has all the torque of this supply for {whole:.1f} s: no reserve is left"
             reasons.append(_warn(text, name))
     return reasons
 
@@ -255,8 +265,8 @@ def _judge_overlap(figures: Figures) -> list[Reason]:
     text = f"the robot presses {1000.0 * growth:.1f} mm into itself"
     if lying > TOUCHING_OVERLAP:
         text += ", beyond how it lies"
-    if growth > DEEP_OVERLAP:
-        reasons.append(_refuse(f"{text}, expected at most {1000.0 * DEEP_OVERLAP:.0f} mm"))
+    if growth > REFUSED_OVERLAP:
+        reasons.append(_refuse(f"{text}, expected at most {1000.0 * REFUSED_OVERLAP:.0f} mm"))
     elif growth > TOUCHING_OVERLAP:
         reasons.append(_warn(text))
     if lying > IMPOSSIBLE_OVERLAP:

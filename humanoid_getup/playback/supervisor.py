@@ -94,10 +94,12 @@ def supervise_stand(
     is_released: Callable[[], bool],
     torque_limit: float | None = None,
     held: Array | None = None,
+    balanced: bool = True,
 ) -> Supervisor:
     """Make a supervised holder of the stand, with the monitors of a motion.
 
-    ``least`` is how long it is held at least [s]; the others are those of `StandHolder`.
+    ``least`` is how long it is held at least [s]; ``balanced`` is False to hold it without
+    feedback to the ankles; the others are those of `StandHolder`.
     """
     stand = make_stand(world.robot)
     holder = StandHolder(
@@ -107,7 +109,7 @@ def supervise_stand(
         is_released=is_released,
         torque_limit=torque_limit,
         held=held,
-        balance=Balance(world, stand),
+        balance=Balance(world, stand) if balanced else None,
     )
     return Supervisor(holder, [MotionMonitor(world, stand, holder), ServoMonitor(world.robot)])
 

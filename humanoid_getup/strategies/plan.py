@@ -88,6 +88,11 @@ class RisePlan:
         """Return the plan without feedback while it is played; ``None`` if it has none."""
         return None
 
+    @property
+    def may_balance(self) -> bool:
+        """Return whether the ankles may balance the robot, in the rise and in its stand."""
+        return True
+
     def save(self, _folder: Path) -> None:
         """Save the plan's motion, if it has one, in a folder."""
 
@@ -121,7 +126,7 @@ class MotionPlan(RisePlan):
     """Whether the joint angles come from a rollout; if not, they are only targets, and no
     monitor expects the robot to reach them."""
     balanced: bool = True
-    """Whether the torso's attitude is fed back to the ankles; False: open loop."""
+    """Whether the torso's attitude may be fed back to the ankles; False: open loop."""
 
     @property
     def title(self) -> str:
@@ -140,7 +145,7 @@ class MotionPlan(RisePlan):
             self.motion,
             torque_limit=strategy.torque_limit.value,
             tracked=self.simulated,
-            balanced=self.balanced,
+            balanced=self._is_balanced,
         )
 
     def preflight(
@@ -154,16 +159,26 @@ class MotionPlan(RisePlan):
             torque_limit=strategy.torque_limit,
             temperature=settled.temperature,
             start=measure(),
-            balanced=self.balanced,
+            balanced=self._is_balanced,
         )
+
+    @property
+    def may_balance(self) -> bool:
+        """Return whether the ankles may balance the robot, in the rise and in its stand."""
+        return self.balanced
+
+    @property
+    def _is_balanced(self) -> bool:
+        """Return whether the rise is played with feedback."""
+        return self.balanced and self.simulated and self.motion.rises
 
     def open_loop(self) -> RisePlan | None:
         """Return the plan without the feedback to the ankles; ``None`` if it has none."""
-        return replace(self, balanced=False) if self.balanced else None
+        return replace(self, balanced=False) if self._is_balanced else None
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""
-        return super().record() | {"balanced": self.balanced and self.simulated}
+        return super().record() | {"balanced": self._is_balanced}
 
     def save(self, folder: Path) -> None:
         """Save the motion."""

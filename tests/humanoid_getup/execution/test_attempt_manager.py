@@ -13,8 +13,11 @@ from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.playback.balance import Balance
+from humanoid_getup.playback.preflight import Reason, Severity, Verdict
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
@@ -206,6 +209,44 @@ def test_what_the_preflight_refuses_is_never_played(manage, motions, twin):
     assert result.reason.startswith("preflight refused: rolled out at 12.0 V with 0.2 N·m")
     assert result.attempts[0].run is None
     assert twin.sent and not twin.moves
+
+
+def test_a_rise_that_falls_with_balance_alone_is_played_and_held_without(
+    manage, motions, monkeypatch
+):
+    monkeypatch.setattr(Balance, "_offset", lambda self, *_: 0.35 * self._ankles[1])
+    waits = iter([False] * 250)
+    result = get_up_with(
+        manage(
+            Scripted(motions[RIGHT]),
+            preflight=True,
+            max_attempts=1,
+            then="hold",
+            is_released=lambda: next(waits, True),
+        )
+    )
+    assert result.status is AttemptStatus.STOOD, result.reason
+    (attempt,) = result.attempts
+    assert attempt.plan is not None and not attempt.plan.may_balance
+    assert result.record()["balanced"] is False
+    assert attempt.after is not None
+    assert attempt.after.succeeded, attempt.after.reason
+
+
+@pytest.mark.parametrize(("limit", "forgotten"), [(4.1, 0), (0.2, 1)])
+def test_a_plan_is_forgotten_only_where_it_falls(
+    manage, motions, monkeypatch, limit: float, forgotten: int
+):
+    """That the way down is refused says nothing about the rise."""
+    hot = Verdict((Reason(Severity.REFUSE, None, "too hot"),))
+    monkeypatch.setattr(StandKeeper, "preflight", lambda *_: hot)
+    counts = []
+    monkeypatch.setattr(MotionPlan, "forget", lambda *_: counts.append(1))
+    plans = Scripted(motions[RIGHT])
+    plans.torque_limit = TorqueLimit(limit)
+    result = get_up_with(manage(plans, preflight=True, max_attempts=1))
+    assert result.attempts[0].run is None
+    assert len(counts) == forgotten
 
 
 def test_a_motion_for_another_side_is_refused_before_torque_is_on(manage, motions, twin):

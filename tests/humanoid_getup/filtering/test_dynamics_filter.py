@@ -148,7 +148,7 @@ def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
 
     def play(_, worlds, motions, *, give_up):
         played.append((worlds, motions, give_up))
-        return SimpleNamespace(stood=stood)
+        return SimpleNamespace(stood=stood, simulated=0.0)
 
     monkeypatch.setattr(DisturbedRollout, "play", play)
     assert checked.check(fall, target, np.random.default_rng(0)) == share
@@ -247,12 +247,47 @@ def test_a_motion_waits_for_some_multiple_of_its_duration_at_most(fall, database
     assert not patient.stood
 
 
+def test_a_searched_rise_is_checked_in_fresh_worlds_and_searched_on_where_it_falls(
+    fall, rollouts, monkeypatch
+):
+    dynamics_filter, _, results = rollouts
+    target = results[0].target[: results[0].moving]
+    searched, checked = [], []
+
+    def search(_, worlds, target, _budget, _rng):
+        searched.append(worlds)
+        share = 1.0 if len(searched) < 3 else 15 / 16
+        return SimpleNamespace(target=target, share=share, rollouts=1, simulated=1.0)
+
+    def play(_, worlds, _motions, *, give_up):
+        assert give_up
+        checked.append(worlds)
+        stood = np.ones((1, 16), dtype=bool)
+        stood[0, 16 - len(checked) :] = False
+        return SimpleNamespace(stood=stood, simulated=1.0)
+
+    monkeypatch.setattr(TargetSearch, "search", search)
+    monkeypatch.setattr(DisturbedRollout, "play", play)
+    better, share = dynamics_filter.better(fall, results[0], 100.0, np.random.default_rng(0))
+    assert len(checked) == len(searched) == 3
+    assert searched[1] is checked[0]
+    assert searched[2] is checked[1]
+    assert all(worlds is not searched[0] for worlds in checked)
+    assert share == 13 / 16
+    np.testing.assert_array_equal(better.target[: better.moving], target)
+
+
 def test_a_better_rise_that_stands_in_fewer_worlds_is_not_taken(fall, rollouts, monkeypatch):
     dynamics_filter, _, results = rollouts
-    better = np.tile(fall.joint_pos, (50, 1))
-    found = SimpleNamespace(targets=[better], rollouts=2)
-    monkeypatch.setattr(TargetSearch, "improve", lambda *_: found)
-    for share, is_taken in ((15 / 16, False), (1.0, True)):
+    stands = next(r for r in results if r.stood)
+    better, lies = stands.target[: stands.moving].copy(), np.tile(fall.joint_pos, (50, 1))
+    for target, share, is_taken in (
+        (better, 15 / 16, False),
+        (better, 1.0, True),
+        (lies, 1.0, False),
+    ):
+        found = SimpleNamespace(targets=[target], rollouts=2)
+        monkeypatch.setattr(TargetSearch, "improve", lambda *_, found=found: found)
         monkeypatch.setattr(dynamics_filter, "check", lambda *_, share=share: share)
-        one = dynamics_filter.improve(fall, results[0], 1.0, np.random.default_rng(0))
-        assert (one is not results[0]) is is_taken
+        one = dynamics_filter.improve(fall, stands, 1.0, np.random.default_rng(0))
+        assert (one is not stands) is is_taken

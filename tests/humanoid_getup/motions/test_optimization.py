@@ -54,6 +54,13 @@ def test_a_success_costs_less_than_any_failure(world, keyframes, trace, prefer):
     assert cost[0] < 0.7 * cost[1]
 
 
+def test_each_way_down_is_weighed_by_its_own_duration(world, keyframes, trace):
+    down = replace(keyframes, end_class="supine", time_cost=1.0)
+    durations = np.array([2.0, 2.0]), np.array([2.0, 5.0])
+    same, longer = (score(trace, world, down, HOLD, duration=each)[0] for each in durations)
+    np.testing.assert_allclose(longer - same, [0.0, 3.0], atol=0.001)
+
+
 def test_without_a_preference_the_keyframes_weigh_time_and_torque(world, keyframes, trace):
     once, twice = (
         score(trace, world, replace(keyframes, time_cost=t, torque_cost=0.0), HOLD)[0]

@@ -102,13 +102,25 @@ def test_targets_stay_in_range_in_speed_and_near_the_motion(world: World, axis, 
     balance = Balance(world, make_stand(robot))
     last = robot.standing.joint_pos
     balance.reset(last)
-    target = np.clip(last + off, robot.lower, robot.upper)
+    reach = robot.max_velocity * robot.control_period
+    target = last
     for _ in range(5):
+        target = np.clip(target + np.clip(off, -reach, reach), robot.lower, robot.upper)
         sent = balance.correct(state, 0.0, target)
-        assert np.all(np.abs(sent - last) <= robot.max_velocity * robot.control_period + 1e-12)
+        assert np.all(np.abs(sent - last) <= reach + 1e-12)
         assert np.all((sent >= robot.lower) & (sent <= robot.upper))
         last = sent
     assert np.all(np.abs(correct(world, state)) <= GAINS.largest + 1e-12)
+
+
+@pytest.mark.parametrize("jump", [0.5, 10.0])
+def test_a_target_out_of_bounds_is_left_to_the_guard(op3: Robot, world: World, jump: float):
+    """What the guard would clip, and count, is not clipped before."""
+    balance = Balance(world, make_stand(op3))
+    balance.reset(op3.standing.joint_pos)
+    target = op3.standing.joint_pos + jump
+    sent = balance.correct(measure(world, op3.standing.orientation), 0.0, target)
+    assert sent == pytest.approx(target)
 
 
 @given(angle=st.floats(-0.3, 0.3), roll=st.floats(-0.3, 0.3), turn=st.floats(-2.0, 2.0))
@@ -122,6 +134,33 @@ def test_mirrored_errors_are_answered_mirrored(world: World, angle, roll, turn):
     mirrored_gyro = gyro * np.array([-1.0, 1.0, -1.0])
     mirrored = correct(world, measure(world, quaternion.mirror(lean), mirrored_gyro))
     assert mirrored == pytest.approx(world.robot.mirror_joints(original), abs=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.7, -0.4])
+def test_a_torso_that_turns_as_recorded_is_left_alone(op3: Robot, world: World, rate: float):
+    count, frame = 100, 70  # the torso comes up at a constant rate
+    tilts = rate * op3.control_period * (np.arange(count) - count)
+    turned = [quaternion.from_axis_angle(FORWARD, tilt) for tilt in tilts]
+    motion = Motion.through(
+        [replace(op3.standing, orientation=orientation) for orientation in turned],
+        op3.control_period,
+        name="raise",
+        robot=op3.name,
+        start_class="prone",
+        strategy="raising the torso",
+        joint_target=np.tile(op3.standing.joint_pos, (count, 1)),
+    )
+    target = op3.standing.joint_pos
+
+    def correct_at_once(gyro: np.ndarray) -> np.ndarray:
+        balance = Balance(world, motion)
+        balance.reset(target)
+        return balance.correct(measure(world, turned[frame], gyro), motion.time[frame], target)
+
+    assert correct_at_once(rate * FORWARD) == pytest.approx(target, abs=1e-6)
+    faster = correct_at_once((rate + 0.1) * FORWARD) - target
+    wanted = -GAINS.rate[1] * 0.1 * find_ankles(world)[1]
+    assert faster == pytest.approx(wanted, abs=1e-6)
 
 
 def test_until_the_torso_is_upright_a_motion_is_sent_as_it_is(op3: Robot, world: World):

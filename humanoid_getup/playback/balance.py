@@ -16,6 +16,7 @@ from robots.kinematics import GravitySense, place
 from robots.quaternion import Array
 
 TIME_SLACK = 1e-6  # s; clocks that sum up periods differ by their rounding
+SETTLING = 0.5  # s after the motion in which its last attitude gives way to that of the stance
 ALIGNED = 0.9  # cosine between the axis of a joint and the one about which the torso turns
 
 
@@ -43,8 +44,10 @@ class Balance:
 
     The error is the rotation by which gravity in the torso differs from that of the recorded
     posture at the same time, and the difference of the angular velocities. It is fed back to the
-    ankles once the recorded torso is so upright that the feet alone carry the robot, and as long
-    as the stand is held. A correction never leads out of the joints' ranges and speeds.
+    ankles once the recorded torso is upright and the feet alone carry the robot, and as long as
+    the stand is held. A motion may end before its last sway does, so the attitude that counts
+    thereafter is that of the standing posture. A correction never leads out of the joints' ranges
+    and speeds.
     """
 
     def __init__(self, world: World, motion: Motion, gains: BalanceGains = GAINS) -> None:
@@ -53,8 +56,9 @@ class Balance:
         self._sense_gravity = GravitySense(world.model.site(world.robot.imu_site).quat)
         self._time = motion.time - motion.time[0]
         self._gravity_b = quaternion.gravity_in_body(motion.orientation)  # (T, 3)
+        self._stance_b = quaternion.gravity_in_body(world.robot.standing.orientation)  # (3,)
         self._turn = _differentiate(motion)  # (T, 3)
-        self._share = _share(motion, gains)  # (T,)
+        self._share = _share(world, motion, gains)  # (T,)
         self._ankles = find_ankles(world)  # (2, n)
         self._reach = world.robot.max_velocity * world.robot.control_period
 
@@ -67,7 +71,7 @@ class Balance:
         frame = min(int(np.searchsorted(self._time, time - TIME_SLACK)), len(self._time) - 1)
         sent = target
         if self._share[frame] > 0.0:
-            sent = self._bound(target + self._offset(state, frame), target)
+            sent = self._bound(target + self._offset(state, frame, time), target)
         self._sent, self._target = sent, target
         return sent
 
@@ -86,10 +90,12 @@ class Balance:
         change = np.clip(wanted - self._sent - beyond_reach, -reach, reach) + beyond_reach
         return self._sent + change
 
-    def _offset(self, state: State, frame: int) -> Array:
+    def _offset(self, state: State, frame: int, time: float) -> Array:
         gains, share = self._gains, self._share[frame]
         gravity_b = self._sense_gravity(state.orientation)
-        error = share * np.cross(gravity_b, self._gravity_b[frame])[:2]
+        settled = float(np.clip((time - self._time[-1]) / SETTLING, 0.0, 1.0))
+        wanted = (1.0 - settled) * self._gravity_b[frame] + settled * self._stance_b
+        error = share * np.cross(gravity_b, wanted)[:2]
         turn = self._sense_gravity.torso_from_imu @ state.gyro
         rate = share * (turn - self._turn[frame])[:2]
         turn_back = -gains.attitude * error - gains.rate * rate
@@ -137,14 +143,36 @@ def _find_chain(world: World, body: int) -> list[int]:
     return chain
 
 
-def _share(motion: Motion, gains: BalanceGains) -> Array:
-    """Compute the share of the gains at each frame, (T,); 1 at the end."""
+def _share(world: World, motion: Motion, gains: BalanceGains) -> Array:
+    """Compute the share of the gains at each frame, (T,); 1 at the end.
+
+    It is 0 until the torso is upright for the last time, and until only the feet touch the world
+    for the last time: a robot that leans on a hand would be pushed off it.
+    """
     tilt = quaternion.tilt(motion.orientation)
     share = np.clip((gains.begin - tilt) / (gains.begin - gains.full), 0.0, 1.0)
-    beyond = np.flatnonzero(tilt > gains.begin)
-    share[: beyond[-1] + 1 if len(beyond) else 0] = 0.0
+    first = _after(tilt > gains.begin)
+    leans = _find_non_foot_contact(world, motion, first)
+    share[: first + _after(leans)] = 0.0
     share[-1] = 1.0
     return share
+
+
+def _after(flags: np.ndarray) -> int:
+    """Return the index after the last flag that is set; 0 if none is."""
+    found = np.flatnonzero(flags)
+    return int(found[-1]) + 1 if len(found) else 0
+
+
+def _find_non_foot_contact(world: World, motion: Motion, first: int) -> np.ndarray:
+    """Find the frames from one on in which more than the feet touches the world."""
+    data = mujoco.MjData(world.model)
+    sensed = []
+    for frame in range(first, len(motion.time)):
+        data.qpos[:] = place(world.robot, world.model, motion.posture(frame))
+        mujoco.mj_forward(world.model, data)
+        sensed.append(data.sensordata.copy())
+    return world.find_non_foot_contact(np.array(sensed).reshape(-1, world.model.nsensordata))
 
 
 def _differentiate(motion: Motion) -> Array:

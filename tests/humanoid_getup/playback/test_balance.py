@@ -13,7 +13,7 @@ from drivers import GuardLimits, SafetyGuard, State, Twin
 from humanoid_getup.benchmarks.disturbances import Disturbance, disturb_start, disturb_world
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import find_lying_down
+from humanoid_getup.motions.motion_database import find_lying_down, load_database
 from humanoid_getup.playback.balance import GAINS, Balance, find_ankles, make_balance
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
@@ -111,6 +111,52 @@ def test_targets_stay_in_range_in_speed_and_near_the_motion(world: World, axis, 
         assert np.all((sent >= robot.lower) & (sent <= robot.upper))
         last = sent
     assert np.all(np.abs(correct(world, state)) <= GAINS.largest + 1e-12)
+
+
+def test_after_a_motion_that_ends_swaying_the_attitude_of_the_stance_counts(
+    op3: Robot, world: World
+):
+    leaning = quaternion.from_axis_angle(FORWARD, 0.3)
+    swaying = replace(
+        op3.standing, orientation=quaternion.multiply(op3.standing.orientation, leaning)
+    )
+    motion = Motion.through(
+        [swaying, swaying],
+        op3.control_period,
+        name="sway",
+        robot=op3.name,
+        start_class="prone",
+        strategy="swaying",
+        joint_target=np.tile(op3.standing.joint_pos, (2, 1)),
+    )
+    balance, target = Balance(world, motion), op3.standing.joint_pos
+    balance.reset(target)
+    upright = measure(world, op3.standing.orientation)
+    at_end = balance.correct(upright, motion.time[-1], target) - target
+    for _ in range(40):
+        later = balance.correct(upright, motion.time[-1] + 1.0, target) - target
+    assert np.abs(at_end).max() > 0.01
+    assert np.abs(later).max() < 1e-6
+
+
+def test_while_the_robot_leans_on_a_hand_a_motion_is_sent_as_it_is(op3: Robot, world: World):
+    """The rise from the side pushes up on a hand, its torso nearly upright."""
+    motion = next(m for m in load_database(op3).motions if m.name == "lateral_asymmetric_squat")
+    balance, moved = Balance(world, motion), []
+    off = measure(
+        world,
+        quaternion.multiply(op3.standing.orientation, quaternion.from_axis_angle(FORWARD, 0.2)),
+    )
+    for frame, time in enumerate(motion.time):
+        balance.reset(motion.joint_target[max(frame - 1, 0)])
+        target = motion.joint_target[frame]
+        moved.append(not np.array_equal(balance.correct(off, time, target), target))
+    data = mujoco.MjData(world.model)
+    data.qpos[:] = place(op3, world.model, motion.posture(moved.index(True)))
+    mujoco.mj_forward(world.model, data)
+    assert not world.find_non_foot_contact(data.sensordata[None])[0]
+    tilt = quaternion.tilt(motion.orientation)
+    assert np.degrees(tilt[: moved.index(True)].min()) < 44.0
 
 
 @pytest.mark.parametrize("jump", [0.5, 10.0])

@@ -47,12 +47,12 @@ from robots.servo import LimitMode
 NO_SEARCH = "no search"
 NO_BUDGET = 1e-6  # s
 WORLDS = 16  # hard worlds in which each plan is rolled out
-SUMMARIZED = ("jolt_m_s", "hard_share", "plan_and_filter_s")
+SUMMARIZED = ("neck_delta_v_m_s", "hard_share", "plan_and_filter_s")
 PANELS = {
     "stand_time_s": "start to stand [s]",
     "peak_torque_nm": "peak driving torque [N·m]",
     "rms_torque_nm": "RMS torque up to the stand [N·m]",
-    "jolt_m_s": "largest jolt of the neck [m/s in 8 ms]",
+    "neck_delta_v_m_s": "largest Δv of the neck in 8 ms [m/s]",
     "self_collisions": "self-collisions of a rise",
     "hard_share": "stood in hard worlds [share]",
 }
@@ -117,7 +117,7 @@ def _rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
     with Twin(strategy.world, fall.posture) as twin:
         result = get_up(twin, strategy, seed=np.random.default_rng(seed), max_attempts=1)
     record = result.record()
-    figures = {"jolt_m_s": None, "hard_share": None}
+    figures = {"neck_delta_v_m_s": None, "hard_share": None}
     if isinstance(result.plan, MotionPlan):
         figures = _roll_out(strategy, fall, result.plan.motion.joint_target, seed)
     return record | figures | {"plan_and_filter_s": record["plan_s"] + record["filter_s"]}
@@ -138,7 +138,10 @@ def _roll_out(
     )
     worlds = Worlds(starts=starts, parameters=parameters)
     outcome = DisturbedRollout(world, WORLDS).play(worlds, [target])
-    return {"jolt_m_s": float(outcome.impact[0, 0]), "hard_share": float(outcome.stood.mean())}
+    return {
+        "neck_delta_v_m_s": float(outcome.impact[0, 0]),
+        "hard_share": float(outcome.stood.mean()),
+    }
 
 
 def draw(options: Draw) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drivers import Cycle, State
 from drivers.twin.simulation import Simulation
-from humanoid_getup.evaluation.preference import DEEP_OVERLAP
+from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP
 from humanoid_getup.evaluation.standing import (
     HOLD_TIME,
     StanceMeter,

@@ -118,7 +118,7 @@ class AttemptManager:
         return self._play(attempt, controller)
 
     def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
-        """Judge a plan, and without its feedback if it fails with it; return what is better."""
+        """Judge a plan, and without its feedback if it falls with it; return which is played."""
         strategy = self._session.strategy
         verdict = plan.preflight(strategy, state, self._measure)
         other = plan.open_loop() if verdict.falls else None

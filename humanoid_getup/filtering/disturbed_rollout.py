@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.preference import RiseFigures
+from humanoid_getup.evaluation.rise_figures import RiseFigures
 from humanoid_getup.evaluation.standing import HOLD_TIME, StanceMeter, is_upright
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim

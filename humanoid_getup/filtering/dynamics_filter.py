@@ -6,12 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from humanoid_getup.evaluation.preference import (
-    DEEP_OVERLAP,
-    Preference,
-    PreferenceName,
-    RiseFigures,
-)
+from humanoid_getup.evaluation.preference import Preference, PreferenceName
+from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
 from humanoid_getup.filtering.disturbed_rollout import LAST_CALL, Worlds
@@ -107,7 +103,7 @@ class DynamicsFilter:
         share = float(outcome.stood.mean()) if outcome.stood[0, 0] else 0.0
         return _Check(share, outcome.simulated)
 
-    def better(
+    def search(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
     ) -> tuple[CandidateRollout, float]:
         """Search variations of a rollout's targets that stand under every disturbance.

@@ -144,7 +144,7 @@ class TargetSearch:
 
     def _is_content(self, outcome: RolloutOutcome, i: int | np.int_) -> bool:
         """Return whether nothing cheaper than a motion is wanted."""
-        return not (self.preference.is_insatiable or np.any(outcome.collides[i]))
+        return not (self.preference.always_improves or np.any(outcome.collides[i]))
 
     def _weigh(self, outcome: RolloutOutcome) -> Array:
         """Weigh motions by their stands, how near the others came to one, and cost, (S,)."""

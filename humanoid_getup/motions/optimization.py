@@ -9,7 +9,8 @@ import cma
 import numpy as np
 
 from humanoid_getup.evaluation.lying import LyingSide, measure_lying
-from humanoid_getup.evaluation.preference import DEEP_OVERLAP, Preference, RiseFigures
+from humanoid_getup.evaluation.preference import Preference
+from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, hold_last

@@ -34,7 +34,7 @@ ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searchin
 FINALISTS = 3  # rollouts of a round that may be checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
-HOPEFULS = 2  # failed rollouts that a search begins with, where none stood
+SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
 MOST_FAILURES = 2  # searches without a path before the start counts as tangled
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
@@ -206,9 +206,9 @@ class PlannedRise:
 
     def _search(self, progress: _Progress) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
-        failed = sorted(progress.tried, key=lambda r: -r.peak_neck)[:HOPEFULS]
+        failed = sorted(progress.tried, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
         for base in [progress.best] if progress.best else failed:
-            better, share = self.filter.better(
+            better, share = self.filter.search(
                 progress.start, base, self.search_budget, progress.rng
             )
             if better.stood and share > (progress.robust if progress.best else 0.0):

@@ -5,12 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.evaluation.preference import (
-    DEEP_OVERLAP,
-    PREFERENCE_NAMES,
-    Preference,
-    RiseFigures,
-)
+from humanoid_getup.evaluation.preference import PREFERENCE_NAMES, Preference
+from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database

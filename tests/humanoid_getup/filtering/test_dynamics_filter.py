@@ -267,7 +267,7 @@ def test_a_searched_rise_is_checked_in_fresh_worlds_and_searched_on_where_it_fal
 
     monkeypatch.setattr(TargetSearch, "search", search)
     monkeypatch.setattr(DisturbedRollout, "play", play)
-    better, share = dynamics_filter.better(fall, results[0], 100.0, np.random.default_rng(0))
+    better, share = dynamics_filter.search(fall, results[0], 100.0, np.random.default_rng(0))
     assert len(checked) == len(searched) == 3
     assert searched[1] is checked[0]
     assert searched[2] is checked[1]

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.preference import DEEP_OVERLAP
+from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP
 from humanoid_getup.filtering.candidate import Candidate
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path

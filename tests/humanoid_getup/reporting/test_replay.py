@@ -94,9 +94,11 @@ def test_another_supply_makes_another_flight_and_tells_when(tmp_path, tiny):
     assert not report.is_exact
     first = report.divergence
     assert first is not None
-    row = int(np.argmax(np.abs(report.difference).max(axis=1) > 0.01))
-    assert 0.0 < first.time <= report.time[row], "its tilt may differ before its joints do"
-    assert abs(first.difference) > 0.01
+    values = np.column_stack([report.difference, report.tilt_difference])
+    row = int(np.argmax(np.abs(values).max(axis=1) > 0.01))
+    assert first.time == report.time[row] > 0.0
+    column = (*tiny.joint_names, None).index(first.joint)
+    assert first.difference == values[row, column]
     assert choose_supply(record, tiny) == pytest.approx(weak)
     assert replay(record, twin_of(tiny, weak, "pwm"), tiny.standing).is_exact
 

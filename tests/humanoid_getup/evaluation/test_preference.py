@@ -1,10 +1,12 @@
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from humanoid_getup.cli.options.shared import Prefer, PreferenceOptions
 from humanoid_getup.evaluation.preference import PREFERENCE_NAMES, Preference
 from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
@@ -12,6 +14,7 @@ from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from robots.kinematics import place
 
 FIGURES = ("stand_time", "peak_torque", "rms_torque", "impact", "overlap")
@@ -60,6 +63,12 @@ def test_a_rise_that_does_not_stand_has_no_cost():
 def test_an_unknown_preference_is_refused():
     with pytest.raises(ValueError, match=r"'luck', expected one of time, torque, impact, robus"):
         Preference.of("luck")  # pyright: ignore[reportArgumentType]
+
+
+def test_the_command_line_knows_every_preference_and_the_planners_budget():
+    """It repeats both, so that `getup --help` need not import the planner."""
+    assert get_args(Prefer) == PREFERENCE_NAMES
+    assert PreferenceOptions().search_budget == SEARCH_BUDGET
 
 
 def test_a_rollout_and_a_disturbed_one_have_the_same_figures(world, op3):

@@ -91,6 +91,18 @@ def is_upright(stance: Stance, robot: Robot) -> NDArray[np.bool_]:
     return tall & (stance.tilt <= MAX_TILT) & ~stance.non_foot_contact
 
 
+def compute_uprightness(stance: Stance, robot: Robot) -> Array:
+    """Compute how nearly a robot stands, from 0 to 1, sample by sample, (...)."""
+    height = np.clip(stance.neck_height / robot.standing_neck_height, 0.0, 1.0)
+    vertical = np.clip(np.cos(stance.tilt), 0.0, 1.0)
+    return height * vertical * np.where(stance.non_foot_contact, 0.8, 1.0)
+
+
+def compute_progress(last: Array, best: Array) -> Array:
+    """Compute how near rises came to a stand, from 0 to 1, by their last and best uprightness."""
+    return 0.6 * last + 0.4 * best
+
+
 @dataclass(frozen=True, kw_only=True)
 class Stand:
     """Whether and when a robot stood."""

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.rise_figures import RiseFigures
-from humanoid_getup.evaluation.standing import HOLD_TIME, StanceMeter, is_upright
+from humanoid_getup.evaluation.standing import (
+    HOLD_TIME,
+    StanceMeter,
+    compute_progress,
+    compute_uprightness,
+    is_upright,
+)
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
@@ -124,9 +130,7 @@ class _Tally:
         foreign = self._world.find_non_foot_contact(record["sensordata"])
         stance = self._meter.measure(record["qpos"], record["site_xpos"], foreign)
         self._add_costs(going, record)
-        neck = stance.neck_height / self._world.robot.standing_neck_height
-        quality = np.clip(neck, 0.0, 1.0) * np.clip(np.cos(stance.tilt), 0.0, 1.0)
-        self._last[going] = (quality * np.where(foreign, 0.8, 1.0)).mean(axis=1)
+        self._last[going] = compute_uprightness(stance, self._world.robot).mean(axis=1)
         self._best[going] = np.maximum(self._best[going], self._last[going])
         broken = ~is_upright(stance, self._world.robot)
         after = self.cycle + CHUNK - np.argmax(broken[:, ::-1], axis=1)  # the last break
@@ -138,7 +142,8 @@ class _Tally:
         at_rest = np.abs(record["qvel"]).max(axis=(1, 2)) < REST_SPEED
         settled = at_rest & (np.minimum(held, past) >= REST_TIME)
         stood = (past > 0.0) & ((held >= HELD) | settled)
-        down = (neck[:, -1] < DOWN_NECK) | (stance.tilt[:, -1] > DOWN_TILT)
+        neck = stance.neck_height[:, -1] / self._world.robot.standing_neck_height
+        down = (neck < DOWN_NECK) | (stance.tilt[:, -1] > DOWN_TILT)
         late = (since - self._length[going]) * self._period > LAST_CALL
         failed = ~stood & ((down & (past > DOWN_TIME)) | late | diverged)
         self._stood[going], self.failed[going] = stood, failed
@@ -164,7 +169,7 @@ class _Tally:
     def conclude(self, shape: tuple[int, int]) -> RolloutOutcome:
         """Return the outcomes; a world that was given up did not stand."""
         stood, period = self._stood, self._period
-        progress = np.where(stood, 1.0, 0.6 * self._last + 0.4 * self._best)
+        progress = np.where(stood, 1.0, compute_progress(self._last, self._best))
         last = np.where(stood, self._since, self._cycles - 1)
         square = np.cumsum(np.concatenate(self._square, axis=1), axis=1)[np.arange(len(last)), last]
         return RolloutOutcome(

@@ -14,7 +14,7 @@ from humanoid_getup.filtering.disturbed_rollout import LAST_CALL, Worlds
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.separation import MARGINS, Separation
-from humanoid_getup.filtering.variation import limit_targets
+from humanoid_getup.filtering.variation import limit_target, limit_targets
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -307,9 +307,7 @@ class _Tracker:
         planned = self._at_phase()
         torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
         target = planned[:, :-6] + torque / self._robot.position_gain
-        target = np.clip(target, self._robot.lower, self._robot.upper)
-        reach = self._robot.max_velocity * self._period * 0.999
-        self._last = np.clip(target, self._last - reach, self._last + reach)
+        self._last = limit_target(target, self._last, self._robot)
         return self._last
 
     def _proceed(self, state: Feedback) -> None:

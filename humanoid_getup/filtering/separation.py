@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,25 @@ FADES = (0.15, 0.4)  # s
 END = 0.3  # s before the last target in which a shift fades out
 LARGEST_SHIFT = 0.15  # rad of a joint, for one touch
 GAP = 0.1  # s between two touches of the same bodies that count as one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Touch:
+    """Two bodies of the robot that touch for a while."""
+
+    bodies: tuple[int, int]
+    first: int
+    """First frame."""
+    last: int
+    depth: float
+    """Largest depth [m]."""
+    gradient: Array
+    """How their distance grows with the joint angles where they are deepest [m/rad], (n,)."""
+
+    def followed_by(self, later: _Touch) -> _Touch:
+        """Return both as one touch."""
+        deeper = later if later.depth > self.depth else self
+        return replace(deeper, first=self.first, last=later.last)
 
 
 class Separation:
@@ -47,34 +68,29 @@ class Separation:
         shifts = []
         for fade in FADES:
             shift = np.zeros((length, self._robot.n))
-            for frames, depth, gradient in touches:
-                change = gradient * (depth + margin) / (gradient @ gradient + 1e-6)
+            for touch in touches:
+                J = touch.gradient
+                change = J * (touch.depth + margin) / (J @ J + 1e-6)
                 change *= min(1.0, LARGEST_SHIFT / float(np.abs(change).max() + 1e-9))
-                shift += self._fade(frames, length, fade)[:, None] * change
+                shift += self._fade(touch, length, fade)[:, None] * change
             shift *= end
             shifts += [shift + self._robot.mirror_joints(shift), shift]
         return shifts
 
-    def _find_touches(
-        self, qpos: Array, overlap: Array
-    ) -> list[tuple[tuple[int, int], float, Array]]:
-        """Return first and last frame, depth and gradient of the distance of every touch."""
-        touches: dict[tuple[int, int], list[tuple[tuple[int, int], float, Array]]] = {}
+    def _find_touches(self, qpos: Array, overlap: Array) -> list[_Touch]:
+        touches: dict[tuple[int, int], list[_Touch]] = {}
         gap = round(GAP / self._robot.control_period)
         for frame in np.flatnonzero(overlap > 0.0):
-            for bodies, depth, gradient in self._measure(qpos[frame]):
-                known = touches.setdefault(bodies, [])
-                if known and frame - known[-1][0][1] <= gap:
-                    (first, _), deepest, best = known[-1]
-                    if depth > deepest:
-                        deepest, best = depth, gradient
-                    known[-1] = ((first, int(frame)), deepest, best)
+            for touch in self._measure(qpos[frame], int(frame)):
+                known = touches.setdefault(touch.bodies, [])
+                if known and frame - known[-1].last <= gap:
+                    known[-1] = known[-1].followed_by(touch)
                 else:
-                    known.append(((int(frame), int(frame)), depth, gradient))
+                    known.append(touch)
         return [touch for known in touches.values() for touch in known]
 
-    def _measure(self, qpos: Array) -> list[tuple[tuple[int, int], float, Array]]:
-        """Return the bodies, depth and gradient of each contact of the robot with itself."""
+    def _measure(self, qpos: Array, frame: int) -> list[_Touch]:
+        """Return each contact of the robot with itself in a frame."""
         model, data = self._model, self._data
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
@@ -86,7 +102,12 @@ class Separation:
             if contact.dist < 0.0 and model.body_rootid[a] == model.body_rootid[b] != 0:
                 normal = contact.frame[:3]
                 apart = self._jacobian(contact.pos, b) - self._jacobian(contact.pos, a)
-                touches.append(((a, b), -float(contact.dist), normal @ apart))
+                depth = -float(contact.dist)
+                touches.append(
+                    _Touch(
+                        bodies=(a, b), first=frame, last=frame, depth=depth, gradient=normal @ apart
+                    )
+                )
         return touches
 
     def _jacobian(self, point: NDArray[np.float64], body: int) -> Array:
@@ -95,9 +116,9 @@ class Separation:
         mujoco.mj_jac(self._model, self._data, jacobian, None, point, body)
         return jacobian[:, self._dof]
 
-    def _fade(self, frames: tuple[int, int], length: int, fade: float) -> Array:
-        """Return 1 from the first frame to the last, and smoothly less before and after."""
+    def _fade(self, touch: _Touch, length: int, fade: float) -> Array:
+        """Return 1 while bodies touch, and smoothly less before and after, (length,)."""
         time = np.arange(length)
-        away = np.maximum(frames[0] - time, time - frames[1]) * self._robot.control_period
+        away = np.maximum(touch.first - time, time - touch.last) * self._robot.control_period
         share = np.clip(1.0 - away / fade, 0.0, 1.0)
         return share * share * (3.0 - 2.0 * share)

@@ -11,6 +11,7 @@ from robots.quaternion import Array
 
 STRETCHES = 6  # of equal duration, each with a tempo and a posture of its own
 UNIT_TEMPO, UNIT_OFFSET = 0.3, 0.15  # logarithm of a duration, and rad: 1 in a gene
+SPEED_SHARE = 0.999  # of a servo's speed, so that rounding does not exceed it
 LONGEST, SHORTEST = 2.1, 0.5  # share of its own duration that a stretch may last
 
 
@@ -61,12 +62,16 @@ def pair_directions(robot: Robot) -> Array:
 
 def limit_targets(target: Array, start: Array, robot: Robot) -> Array:
     """Keep targets (T, n) within the joints' limits and the servos' speed, from ``start`` on."""
-    reach = 0.999 * robot.max_velocity * robot.control_period
-    limited = np.clip(target, robot.lower, robot.upper)
-    last = start
+    limited, last = target.copy(), start
     for row in limited:  # rows are views
-        last = row[:] = np.clip(row, last - reach, last + reach)
+        last = row[:] = limit_target(row, last, robot)
     return limited
+
+
+def limit_target(target: Array, last: Array, robot: Robot) -> Array:
+    """Keep targets (..., n) within the joints' limits, and within reach of the ``last`` ones."""
+    reach = SPEED_SHARE * robot.max_velocity * robot.control_period
+    return np.clip(np.clip(target, robot.lower, robot.upper), last - reach, last + reach)
 
 
 def _interpolate(at: Array, time: Array, rows: Array) -> Array:

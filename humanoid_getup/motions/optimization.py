@@ -11,7 +11,13 @@ import numpy as np
 from humanoid_getup.evaluation.lying import LyingSide, measure_lying
 from humanoid_getup.evaluation.preference import Preference
 from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
+from humanoid_getup.evaluation.standing import (
+    HOLD_TIME,
+    compute_progress,
+    compute_uprightness,
+    is_upright,
+    measure_stance,
+)
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, hold_last
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -84,14 +90,9 @@ def _judge_rise(trace: Trace, world: World, hold: float) -> tuple[Array, np.ndar
     last = round(hold / period)
     stood = np.asarray(upright[:, -last:].all(axis=1))
     begin = (upright.shape[1] - np.argmax(~upright[:, ::-1], axis=1)) * period
-    height = np.clip(stance.neck_height / robot.standing_neck_height, 0.0, 1.0)
-    quality = (
-        height
-        * np.clip(np.cos(stance.tilt), 0.0, 1.0)
-        * np.where(stance.non_foot_contact, 0.8, 1.0)
-    )
-    best = np.array([np.convolve(q, np.full(25, 1 / 25), "valid").max() for q in quality])
-    progress = 0.6 * quality[:, -last:].mean(axis=1) + 0.4 * best
+    near = compute_uprightness(stance, robot)
+    best = np.array([np.convolve(row, np.full(25, 1 / 25), "valid").max() for row in near])
+    progress = compute_progress(near[:, -last:].mean(axis=1), best)
     held = upright[:, -last:].mean(axis=1)
     missed = FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
     return np.where(stood, 0.0, missed), stood, np.where(stood, begin, 0.0)

@@ -12,7 +12,7 @@ from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
 from humanoid_getup.execution.stand_session import StandSession, Then, guard_robot
 from humanoid_getup.playback.play import Judge
-from humanoid_getup.simulation.scene import GroundHeight
+from humanoid_getup.scenes.scene import Support
 from humanoid_getup.strategies.plan import Strategy
 
 
@@ -40,7 +40,7 @@ class RiseSession:
     """Whether a robot that is held after its stand may sit down; called every cycle."""
     simulation: Simulation | None = None
     """Ground truth for the judges; None for sensors alone."""
-    ground: GroundHeight | None = None
+    support: Support | None = None
     """Ground on which a simulated robot is; None for that of the world that was planned in."""
     services: RebootsServos | None = None
     """Reboots servos; None where the backend cannot."""
@@ -83,7 +83,7 @@ class RiseSession:
             preflight=self.preflight,
             realtime=self.realtime,
             simulation=self.simulation,
-            ground=self.ground,
+            support=self.support,
             on_phase=self.on_phase,
             on_cycle=self.on_cycle,
         )

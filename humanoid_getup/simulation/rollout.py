@@ -12,6 +12,7 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from robots import TorqueLimit, quaternion
+from robots.ground import GROUND_FRICTION
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
 
@@ -139,7 +140,7 @@ class RolloutRandomization:
     root: float = np.radians(5.0)
     """Standard deviation of the root's rotation about a random axis [rad]."""
     friction: tuple[float, float] = (0.4, 1.2)
-    """Range of the sliding friction."""
+    """Range of the sliding friction, where the nominal one is that of a usual ground."""
     supply: tuple[float, float] = (11.0 / 12.0, 12.6 / 12.0)
     """Range, as a share of the robot's nominal supply."""
 
@@ -164,6 +165,7 @@ def randomize_rollouts(
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     turn = quaternion.from_axis_angle(axis, rng.normal(scale=randomization.root, size=n))
     friction = rng.uniform(*randomization.friction, size=n)
+    friction *= world.scene.friction / GROUND_FRICTION
     supply = rng.uniform(*randomization.supply, size=n)
     noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, world.scene.friction, 1.0
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)

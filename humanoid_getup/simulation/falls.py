@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import mujoco
 import numpy as np
@@ -23,7 +23,8 @@ from robots.posture import MAX_DISTANCE
 from robots.quaternion import Array
 from robots.validation import outside, shown
 
-CLASSES = ("supine", "prone", "left", "right")
+LyingSide = Literal["supine", "prone", "left", "right"]
+CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
 DROP_HEIGHT = 0.02  # m under the lowest point
 SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
@@ -52,7 +53,7 @@ class Fall:
     start_class: str
 
 
-def classify(orientation: Array) -> str | None:
+def classify(orientation: Array) -> LyingSide | None:
     """Classify a torso orientation by gravity: supine, prone, left or right side down.
 
     Returns None where gravity points mostly along the torso: upright or head down.

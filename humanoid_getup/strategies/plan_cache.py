@@ -102,14 +102,19 @@ class CacheContent:
 class PlanCache:
     """Solved rises in a folder, with one subfolder for each robot."""
 
-    def __init__(self, folder: Path | None = None, *, capacity: int = CAPACITY) -> None:
+    def __init__(self, folder: Path | str | None = None, *, capacity: int = CAPACITY) -> None:
         """Open a cache; the folder is made when the first rise is kept.
 
         Args:
             folder: ``None`` for the user's own, see `default_folder`.
             capacity: Number of rises of each robot that are kept; the oldest go first.
+
+        Raises:
+            ValueError: if the capacity is below 1.
         """
-        self.folder = default_folder() if folder is None else folder
+        if capacity < 1:
+            raise ValueError(f"capacity is {capacity}, expected 1 or more")
+        self.folder = default_folder() if folder is None else Path(folder)
         self.capacity = capacity
         self._removed: set[Path] = set()
 

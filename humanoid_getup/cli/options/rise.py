@@ -43,7 +43,8 @@ class Rise(PreferenceOptions, RunOptions):
         if self.is_real and not self.filtering:
             faults.append("--no-filtering requires a simulated robot")
         if self.cache_folder is not None:
-            faults += find_folder_faults(self.cache_folder, ())
+            owner = f"--cache-folder {self.cache_folder}"
+            faults += find_folder_faults(self.cache_folder, (), owner)
         return faults
 
     def _find_unused(self) -> list[str]:

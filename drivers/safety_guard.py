@@ -11,13 +11,14 @@ from drivers.backend import Backend
 from drivers.safety_limits import ClipCounts, GuardLimits
 from drivers.state import Command, HardwareError, State, find_command_problems
 from robots.quaternion import Array
+from robots.servo import LimitMode
 
 
 class FaultKind(Enum):
     """Why the guard switched torque off."""
 
     BAD_COMMAND = "the command holds values that no servo can follow"
-    BAD_MEASUREMENT = "the measurement holds NaN or infinite values"
+    BAD_MEASUREMENT = "the measurement holds values that cannot be"
     STALE_DATA = "the measurement is repeated: its time no longer changes"
     LOST_JOINTS = "servos have been silent for too long"
     LOST_IMU = "the orientation has been unknown for too long"
@@ -66,7 +67,6 @@ class SafetyGuard(Backend):
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
         self.backend = backend
         self.robot, self.period = backend.robot, backend.period
-        self.limit_by = backend.limit_by
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self._reach = self.limits.max_velocity * self.period
         # Half a period less: ages are sums of periods, beyond rounding.
@@ -86,6 +86,11 @@ class SafetyGuard(Backend):
         self._judged_time = -np.inf
         self._stale_writes = 0
         self._sent = self._limited = Command.limp(self.robot.n)
+
+    @property
+    def limit_by(self) -> LimitMode:
+        """Return what torque limits act on."""
+        return self.backend.limit_by
 
     @property
     def clips(self) -> ClipCounts:
@@ -134,7 +139,7 @@ class SafetyGuard(Backend):
             self.fault = self._find_fault(command, state)
         if self.fault:
             limited = Command.limp(self.robot.n)
-        elif not command.is_limp and state.joint_age.max() > self._hold_age:
+        elif not command.is_limp and not state.joint_age.max() <= self._hold_age:
             self.holds += 1
             limited = self._limited
         else:
@@ -146,7 +151,7 @@ class SafetyGuard(Backend):
         self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
         self._judged_time = state.time
         names, limits = self.robot.joint_names, self.limits
-        if not state.is_finite:
+        if not state.is_sound:
             return Fault(FaultKind.BAD_MEASUREMENT, _name_bad_joints(state, names), state.time)
         if self._stale_writes >= limits.stale_writes:
             detail = f"{self._stale_writes} commands since {state.time:.3f} s"
@@ -166,11 +171,11 @@ class SafetyGuard(Backend):
                 for i in np.flatnonzero(state.alert)
             )
             return Fault(FaultKind.SERVO_ERROR, detail, state.time)
-        lost = np.flatnonzero(state.joint_age > self._limp_age)
+        lost = np.flatnonzero(~(state.joint_age <= self._limp_age))
         if lost.size:
             detail = ", ".join(f"joint '{names[i]}' since {state.joint_age[i]:.2f} s" for i in lost)
             return Fault(FaultKind.LOST_JOINTS, detail, state.time)
-        if state.imu_age > limits.max_imu_age:
+        if not state.imu_age <= limits.max_imu_age:
             return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
         if state.voltage < limits.min_voltage:
             detail = f"{state.voltage:.1f} V, expected {limits.min_voltage:.1f} V or more"

@@ -14,6 +14,7 @@ from robots import Robot
 from robots.quaternion import Array
 
 Integers = NDArray[np.int_]
+MAX_NORM_ERROR = 0.1  # of an orientation's squared norm
 
 
 class HardwareError(IntFlag):
@@ -73,11 +74,12 @@ class State:
         return max(float(self.joint_age.max()), self.imu_age)
 
     @property
-    def is_finite(self) -> bool:
-        """Return whether all numbers are finite."""
-        joints = (self.joint_pos, self.joint_vel, self.joint_current, self.temperature)
-        others = (self.gyro, self.orientation, (self.time, self.voltage))
-        return bool(np.isfinite(np.concatenate((*joints, *others), dtype=float)).all())
+    def is_sound(self) -> bool:
+        """Return whether all numbers but the ages are finite, and the orientation is a rotation."""
+        joints = self.joint_pos, self.joint_vel, self.joint_current, self.temperature
+        others = self.gyro, self.orientation, (self.time, self.voltage)
+        finite = bool(np.isfinite(np.concatenate((*joints, *others), dtype=float)).all())
+        return finite and abs(float(self.orientation @ self.orientation) - 1.0) < MAX_NORM_ERROR
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,6 +14,7 @@ from typing import Self
 
 PRESSED = "the operator pressed a key"
 LOST = "the terminal is gone"
+MOST_BYTES = 4096  # of one press: an arrow key sends three, a pasted text many
 
 
 class StopKey:
@@ -63,7 +64,7 @@ class StopKey:
             if self._terminal not in ready:
                 return
             try:
-                pressed = bool(os.read(self._terminal, 1))
+                pressed = bool(os.read(self._terminal, MOST_BYTES))
             except OSError:
                 pressed = False
             self._stop(PRESSED if pressed else LOST)

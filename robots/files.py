@@ -19,9 +19,11 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     """Read a file of a limited size.
 
     Raises:
-        OSError: if it cannot be read.
+        OSError: if it cannot be read, or is a FIFO.
         ValueError: if it is larger.
     """
+    if stat.S_ISFIFO(path.stat().st_mode):  # opening it waits for a writer, for ever
+        raise OSError(errno.EINVAL, "it is a FIFO, expected a file", str(path))
     with path.open("rb") as file:
         content = file.read(max_bytes + 1)
     if len(content) > max_bytes:

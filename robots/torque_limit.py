@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import get_args
 
 from robots.robot import Robot
-from robots.servo import LimitMode
+from robots.servo import PWM_FULL_SCALE, LimitMode
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,9 @@ class TorqueLimit:
     description says."""
 
     def __post_init__(self) -> None:
+        is_number = isinstance(self.value, int | float) and not isinstance(self.value, bool)
+        if self.value is not None and not is_number:
+            raise TypeError(f"torque limit is {self.value!r}, expected a number in N·m")
         if self.by not in (None, *get_args(LimitMode)):
             expected = ", ".join(map(repr, get_args(LimitMode)))
             raise ValueError(f"torque limit is by {self.by!r}, expected one of {expected}")
@@ -45,6 +48,12 @@ class TorqueLimit:
                 f"torque limit is {self.value:g} N·m, expected at most {full:g} N·m, the stall "
                 f"torque of the servos of robot '{robot.name}'"
             )
+        least = _find_least(robot, by)
+        if self.value is not None and self.value < least:
+            raise ValueError(
+                f"torque limit is {self.value:g} N·m, expected at least {least:.2g} N·m, one "
+                f"count of the servos of robot '{robot.name}' by {by}"
+            )
         return replace(self, by=by)
 
     @property
@@ -57,3 +66,22 @@ class TorqueLimit:
 
 FULL_TORQUE = TorqueLimit()
 """No limit: all the torque that the servos have."""
+
+
+def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
+    """Return a torque limit with the mode in which a robot's servos apply it.
+
+    Raises:
+        TypeError: if it is anything else, such as a number.
+        ValueError: if the servos do not have its mode or its torque.
+    """
+    if not isinstance(limit, TorqueLimit):
+        raise TypeError(f"torque_limit is {limit!r}, expected e.g. TorqueLimit(2.5)")
+    return limit.on(robot)
+
+
+def _find_least(robot: Robot, by: LimitMode) -> float:
+    """Find the least torque limit that leaves every servo some torque [N·m]."""
+    if by == "current":
+        return float((robot.current_step * robot.torque_per_ampere).max())
+    return float(robot.max_torque.max()) / PWM_FULL_SCALE if by == "pwm" else 0.0

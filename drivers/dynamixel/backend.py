@@ -29,6 +29,7 @@ from drivers.dynamixel.startup import (
     using_margin,
 )
 from drivers.errors import NoBusError, NotConnectedError, SetupError
+from drivers.interrupts import deferred_interrupts
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import BusSettings, Joint, Robot
@@ -164,7 +165,19 @@ class DynamixelBackend(Backend):
         self._connected = True
 
     def close(self) -> None:
-        """Release every joint that can be reached, and close the ports."""
+        """Release every joint that can be reached, and close the ports.
+
+        A signal that arrives meanwhile is handled afterwards.
+        """
+        try:
+            with deferred_interrupts():
+                self._close()
+        except KeyboardInterrupt:  # it may have come before the block; twice is harmless
+            with deferred_interrupts():
+                self._close()
+            raise
+
+    def _close(self) -> None:
         self._connected = False
         unreleased: list[Joint] = []
         for chain in self.chains:

@@ -88,7 +88,7 @@ class FlightLog:
         Raises:
             OSError: if it cannot be created.
         """
-        _make_room(self.path)
+        make_room(self.path)
         self._file = self.path.open("wb")
         self._writer = Writer(self._file, chunk_size=UNBOUNDED, enable_data_crcs=True)
         self._writer.start(library="humanoid-getup")
@@ -187,8 +187,8 @@ class FlightLog:
             self._writer = self._file = None
 
 
-def _make_room(path: Path) -> None:
-    """Rename an existing file to the next free number."""
+def make_room(path: Path) -> None:
+    """Rename an existing log to the next free number."""
     if path.is_file():
         numbered = (path.with_name(f"{path.name}.{number}") for number in itertools.count(1))
         path.rename(next(free for free in numbered if not free.exists()))

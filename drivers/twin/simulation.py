@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -75,6 +76,8 @@ class Simulation:
         self.steps_per_period = _count_steps(self.period, self.model.opt.timestep)
         self._layout = robot.layout(self.model)
         self._actuators = _find_actuators(robot, self.model)
+        if voltage is not None and not 0.0 < voltage < math.inf:
+            raise ValueError(f"voltage is {voltage:g} V, expected a finite number above 0 V")
         self._supply = robot.supply_voltage if voltage is None else voltage
         self._supply_resistance = supply_resistance
         self._supply_varies = bool(supply_resistance)

@@ -44,7 +44,7 @@ from humanoid_getup.strategies.track_record import PLAN
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 FIGURES = {
-    "rise": ("n", "planned", "stood", "stood_interval_95", "stand_time_s", "plan_s", "filter_s"),
+    "rise": ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES, "self_collisions"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
     "disturbed": ("n", "stood", "stood_interval_95", "refused", *LOAD_FIGURES, "head_impact_m_s"),
     "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_succeeded"),
@@ -62,6 +62,35 @@ FIGURES = {
     ),
 }
 """Figures of each benchmark's table, by its name."""
+HEADINGS = {
+    "n": "n",
+    "planned": "planned",
+    "stood": "stood",
+    "succeeded": "succeeded",
+    "stood_interval_95": "95 %",
+    "interval_95": "95 %",
+    "refused": "refused",
+    "stand_time_s": "stand [s]",
+    "peak_torque_nm": "peak [N·m]",
+    "rms_torque_nm": "RMS [N·m]",
+    "head_impact_m_s": "head [m/s]",
+    "head_impact_max_m_s": "head, max [m/s]",
+    "torso_impact_max_m_s": "torso, max [m/s]",
+    "self_collisions": "self-collisions",
+    "hottest_after_ten_rises_c": "after ten [°C]",
+    "lowest_torque_limit_nm": "lowest limit [N·m]",
+    "disturbed_succeeded": "disturbed",
+    "filter_over_bare_steps_per_s": "over bare steps",
+    "endings": "endings",
+    "safe_max_s": "safe after, max [s]",
+    "beyond_limits": "beyond limits",
+    "believed_wrong": "believed wrong",
+    "lay_down": "lay down",
+    "faster_than_real_time": "faster than real time",
+    "unexplained_s": "unexplained [s]",
+    "memory_mib": "memory [MiB]",
+}
+"""Headings of the figures in tables."""
 
 
 def bench_rise(command: BenchRise) -> int:
@@ -203,7 +232,8 @@ def _hand_over(result: dict[str, Any], command: WorldOptions) -> int:
     write_json(to_json(result), command.json)
     cases = result.get("classes") or result["cases"]
     figures = FIGURES[result["name"]]
-    table = Table(result["name"], *figures, box=None, header_style="bold")
+    headings = [HEADINGS[figure] for figure in figures]
+    table = Table(result["name"], *headings, box=None, header_style="bold")
     for name, case in cases.items():
         table.add_row(name, *(format_figure(case.get(figure)) for figure in figures))
     console_for(command.json).print(table)

@@ -66,7 +66,7 @@ def _choose_keyframes(robot: Robot, names: tuple[str, ...]) -> list[Keyframes]:
         if unknown:
             listed = ", ".join(f"'{name}'" for name in unknown)
             raise ValueError(f"unknown motion {listed}, expected {', '.join(stored)}")
-    return [stored[name] for name in names or stored]
+    return [stored[name] for name in dict.fromkeys(names or stored)]
 
 
 def _build_all(

@@ -43,7 +43,8 @@ class Range:
 
     def format(self, value: float) -> str:
         """Write a number with the unit."""
-        return f"{value:g} {self.unit}".rstrip()
+        number = str(value) if isinstance(value, int) else f"{value:g}"
+        return f"{number} {self.unit}".rstrip()
 
 
 def at_least(lower: int, *, step: int = 1) -> Range:

@@ -83,11 +83,16 @@ def _record_servo(servo: ServoFacts) -> dict[str, Any]:
     }
 
 
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def print_health(health: HealthCheck, console: Console) -> None:
     """Print findings, remedies and all figures."""
     name, errors, warnings = health.robot.name, len(health.errors), len(health.warnings)
-    state = f"{errors} errors" if errors else "healthy"
-    console.print(f"[bold {'red' if errors else 'green'}]{name}: {state}, {warnings} warnings")
+    state = _count(errors, "error") if errors else "healthy"
+    found = f"{name}: {state}, {_count(warnings, 'warning')}"
+    console.print(f"[bold {'red' if errors else 'green'}]{found}")
     for finding in health.findings:
         mark = "[yellow]![/]" if finding.severity is Severity.WARNING else "[red]✗[/]"
         console.print(f" {mark} {escape(str(finding))}")

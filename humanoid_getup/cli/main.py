@@ -27,8 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if sys.stdout is not None:  # None if the shell closed it
             sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        return _report("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as interrupt:
+        # Its text says that a robot was handed over under torque.
+        return _report(": ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
     except BadInputError as error:
         return _report(str(error), BAD_INPUT)
     except Exception as error:

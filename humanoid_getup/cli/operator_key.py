@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers import SafetyGuard
 from drivers.stop_key import StopKey
 from humanoid_getup.execution.phase import Phase, PhaseChange
+
+SAME_PRESS = 0.5  # s after a release within which a key repeats itself, or is pressed twice
 
 
 class OperatorKey:
@@ -27,6 +31,7 @@ class OperatorKey:
         self._key = StopKey(self._press, terminal)
         self._is_watched = realtime
         self._is_holding = False
+        self._released_at = -math.inf
         self._released = threading.Event()
 
     def is_released(self) -> bool:
@@ -50,6 +55,7 @@ class OperatorKey:
     def _press(self, reason: str) -> None:
         if self._is_holding:
             self._is_holding = False
+            self._released_at = time.monotonic()
             self._released.set()
-        elif self._guard is not None:
+        elif self._guard is not None and time.monotonic() - self._released_at > SAME_PRESS:
             self._guard.stop(reason)

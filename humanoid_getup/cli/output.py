@@ -48,9 +48,14 @@ def phase(text: str) -> Iterator[Callable[[str], None]]:
         yield status.update
 
 
-def find_folder_faults(folder: Path, names: tuple[str, ...] = ARTEFACTS) -> list[str]:
-    """Report why files could not be written into a folder, by trying; leave nothing behind."""
-    owner = f"output folder {folder}"
+def find_folder_faults(
+    folder: Path, names: tuple[str, ...] = ARTEFACTS, owner: str | None = None
+) -> list[str]:
+    """Report why files could not be written into a folder, by trying; leave nothing behind.
+
+    ``owner`` is what the messages call the folder.
+    """
+    owner = owner or f"output folder {folder}"
     try:
         existing = _find_existing(folder)
         if not existing.is_dir():

@@ -49,7 +49,7 @@ def list_or_clear(command: ListPlanCache) -> int:
         rows = [_describe(entry) for entry in cache.read(command.robot).entries]
     write_json(to_json({"folder": str(cache.folder), "entries": rows}), command.json)
     if command.json is None:
-        _print(rows, cache)
+        _print(rows, cache, command.robot)
     return DID_IT
 
 
@@ -92,7 +92,7 @@ def _describe(entry: CacheEntry) -> dict[str, Any]:
     }
 
 
-def _print(rows: list[dict[str, Any]], cache: PlanCache) -> None:
+def _print(rows: list[dict[str, Any]], cache: PlanCache, robot: str | None) -> None:
     texts = ("rise", "robot", "scene", "start", "joins", "prefers")
     numbers = ("limit [N·m]", "stands [s]", "robust", "age", "size [kB]")
     table = make_table((*texts, *numbers), left=texts)
@@ -113,9 +113,10 @@ def _print(rows: list[dict[str, Any]], cache: PlanCache) -> None:
         )
     if rows:
         console_for(None).print(table)
+    of = f" of robot '{robot}'" if robot else ""
     size = sum(row["bytes"] for row in rows) / 1e6
     what = "solved rise" if len(rows) == 1 else "solved rises"
-    console_for(None).print(escape(f"{len(rows)} {what}, {size:.1f} MB, in {cache.folder}"))
+    console_for(None).print(escape(f"{len(rows)} {what}{of}, {size:.1f} MB, in {cache.folder}"))
 
 
 def _format_age(age: float) -> str:

@@ -20,7 +20,7 @@ from humanoid_getup.playback.preflight import preflight as judge_motion
 from humanoid_getup.playback.preflight_rollout import MOST_RISES
 from robots import Robot
 
-HEADINGS = ("joint", "peak N·m", "of stall", "RMS N·m", "at its line s", "after °C")
+HEADINGS = ("joint", "peak N·m", "of limit", "RMS N·m", "saturated s", "after °C")
 SHOWN = 6  # joints in the table, the most loaded first
 
 

@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from drivers import Cycle
-from drivers.flight_log.writer import FlightLog
+from drivers.flight_log.writer import FlightLog, make_room
 from humanoid_getup.cli.options.shared import MoveOptions
 from humanoid_getup.execution.phase import PhaseChange
 from robots import Posture, Robot
@@ -69,8 +69,13 @@ def make_log(
 
 @contextmanager
 def recording(log: FlightLog | None) -> Iterator[Recorder]:
-    """Record while the block lasts; ``None`` for no log."""
+    """Record while the block lasts; ``None`` for no log.
+
+    An earlier log of that name is renamed, also where nothing is recorded.
+    """
     with ExitStack() as closing:
         yield Recorder(log, closing)
+    if log is not None and not log.cycles:
+        make_room(log.path)  # of an earlier run: it is not of this one
     if log is not None and log.fault:
         print(f"getup: the flight log is incomplete: {log.fault}", file=sys.stderr)

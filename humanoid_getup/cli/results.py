@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,17 @@ from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.simulation.world import World
+
+
+@contextmanager
+def telling_of_torque(after: AfterStand | None) -> Iterator[None]:
+    """Say that a robot was handed over under torque if its results cannot be written."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if after is None or after.hand_over is None:
+            raise
+        raise KeyboardInterrupt(str(after.hand_over)) from None
 
 
 def hand_over(

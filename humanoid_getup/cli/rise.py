@@ -17,7 +17,7 @@ from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.plan_cache import use_cache
 from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.cli.recording import make_log, recording
-from humanoid_getup.cli.results import hand_over
+from humanoid_getup.cli.results import hand_over, telling_of_torque
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.rise_session import RiseSession
@@ -41,6 +41,7 @@ from robots.kinematics import read_posture
 
 WHERE_IT_LAY = "where the robot lay"
 OWN_START = "the motion's own"
+DEFAULT_POLICY = "robust"
 
 
 def rise(command: Rise) -> int:
@@ -55,7 +56,6 @@ def rise(command: Rise) -> int:
             "method": command.method,
             "planning": command.planning,
             "filtering": command.filtering,
-            "prefer": command.prefer,
         },
     )
 
@@ -104,10 +104,11 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
             search_budget=command.search_budget,
         )
         strategies[StrategyId(PLAN)] = use_cache(command, planner)
-    learned = StrategyId(POLICY, command.policy)
+    name = command.policy or DEFAULT_POLICY
+    learned = StrategyId(POLICY, name)
     if command.method == POLICY or records.knows(learned):
-        policy = load_policy(robot, command.policy, command.torque_limit)
-        strategies[learned] = LearnedRise(world, policy, torque_limit=limit, name=command.policy)
+        policy = load_policy(robot, name, command.torque_limit)
+        strategies[learned] = LearnedRise(world, policy, torque_limit=limit, name=name)
     return StrategySelector(strategies, records)
 
 
@@ -149,6 +150,7 @@ def _get_up(
                 start_class=start and start.start_class,
                 settle=own_start is None,
                 preflight=preflight,
+                balance=command.balance,
                 then=command.ending,
                 is_released=key.is_released,
                 realtime=choice.realtime,
@@ -162,7 +164,8 @@ def _get_up(
                 result = manager.get_up(rng)
         report("drawing")
         origin = command.origin or (OWN_START if own_start else WHERE_IT_LAY)
-        return hand_over(result, world, command, origin, extra)
+        with telling_of_torque(result.after):
+            return hand_over(result, world, command, origin, extra)
 
 
 def _choose_start(

@@ -9,7 +9,7 @@ from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.stand import Hold, Sit
 from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
-from humanoid_getup.cli.results import hand_over_stand
+from humanoid_getup.cli.results import hand_over_stand, telling_of_torque
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.execution.stand_session import StandSession
@@ -45,7 +45,7 @@ def _keep_stand(command: Sit | Hold) -> int:
                 choice.backend,
                 world,
                 limit,
-                then=command.then,
+                then=command.ending,
                 is_released=key.is_released,
                 realtime=choice.realtime,
                 simulation=choice.simulation,
@@ -58,4 +58,5 @@ def _keep_stand(command: Sit | Hold) -> int:
             with key.watch(session.guard):
                 result = keeper.start()
         report("drawing")
-        return hand_over_stand(result, world, command)
+        with telling_of_torque(result):
+            return hand_over_stand(result, world, command)

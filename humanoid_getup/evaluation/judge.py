@@ -57,8 +57,13 @@ class RunOutcome:
     """Greatest speed at which the head hit the ground [m/s]; None if not observable."""
     torso_impact: float | None
     """Greatest speed of the torso's faster end as it hit the ground [m/s]; None likewise."""
+    neck_delta_v: float | None
+    """Largest change of the neck's velocity within a control period, up to the stand [m/s]; None
+    if not observable."""
     torque: Array
     """Servo torques [N·m], (T, n)."""
+    torque_vel: Array
+    """Joint speeds at which they were made [rad/s], (T, n)."""
     qpos: Array
     """MuJoCo positions, (T, nq)."""
     is_sensed: bool = False
@@ -85,6 +90,7 @@ def _make_outcome(
     return RunOutcome(
         stand=stand,
         torque=torque,
+        torque_vel=velocity,
         peak_torque=float(shares.driving.max(initial=0.0)),
         peak_braking_torque=float(shares.braking.max(initial=0.0)),
         torque_use=float((shares.driving / limit).max(initial=0.0)),
@@ -208,8 +214,17 @@ class GroundTruthJudge:
             limit_violations=faults[2],
             head_impact=head_impact,
             torso_impact=torso_impact,
+            neck_delta_v=self._measure_neck(stand),
             qpos=qpos,
         )
+
+    def _measure_neck(self, stand: Stand) -> float:
+        """Measure the largest change of the neck's velocity in a period, up to the stand [m/s]."""
+        period = self._simulation.period
+        neck = np.array(self._site_pos).reshape(-1, self._simulation.model.nsite, 3)[:, self._neck]
+        rising = neck[: round(stand.start_time / period) + 1] if stand.stood else neck
+        change = np.linalg.norm(np.diff(rising, n=2, axis=0), axis=1)
+        return float(change.max(initial=0.0)) / period
 
 
 # On the twin with sensor noise, 71 disturbed rises ended their stand with the torso turning
@@ -297,6 +312,7 @@ class SensorJudge:
             limit_violations=left[0],
             head_impact=None,
             torso_impact=None,
+            neck_delta_v=None,
             qpos=_place_on_ground(robot, model, torso, angles),
             is_sensed=True,
         )

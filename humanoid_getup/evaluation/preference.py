@@ -49,7 +49,7 @@ class Preference:
         Raises:
             ValueError: if it is unknown.
         """
-        if name not in PREFERENCES:
+        if not isinstance(name, str) or name not in PREFERENCES:
             expected = ", ".join(PREFERENCE_NAMES)
             raise ValueError(f"prefer is {name!r}, expected one of {expected}")
         return PREFERENCES[name]

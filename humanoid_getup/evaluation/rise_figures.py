@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -40,6 +40,20 @@ class RiseFigures:
             impact=change.max(axis=1),
             overlap=trace.overlap.max(axis=1),
         )
+
+    def take(self, row: int) -> RiseFigures:
+        """Return the figures of one rise."""
+        return RiseFigures(**{f.name: getattr(self, f.name)[row] for f in fields(RiseFigures)})
+
+    def record(self) -> dict[str, float]:
+        """Return the figures of one rise under report.json's keys."""
+        return {
+            "stand_time_s": float(self.stand_time),
+            "peak_torque_nm": float(self.peak_torque),
+            "rms_torque_nm": float(self.rms_torque),
+            "neck_delta_v_m_s": float(self.impact),
+            "self_overlap_m": float(max(self.overlap, 0.0)),
+        }
 
     @property
     def collides(self) -> np.ndarray:

@@ -80,9 +80,10 @@ class StanceMeter:
 
 
 def measure_stance(world: World, trace: Trace) -> Stance:
-    """Measure the stances of N rollouts, (N, T)."""
+    """Measure the stances of N rollouts, (N, T); one that diverged touches the world throughout."""
     meter = StanceMeter(world.robot, world.model, world.scene.support)
-    return meter.measure(trace.qpos, trace.site_pos, trace.non_foot_contact)
+    foreign = trace.non_foot_contact | trace.diverged[:, np.newaxis]
+    return meter.measure(trace.qpos, trace.site_pos, foreign)
 
 
 def is_upright(stance: Stance, robot: Robot) -> NDArray[np.bool_]:

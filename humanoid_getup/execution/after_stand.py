@@ -63,9 +63,14 @@ class Step:
     """Whether it was judged to end as it should."""
 
     @property
+    def ran(self) -> bool:
+        """Return whether it came to its end."""
+        return self.run.ending is Ending.DONE and self.abort is None
+
+    @property
     def is_done(self) -> bool:
         """Return whether it came to its end, and ended as it should."""
-        return self.run.ending is Ending.DONE and self.abort is None and self.succeeded
+        return self.ran and self.succeeded
 
     @property
     def reason(self) -> str:
@@ -83,6 +88,8 @@ class AfterStand:
 
     refusal: str | None = None
     """Why nothing was begun."""
+    refused_by_fault: bool = False
+    """Whether that is a fault of the hardware."""
     hold: Step | None = None
     """Going on standing; None if it was not asked to."""
     way_down: Step | None = None
@@ -98,7 +105,7 @@ class AfterStand:
     def by_fault(self) -> bool:
         """Return whether the guard or the hardware ended it."""
         failure = self._find_failure()
-        return failure is not None and failure.run.ending is Ending.FAULT
+        return self.refused_by_fault or (failure is not None and failure.run.ending is Ending.FAULT)
 
     @property
     def reason(self) -> str:
@@ -108,11 +115,20 @@ class AfterStand:
         failure = self._find_failure()
         if failure is not None:
             what = "holding the stand" if failure is self.hold else "sitting and lying down"
-            return f"{what} failed: {failure.reason}; torque off"
-        parts = [f"held for {self.hold.run.duration:.1f} s"] if self.hold else []
+            went_on = failure is self.hold and self.way_down is not None
+            end = "it sat and lay down" if went_on else "torque off"
+            return f"{what} failed: {failure.reason}; {end}"
+        parts = [self._describe_hold(self.hold)] if self.hold else []
         parts += ["sat and lay down"] if self.way_down else []
-        parts += ["handed over under torque" if self.hand_over else "torque off"]
+        if self.hand_over:
+            parts.append("handed over under torque")
+        else:
+            parts.append("torque off" if self.way_down else "torque off where it stood")
         return ", ".join(parts)
+
+    @staticmethod
+    def _describe_hold(hold: Step) -> str:
+        return f"held for {hold.run.duration:.1f} s" if hold.run.duration else "released at once"
 
     def record(self) -> dict[str, Any]:
         """Return the figures under report.json's keys."""

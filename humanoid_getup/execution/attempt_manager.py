@@ -100,6 +100,8 @@ class AttemptManager:
         side = classify(posture.orientation) or UNCLASSED
         self._report(Phase.PLANNING, f"the robot lies {side}")
         plan = session.strategy.plan(posture, rng)
+        if not session.balance:
+            plan = plan.open_loop() or plan
         attempt = Attempt(number=self._number, start_class=side, plan=plan)
         controller = plan.controller(session.strategy)
         if controller is None:
@@ -159,6 +161,7 @@ class AttemptManager:
             completed = report.ending is Ending.DONE and controller.aborted is None
             if judge.end() and completed:
                 may_balance = attempt.plan is None or attempt.plan.may_balance
+                may_balance &= self._session.balance
                 after = self._keeper.keep(balanced=may_balance)
         return replace(
             attempt,

@@ -23,6 +23,7 @@ def get_up(
     max_attempts: int = 3,
     then: Then | None = None,
     is_released: Callable[[], bool] = lambda: True,
+    balance: bool = True,
     realtime: bool | None = None,
     on_phase: Callable[[PhaseChange], None] = lambda _: None,
     on_cycle: Callable[[Cycle], None] | None = None,
@@ -43,6 +44,8 @@ def get_up(
             down; ``"sit"`` and lie down at once; go ``"limp"``; or ``"hand-over"`` the robot under
             torque. ``None`` for limp on a twin, and for hold on servos.
         is_released: Whether a robot that is held may sit down; called every cycle.
+        balance: Feed the torso's attitude back to the ankles, in a rise by a motion and in its
+            stand.
         realtime: Pace the cycles by the wall clock; ``None`` for all but a twin.
         on_phase: Called with every phase: settling, planning, preflight, playing...
         on_cycle: Called with every control cycle of the runs.
@@ -69,6 +72,7 @@ def get_up(
         max_attempts=max_attempts,
         then=then or ("limp" if is_twin else "hold"),
         is_released=is_released,
+        balance=balance,
         realtime=not is_twin if realtime is None else realtime,
         on_phase=on_phase,
         on_cycle=on_cycle,

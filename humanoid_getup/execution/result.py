@@ -158,5 +158,6 @@ class RiseResult:
                 "ground_penetrations": outcome.ground_penetrations,
                 "limit_violations": outcome.limit_violations,
                 "head_impact_m_s": outcome.head_impact,
+                "neck_delta_v_m_s": outcome.neck_delta_v,
             }
         return record

@@ -25,6 +25,8 @@ class RiseSession:
     strategy: Strategy
     """Makes the plans; its world and torque limit are those of preflight and judges, too."""
     max_attempts: int = 3
+    balance: bool = True
+    """Whether the ankles balance the robot while it rises by a motion, and while it stands."""
     start_class: str | None = None
     """Side on which the robot lies, where that is known; None: as first measured."""
     settle: bool = True

@@ -21,6 +21,7 @@ from humanoid_getup.evaluation.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.execution.stand_watch import StandWatch
 from humanoid_getup.motions.motion_database import find_lying_down
 from humanoid_getup.playback.ending import ends_as_meant
 from humanoid_getup.playback.play import play_engaged
@@ -45,6 +46,7 @@ class StandKeeper:
         self._session, self._guard = session, session.guard
         self._limit = session.torque_limit.value
         self._sent: Command | None = None
+        self._handed_over: HandOver | None = None
         robot = session.world.robot
         self._way_down = find_lying_down(robot) if session.lies_down else None
 
@@ -67,10 +69,14 @@ class StandKeeper:
         Only a robot that was handed over keeps it.
         """
         backend = self._guard.backend
-        before, self._sent = backend.release, None
+        before, self._sent, self._handed_over = backend.release, None, None
         try:
             with engaged(self._guard, realtime=self._session.realtime):
                 yield
+        except KeyboardInterrupt:
+            if self._handed_over is None:
+                raise
+            raise KeyboardInterrupt(str(self._handed_over)) from None
         finally:
             backend.release = before
 
@@ -101,15 +107,22 @@ class StandKeeper:
         with self._guard:
             self._place()
             state = self._guard.read()
+            self._guard.write(Command.limp(self._guard.robot.n))
+            if self._guard.fault is not None:
+                return AfterStand(refusal=str(self._guard.fault), refused_by_fault=True)
             refusal = self._find_refusal(state)
         if refusal:
             return AfterStand(refusal=refusal)
         with self.engaged():
             self._place()
+            # A robot that a person holds may have been let go meanwhile.
+            is_real = self._session.place is None
+            if is_real and (refusal := self._find_lean(self._guard.read())):
+                return AfterStand(refusal=refusal)
             hold = None
             if self._session.then != "sit":
                 hold = self._hold(HOLD, balanced=True)
-                if not hold.is_done:
+                if not hold.is_done and not (hold.ran and self._way_down is not None):
                     return AfterStand(hold=hold)
             return self._end(hold)
 
@@ -121,27 +134,34 @@ class StandKeeper:
             self._guard.write(Command.limp(self._guard.robot.n))
 
     def _find_refusal(self, state: State) -> str | None:
+        # In real time, a simulated robot sinks in the time that passes until it is measured.
+        if self._session.place is None and (lean := self._find_lean(state)):
+            return lean
+        verdict = self.preflight(state)
+        return None if verdict.passed else str(verdict)
+
+    def _find_lean(self, state: State) -> str | None:
+        """Return why a robot does not stand, by its sensors."""
         robot, model = self._session.world.robot, self._session.world.model
         torso = torso_orientation(robot, model, state.orientation)
         stance = StanceMeter(robot, model).estimate(torso[None], state.joint_pos[None])
-        if not is_upright(stance, robot)[0]:
-            return (
-                f"the robot does not stand: its torso is {np.degrees(stance.tilt[0]):.0f}° from "
-                f"upright, its neck at {stance.neck_height[0] / robot.standing_neck_height:.0%} "
-                "of the standing height: expected a robot that stands, held by a person while "
-                "its torque is off"
-            )
-        verdict = self.preflight(state)
-        return None if verdict.passed else str(verdict)
+        if is_upright(stance, robot)[0]:
+            return None
+        return (
+            f"the robot does not stand: its torso is {np.degrees(stance.tilt[0]):.0f}° from "
+            f"upright, its neck at {stance.neck_height[0] / robot.standing_neck_height:.0%} "
+            "of the standing height: expected a robot that stands, held by a person while "
+            "its torque is off"
+        )
 
     def _hold(self, least: float, balanced: bool) -> Step:
         self._report(Phase.HOLDING)
         session = self._session
-        judge = session.make_judge() if least else None
+        stand = StandWatch(session.make_judge, session.is_released) if least else None
         supervisor = supervise_stand(
             session.world,
             least=least,
-            is_released=session.is_released,
+            is_released=stand.may_end if stand else session.is_released,
             torque_limit=self._limit,
             held=self._held,
             balanced=balanced,
@@ -149,18 +169,22 @@ class StandKeeper:
 
         def watch(cycle: Cycle) -> None:
             self.watch(cycle)
-            if judge is not None:
-                judge(cycle)
+            if stand is not None:
+                stand(cycle)
 
-        run = run_engaged(
-            supervisor,
-            self._guard,
-            max_time=supervisor.longest,
-            realtime=session.realtime,
-            on_cycle=watch,
-        )
+        try:
+            run = run_engaged(
+                supervisor,
+                self._guard,
+                max_time=supervisor.longest,
+                realtime=session.realtime,
+                on_cycle=watch,
+            )
+        finally:
+            if stand is not None:
+                stand.end()
         _check_interrupt(run)
-        stood = judge is None or judge.end()
+        stood = stand is None or stand.stood
         return Step(run=run, abort=supervisor.aborted, succeeded=stood)
 
     def _end(self, hold: Step | None) -> AfterStand:
@@ -189,7 +213,10 @@ class StandKeeper:
     def _hand_over(self) -> HandOver:
         self._guard.backend.release = Release.HOLD
         assert self._sent is not None
-        return HandOver(robot=self._guard.robot, command=self._sent, limit_by=self._guard.limit_by)
+        self._handed_over = HandOver(
+            robot=self._guard.robot, command=self._sent, limit_by=self._guard.limit_by
+        )
+        return self._handed_over
 
     @property
     def _held(self) -> np.ndarray | None:

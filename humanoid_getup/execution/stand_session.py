@@ -14,6 +14,7 @@ from humanoid_getup.playback.play import Judge
 from humanoid_getup.scenes.scene import Support
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
+from robots.torque_limit import check_torque_limit
 
 Then = Literal["hold", "sit", "limp", "hand-over"]
 """What a robot does after its judged stand: it goes on standing until it is released, then sits
@@ -55,7 +56,7 @@ class StandSession:
         cls, backend: Backend, world: World, torque_limit: TorqueLimit = FULL_TORQUE, **options: Any
     ) -> StandSession:
         """Keep the stand of a backend's robot; ``options`` are further fields of the session."""
-        torque_limit = torque_limit.on(world.robot)
+        torque_limit = check_torque_limit(torque_limit, world.robot)
         guard, simulation = guard_robot(backend, torque_limit)
         if simulation is not None:
             options["simulation"] = simulation

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP
+from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from robots.quaternion import Array
@@ -56,6 +56,8 @@ class CandidateRollout:
     """Whether it ended upright for a second; a check asks for more."""
     stand_time: float
     """Start to the first moment of the stand [s]; nan if it did not stand."""
+    figures: RiseFigures
+    """What it took, each a number."""
     cost: float
     """By the filter's preference [s]; nan if it did not stand."""
     overlap: Array

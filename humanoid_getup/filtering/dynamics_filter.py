@@ -29,6 +29,7 @@ from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
+from robots.torque_limit import check_torque_limit
 
 FADE_CYCLES = 40  # in which the virtual actuator fades out before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
@@ -62,9 +63,11 @@ class DynamicsFilter:
         prefer: PreferenceName = "time",
         threads: int = 0,
     ) -> None:
-        self.world, self.torque_limit = world, torque_limit.on(world.robot)
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.preference = Preference.of(prefer)
         self.count = 0
+        self.searched = 0.0
+        """Time that searches have simulated so far [s]."""
         self._threads = threads
         self._limbs = LimbMap.of(world)
         self._simulations: dict[int, Rollout] = {}
@@ -120,6 +123,7 @@ class DynamicsFilter:
             target, worlds = found.target, self._disturb(start, rng)
             fresh = self._check_in(worlds, target)
             budget -= found.simulated + fresh.simulated
+            self.searched += found.simulated + fresh.simulated
             if found.share < 1.0 or fresh.share == 1.0 or budget <= 0.0:
                 return self._replay(start, rollout.candidate, [target], LONG_HOLD)[0], fresh.share
 
@@ -162,6 +166,7 @@ class DynamicsFilter:
             found = self._search.improve(few, target, budget, rng)
             better = found.targets
         self.count += found.rollouts
+        self.searched += found.simulated
         for one in better:
             if self.check(start, one, rng) == 1.0:
                 played = self._replay(start, rollout.candidate, [one], LONG_HOLD)[0]
@@ -231,6 +236,7 @@ class DynamicsFilter:
                 candidate=candidate,
                 stood=stands[i].stood,
                 stand_time=stands[i].start_time,
+                figures=figures.take(i),
                 cost=float(cost[i]),
                 overlap=trace.overlap[i],
                 target=trace.target[i],

@@ -159,14 +159,14 @@ class Motion(Trajectory):
         save_arrays(path, record | {"provenance": json.dumps(self.provenance, sort_keys=True)})
 
     @classmethod
-    def load(cls, path: Path) -> Motion:
+    def load(cls, path: Path | str) -> Motion:
         """Load a motion file.
 
         Raises:
             ValueError: one line that names the file, what is wrong and what is expected.
         """
         try:
-            return cls(**_read(path))
+            return cls(**_read(Path(path)))
         except OSError as error:
             raise ValueError(f"motion file {path}: {error.strerror or error}") from error
         except (ValueError, RecursionError) as error:

@@ -91,5 +91,6 @@ def play_engaged(
         on_cycle=observe,
     )
     if report.ending is Ending.INTERRUPTED:
+        judge.end()
         raise KeyboardInterrupt
     return report

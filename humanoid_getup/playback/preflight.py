@@ -157,7 +157,7 @@ def _check_input(voltage: float, temperature: Array | float) -> None:
     if not 0.0 < voltage < math.inf:
         problems.append(f"voltage is {voltage:g} V, expected a finite number above 0 V")
     if not np.all(np.isfinite(temperature)):
-        problems.append(f"temperature is {temperature} °C, expected finite numbers")
+        problems.append("temperature is not finite, expected finite numbers in °C")
     if problems:
         raise ValueError("; ".join(problems))
 

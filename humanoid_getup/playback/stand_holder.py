@@ -42,7 +42,8 @@ class StandHolder(MotionPlayer):
     @property
     def done(self) -> bool:
         """Return whether the time is over and the robot was released."""
-        return self._is_over(self._least) and self._is_released()
+        is_released = self._is_released()  # called every cycle
+        return is_released and self._is_over(self._least)
 
 
 def make_stand(robot: Robot) -> Motion:

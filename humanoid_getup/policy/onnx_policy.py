@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from drivers.state import Command, State
@@ -33,6 +32,9 @@ class OnnxNetwork:
             OSError: if it cannot be read.
             NetworkError: if it is damaged, has no contract, or does not map one vector to one.
         """
+        import onnxruntime  # which takes time, and not every rise needs it
+
+        onnxruntime.disable_telemetry_events()
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = QUIET
@@ -124,7 +126,7 @@ class OnnxPolicy:
 
     @staticmethod
     def load(
-        file: Path,
+        file: Path | str,
         robot: Robot,
         period: float | None = None,
         torque_limit: float | None = None,
@@ -140,6 +142,7 @@ class OnnxPolicy:
             OSError: if the file cannot be read.
             PolicyError: naming every mismatch.
         """
+        file = Path(file)
         try:
             network = OnnxNetwork(file)
             contract = PolicyContract.from_json(network.contract)

@@ -10,6 +10,7 @@ import numpy as np
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
 from humanoid_getup.evaluation.judge import RunOutcome, limit_torque
+from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot
 from robots.files import atomic_path
@@ -26,20 +27,23 @@ STANDING_SHOWN = 1.5  # s of the stand that are drawn
 def save_torque(
     robot: Robot, outcome: RunOutcome, torque_limit: float | None, path: Path, *, title: str = ""
 ) -> None:
-    """Plot the magnitude of every servo's torque and its limit over time, as PNG.
+    """Plot with how much torque every servo drives its joint, and its limit, over time, as PNG.
 
-    The joints that came nearest to their limits are named, the others gray. The torque limit
-    [N·m] is that of every servo, None for their own.
+    The joints that came nearest to their limits are named, the others gray. Torque of servos that
+    are turned from outside, which no limit by PWM holds for, is one dotted line, the largest of
+    all. The torque limit [N·m] is that of every servo, None for their own.
     """
     from matplotlib.figure import Figure
 
-    torque = np.abs(outcome.torque)  # (T, n)
+    shares = split_torque(outcome.torque, outcome.torque_vel)
+    torque, braking = shares.driving, shares.braking.max(axis=1, initial=0.0)  # (T, n), (T,)
     limit = limit_torque(robot, torque_limit)
     time = np.arange(1, len(torque) + 1, dtype=float) * robot.control_period
     named = _find_largest(torque / limit)[::-1]
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     axis = figure.add_subplot()
     _plot_joints(axis, time, torque, named, robot.joint_names)
+    axis.plot(time, braking, color="black", linestyle=":", linewidth=0.7, label="braking, any")
     end = time[-1]
     for value in np.unique(limit):
         axis.axhline(value, color="black", linestyle="--", linewidth=0.9)
@@ -54,7 +58,7 @@ def save_torque(
         )
     axis.set(xlabel="time [s]", ylabel="servo torque [N·m]", xlim=(0.0, end))
     axis.set_title(title, fontsize=10, parse_math=False)
-    axis.set_ylim(0.0, 1.15 * max(limit.max(), torque.max()))
+    axis.set_ylim(0.0, 1.15 * max(limit.max(), torque.max(), braking.max()))
     axis.spines[["top", "right"]].set_visible(False)
     handles, labels = axis.get_legend_handles_labels()
     legend = figure.legend(

@@ -36,6 +36,13 @@ KEYS = (
     "overruns",
 )
 """Keys of every report; None if the run did not get that far."""
+TRADED = (
+    ("RMS", "rms_torque_nm", "N·m"),
+    ("peak", "peak_torque_nm", "N·m"),
+    ("neck Δv", "neck_delta_v_m_s", "m/s"),
+    ("stand after", "stand_time_s", "s"),
+)
+"""What a preference trades: label, key and unit."""
 
 
 def make_report(rise: RiseResult, settings: dict[str, Any]) -> dict[str, Any]:
@@ -53,7 +60,9 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
     for label, text in (
         ("start", f"{report['start_class']}, seed {report['seed']}"),
         ("motion", _describe_motion(report)),
+        ("prefers", _describe_preference(report)),
         ("load", _describe_load(report)),
+        ("impact", _describe_impact(report)),
         ("faults", _describe_faults(report)),
         ("then", _describe_after(report)),
         ("files", ", ".join(files)),
@@ -85,7 +94,34 @@ def _describe_motion(report: dict[str, Any]) -> str:
     text += f", planned in {report['plan_s']:.2f} s" if report.get("planning") else ", not planned"
     if not report.get("filtering"):
         return f"{text}, not filtered"
-    return f"{text}, filtered in {report['filter_s']:.2f} s over {report['rollouts']} rollouts"
+    text += f", filtered in {report['filter_s']:.2f} s over {report['rollouts']} rollouts"
+    robust = report["robust"]
+    return text if robust is None else f"{text}, stands in {robust:.0%} of the disturbed ones"
+
+
+def _describe_preference(report: dict[str, Any]) -> str:
+    """Say what a preference brought, by the rollouts before and after the improvement."""
+    if report.get("prefer") in (None, "time") or report["rollout"] is None:
+        return ""
+    spent = f"{report['searched_s']:.0f} s simulated"
+    if report.get("plan_cache"):
+        return f"{report['prefer']}, as when it was planned"
+    before, after = report["rollout_before_improvement"], report["rollout"]
+    if before is None:
+        return f"{report['prefer']}: nothing better than the first rise found, {spent}"
+    changes = [
+        f"{label} {before[key]:.2f} → {after[key]:.2f} {unit}" for label, key, unit in TRADED
+    ]
+    return f"{report['prefer']}: {', '.join(changes)}; {spent}"
+
+
+def _describe_impact(report: dict[str, Any]) -> str:
+    if report.get("head_impact_m_s") is None:
+        return ""
+    return (
+        f"head {report['head_impact_m_s']:.2f} m/s, "
+        f"neck Δv {report['neck_delta_v_m_s']:.2f} m/s in a cycle"
+    )
 
 
 def _describe_load(report: dict[str, Any]) -> str:
@@ -95,6 +131,7 @@ def _describe_load(report: dict[str, Any]) -> str:
     return (
         f"peak {about}{report['peak_torque_nm']:.2f} N·m "
         f"({report['torque_use']:.0%} of the limit), "
+        f"braking {report['peak_braking_torque_nm']:.2f} N·m, "
         f"RMS {report['rms_torque_nm']:.2f} N·m, peak {report['peak_velocity_rad_s']:.1f} rad/s"
     )
 
@@ -110,4 +147,10 @@ def _describe_after(report: dict[str, Any]) -> str:
 def _describe_faults(report: dict[str, Any]) -> str:
     touches = ("self_collisions", "ground_penetrations", "limit_violations")
     counted = (*touches, "clips", "holds", "overruns")
-    return ", ".join(f"{report[key]} {key.replace('_', ' ')}" for key in counted if report.get(key))
+    return ", ".join(_count(report[key], key) for key in counted if report.get(key))
+
+
+def _count(number: int, key: str) -> str:
+    """Write a number of faults, such as "1 self-collision"."""
+    name = key.replace("self_", "self-").replace("_", " ")
+    return f"{number} {name.removesuffix('s') if number == 1 else name}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,8 @@ from robots.posture import MAX_DISTANCE
 from robots.quaternion import Array
 from robots.validation import outside, shown
 
-CLASSES = ("supine", "prone", "left", "right")
+LyingSide = Literal["supine", "prone", "left", "right"]
+CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
 BATCH = 24
 MOST_BATCHES = 400
@@ -43,7 +44,7 @@ class Fall:
     start_class: str
 
 
-def classify(orientation: Array) -> str | None:
+def classify(orientation: Array) -> LyingSide | None:
     """Classify a torso orientation by gravity: supine, prone, left or right side down.
 
     Returns None where gravity points mostly along the torso: upright or head down.

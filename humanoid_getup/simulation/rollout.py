@@ -40,6 +40,8 @@ class Trace:
     """Servo torques [N·m], (N, T, n)."""
     target: Array
     """Targets that the servos were sent [rad], (N, T, n)."""
+    diverged: Bools
+    """Whether the physics diverged: a rollout says nothing from there on, (N,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,24 +85,28 @@ class Rollout:
         Targets last a control period each.
         """
         self._place(starts, parameters)
-        parts = [
-            self.sim.advance(targets[:, first : first + CHUNK], self._hold, RECORDED)
-            for first in range(0, targets.shape[1], CHUNK)
-        ]
+        parts, diverged = [], np.zeros(self.sim.n, dtype=bool)
+        for first in range(0, targets.shape[1], CHUNK):
+            chunk = targets[:, first : first + CHUNK]
+            parts.append(self.sim.advance(chunk, self._hold, RECORDED))
+            diverged |= self.sim.diverged
         record = {name: np.concatenate([part[name] for part in parts], axis=1) for name in RECORDED}
-        return self._read(record, targets)
+        return self._read(record, targets, diverged)
 
     def track(self, starts: Array, law: FeedbackLaw, parameters: DomainParameters) -> Trace:
         """Play what a feedback law sends, from MuJoCo positions (N, nq), at rest, until it ends."""
         self._place(starts, parameters)
         records: dict[str, list[Array]] = {name: [] for name in RECORDED}
         sent: list[Array] = []
+        diverged = np.zeros(self.sim.n, dtype=bool)
         while (target := law(self._observe(len(sent)))) is not None:
             self.sim.hold(target, self._hold)
             sent.append(target)
+            diverged |= self.sim.diverged
             for name, record in records.items():
                 record.append(self.sim.read(name).copy())
-        return self._read({k: np.stack(v, axis=1) for k, v in records.items()}, np.stack(sent, 1))
+        record = {name: np.stack(samples, axis=1) for name, samples in records.items()}
+        return self._read(record, np.stack(sent, 1), diverged)
 
     def _place(self, starts: Array, parameters: DomainParameters) -> None:
         self.sim.set_parameters(self.sim.everyone, parameters)
@@ -118,7 +124,7 @@ class Rollout:
             limb_point=np.stack([contact[:, a + 1 : a + 4] for a in self._limbs], axis=1),
         )
 
-    def _read(self, record: dict[str, Array], sent: Array) -> Trace:
+    def _read(self, record: dict[str, Array], sent: Array, diverged: Bools) -> Trace:
         contact = record["sensordata"]
         return Trace(
             period=self.world.robot.control_period,
@@ -128,6 +134,7 @@ class Rollout:
             overlap=-contact[..., int(self.world.model.sensor("overlap").adr[0])],
             torque=record["actuator_force"],
             target=sent,
+            diverged=diverged,
         )
 
 

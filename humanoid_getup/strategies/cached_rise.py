@@ -25,6 +25,7 @@ from humanoid_getup.strategies.plan_cache import (
     now,
 )
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.search_record import SearchRecord
 from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
@@ -192,6 +193,7 @@ class CachedRise:
             planned=rise.planned,
             stand_time=rise.stand_time,
             robust=rise.robust,
+            search=SearchRecord(prefer=planner.prefer, budget=planner.search_budget),
             rollouts=checks,
             plan_s=plan_s,
             filter_s=time.perf_counter() - began,
@@ -284,7 +286,13 @@ def compute_fingerprint(planner: PlannedRise) -> str:
     digest.update((world.robot.folder / "robot.toml").read_bytes())
     for motion in planner.database.motions:
         digest.update(motion.name.encode())
-        for array in (motion.time, motion.orientation, motion.joint_pos, motion.joint_target):
+        for array in (
+            motion.time,
+            motion.position,
+            motion.orientation,
+            motion.joint_pos,
+            motion.joint_target,
+        ):
             digest.update(np.ascontiguousarray(array).tobytes())
         digest.update(motion.entry.tobytes())
     return digest.hexdigest()[:32]

@@ -14,8 +14,9 @@ from humanoid_getup.playback.preflight import Verdict, preflight_robot
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy, check_torque_limit
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots.torque_limit import check_torque_limit
 
 
 @dataclass(frozen=True, kw_only=True)

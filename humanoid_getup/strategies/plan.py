@@ -17,7 +17,8 @@ from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, TorqueLimit
+from humanoid_getup.strategies.search_record import NO_SEARCH, SearchRecord
+from robots import Posture, TorqueLimit
 
 MOTION = "motion.npz"
 
@@ -53,6 +54,15 @@ class RisePlan:
     """Wall time of the first round's selection, planning and smoothing [s]."""
     filter_s: float = 0.0
     """Wall time of everything after that [s]."""
+    search: SearchRecord | None = None
+    """How it was searched for; ``None`` where nothing is searched."""
+
+    def __str__(self) -> str:
+        """Say in one line what is played, and how the planning ended."""
+        parts = [self.reason]
+        if not math.isnan(self.robust):
+            parts.append(f"stands in {self.robust:.0%} of its disturbed rollouts")
+        return f"{self.title or 'no rise'}: {', '.join(parts)}"
 
     @property
     def reason(self) -> str:
@@ -114,6 +124,7 @@ class RisePlan:
             "policy": None,
             "plan_cache": None,
             "balanced": None,
+            **(self.search.record() if self.search else NO_SEARCH),
         }
 
 
@@ -202,15 +213,3 @@ class Strategy(Protocol):
     def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
         """Plan a rise from a posture at rest."""
         ...
-
-
-def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
-    """Return a torque limit with the mode in which a robot's servos apply it.
-
-    Raises:
-        TypeError: if it is anything else, such as a number.
-        ValueError: if the servos do not have its mode or its torque.
-    """
-    if not isinstance(limit, TorqueLimit):
-        raise TypeError(f"torque_limit is {limit!r}, expected e.g. TorqueLimit(2.5)")
-    return limit.on(robot)

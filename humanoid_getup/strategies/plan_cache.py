@@ -7,6 +7,7 @@ A solved rise consists of two files in the subfolder of its robot: ``NAME.npz``,
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import os
@@ -76,13 +77,15 @@ class CacheEntry:
             raise PlanCacheError(f"plan cache {self.motion_file}: {error.strerror}") from error
         except ValueError as error:
             raise PlanCacheError(f"plan cache {self.motion_file}: {error}") from error
-        if motion.robot != self.rise.context.robot or motion.joint_pos.shape[1:] != (
-            self.rise.joint_pos.shape
+        for name, value, expected in (
+            ("robot", motion.robot, self.rise.context.robot),
+            ("number of joints", motion.joint_pos.shape[1], len(self.rise.joint_pos)),
         ):
-            raise PlanCacheError(
-                f"plan cache {self.motion_file}: made for '{motion.robot}', expected "
-                f"'{self.rise.context.robot}'"
-            )
+            if value != expected:
+                raise PlanCacheError(
+                    f"plan cache {self.motion_file}: its {name} is {value!r}, expected "
+                    f"{expected!r} as in the entry"
+                )
         return motion
 
 
@@ -99,14 +102,19 @@ class CacheContent:
 class PlanCache:
     """Solved rises in a folder, with one subfolder for each robot."""
 
-    def __init__(self, folder: Path | None = None, *, capacity: int = CAPACITY) -> None:
+    def __init__(self, folder: Path | str | None = None, *, capacity: int = CAPACITY) -> None:
         """Open a cache; the folder is made when the first rise is kept.
 
         Args:
             folder: ``None`` for the user's own, see `default_folder`.
             capacity: Number of rises of each robot that are kept; the oldest go first.
+
+        Raises:
+            ValueError: if the capacity is below 1.
         """
-        self.folder = default_folder() if folder is None else folder
+        if capacity < 1:
+            raise ValueError(f"capacity is {capacity}, expected 1 or more")
+        self.folder = default_folder() if folder is None else Path(folder)
         self.capacity = capacity
         self._removed: set[Path] = set()
 
@@ -171,17 +179,25 @@ class PlanCache:
         """Remove the rises of a robot, or all, damaged ones too; return how many there were.
 
         Raises:
-            OSError: if they cannot be removed.
+            OSError: if some cannot be removed; all others are.
         """
         files = {file.with_suffix(".json") for file in self._list_files(robot)}
-        for file in files:
-            _remove(file)
+        failures = []
+        for file in sorted(files):
+            try:
+                _remove(file)
+            except OSError as error:
+                failures.append(error)
+        if failures:
+            raise failures[0]
         return len(files)
 
     def _list_files(self, robot: str | None) -> list[Path]:
         """List the cache's own files; others in its folder are left alone."""
         if not self.folder.exists():
             return []
+        if not self.folder.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(self.folder))
         folders = sorted(self.folder.iterdir()) if robot is None else [self._subfolder(robot)]
         return [
             file
@@ -199,7 +215,8 @@ class PlanCache:
         written: dict[Path, float] = {}
         for file in self._list_files(robot):
             entry = file.with_suffix(".json")
-            written[entry] = max(file.stat().st_mtime, written.get(entry, 0.0))
+            with contextlib.suppress(FileNotFoundError):  # removed meanwhile
+                written[entry] = max(file.stat().st_mtime, written.get(entry, 0.0))
         by_age = sorted(written, key=lambda entry: -written[entry])
         for entry in by_age[self.capacity :]:
             _remove(entry)
@@ -236,4 +253,8 @@ def _read_entry(file: Path) -> CacheEntry:
 def _remove(file: Path) -> None:
     """Remove an entry's files: first the one without which it does not exist."""
     for suffix in SUFFIXES:
-        file.with_suffix(suffix).unlink(missing_ok=True)
+        one = file.with_suffix(suffix)
+        if one.is_dir() and not one.is_symlink():
+            one.rmdir()
+        else:
+            one.unlink(missing_ok=True)

@@ -17,11 +17,14 @@ from humanoid_getup.motions.motion_database import Connection, MotionDatabase, l
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.path_planner import plan_path
+from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus, check_torque_limit
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
 from robots.kinematics import read_posture
 from robots.quaternion import Array
+from robots.torque_limit import check_torque_limit
 
 STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
 SLOW = 0.6  # tempo at which a tangled robot is pulled free
@@ -34,6 +37,7 @@ ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searchin
 FINALISTS = 3  # rollouts of a round that may be checked
 FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
+MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
 SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
 MOST_FAILURES = 2  # searches without a path before the start counts as tangled
@@ -49,6 +53,8 @@ class _Progress:
     rng: np.random.Generator
     tried: list[CandidateRollout] = field(default_factory=list)
     best: CandidateRollout | None = None
+    before: CandidateRollout | None = None
+    """The rise that was improved."""
     robust: float = float("nan")
     rounds: int = 0
     planned: bool = False
@@ -87,10 +93,16 @@ class PlannedRise:
             search_budget: Simulated time in which a search may vary a rollout's targets [s].
 
         Raises:
-            ValueError: if the preference is unknown, or the budget not above 0.
+            ValueError: if the preference is unknown, or the budget or assistance out of range.
         """
-        if not search_budget > 0.0:
-            raise ValueError(f"search_budget is {search_budget} s, expected above 0 s")
+        if not 0.0 < search_budget <= MOST_BUDGET:
+            raise ValueError(
+                f"search_budget is {search_budget} s, expected above 0 s, at most {MOST_BUDGET:g} s"
+            )
+        if not 0.0 <= assistance <= MOST_ASSISTANCE:
+            raise ValueError(
+                f"assistance is {assistance}, expected a share from 0 to {MOST_ASSISTANCE:g}"
+            )
         self.prefer: PreferenceName = prefer
         self.search_budget = search_budget
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
@@ -118,7 +130,7 @@ class PlannedRise:
         first = self._candidates(progress, progress.start, connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
-        already = self.filter.count
+        already, searched = self.filter.count, self.filter.searched
         self._round(progress, first)
         if not first:
             self._round(progress, self._pull_free(progress, connections[:FIRST_CONNECTIONS]))
@@ -137,6 +149,7 @@ class PlannedRise:
         return self._conclude(
             progress,
             rollouts=self.filter.count - already,
+            searched=self.filter.searched - searched,
             plan_s=plan_s,
             filter_s=time.perf_counter() - began,
         )
@@ -202,7 +215,9 @@ class PlannedRise:
         best, preference = progress.best, self.filter.preference
         if best and progress.is_done and (preference.is_demanding or best.collides):
             budget = preference.improvement * self.search_budget
-            progress.best = self.filter.improve(progress.start, best, budget, progress.rng)
+            better = self.filter.improve(progress.start, best, budget, progress.rng)
+            if better is not best:
+                progress.best, progress.before = better, best
 
     def _search(self, progress: _Progress) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
@@ -241,8 +256,21 @@ class PlannedRise:
                 return
 
     def _conclude(
-        self, progress: _Progress, *, rollouts: int, plan_s: float, filter_s: float
+        self,
+        progress: _Progress,
+        *,
+        rollouts: int,
+        searched: float,
+        plan_s: float,
+        filter_s: float,
     ) -> RisePlan:
+        search = SearchRecord(
+            prefer=self.prefer,
+            budget=self.search_budget,
+            simulated=searched,
+            figures=progress.best and progress.best.figures,
+            before=progress.before and progress.before.figures,
+        )
         figures: dict[str, Any] = {
             "planned": progress.planned,
             "robust": progress.robust,
@@ -250,6 +278,7 @@ class PlannedRise:
             "rounds": progress.rounds,
             "plan_s": plan_s,
             "filter_s": filter_s,
+            "search": search,
         }
         if progress.best is not None:
             return MotionPlan(
@@ -275,7 +304,7 @@ class PlannedRise:
             robot.control_period,
             name=f"rise_by_{joined.name}",
             robot=robot.name,
-            start_class=joined.start_class,
+            start_class=classify(start.orientation) or joined.start_class,
             strategy=joined.strategy,
             joint_target=rollout.target[:count],
             provenance={"program": "getup rise", "connection": joined.name},
@@ -306,7 +335,7 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
     return Motion(
         name=f"path_to_{joined.name}",
         robot=robot.name,
-        start_class=joined.start_class,
+        start_class=classify(path.orientation[0]) or joined.start_class,
         strategy=joined.strategy,
         time=np.arange(len(angles), dtype=float) * robot.control_period,
         position=np.concatenate([path.position, joined.position[frame:]]),

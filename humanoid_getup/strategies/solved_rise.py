@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Meta
 
 from humanoid_getup.evaluation.preference import PreferenceName
-from humanoid_getup.motions.motion import MAX_DURATION
+from humanoid_getup.motions.motion import MAX_DURATION, StartClass
 from robots import Posture, TorqueLimit
 from robots.posture import UNIT_TOLERANCE
 from robots.quaternion import Array
@@ -18,6 +18,7 @@ from robots.servo import LimitMode
 from robots.validation import on_axes, positive, read_table, whole
 
 MOST_TORQUE, MOST_FRAMES = 1000.0, 10**6
+MOST_TIME = 1e11  # s since 1970
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class SolvedRise:
     """A start, and how the rise from it was solved; the motion has a file of its own."""
 
     context: PlanContext
-    start_class: str
+    start_class: StartClass
     position: Annotated[Array, on_axes(1)]
     """Of the root at the start [m], (3,)."""
     orientation: Annotated[Array, on_axes(1)]
@@ -63,7 +64,7 @@ class SolvedRise:
     """Start to held stand in the rollout [s]."""
     robust: Annotated[float, Meta(ge=0.0, le=1.0, description="a share from 0 to 1")]
     """Share of the disturbed rollouts that stood."""
-    made: Annotated[float, Meta(description="a finite time in s")]
+    made: Annotated[float, Meta(ge=0.0, le=MOST_TIME, description="a time in s since 1970")]
     """When it was solved [s since 1970]."""
 
     @property

@@ -9,8 +9,9 @@ import numpy as np
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus, check_torque_limit
+from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots.torque_limit import check_torque_limit
 
 
 class StoredMotion:

@@ -67,6 +67,9 @@ def test_letting_go_is_never_held_up(guard, backend):
     [
         ({"alert": np.array([0, 32])}, FaultKind.SERVO_ERROR, "joint 'r_hip' reports overload"),
         ({"alert": np.array([36, 0])}, FaultKind.SERVO_ERROR, "overheating and overload"),
+        ({"joint_age": np.array([0.0, np.nan])}, FaultKind.LOST_JOINTS, "joint 'r_hip'"),
+        ({"imu_age": np.nan}, FaultKind.LOST_IMU, "since nan s"),
+        ({"orientation": np.zeros(4)}, FaultKind.BAD_MEASUREMENT, "IMU"),
         ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "unknown kind"),
         ({"imu_age": 0.4}, FaultKind.LOST_IMU, "since 0.40 s"),
         ({"voltage": 9.9}, FaultKind.LOW_VOLTAGE, "9.9 V, expected 10.0 V or more"),

@@ -50,6 +50,19 @@ def test_every_key_is_reported(terminal):
     assert heard.reasons == [PRESSED, PRESSED]
 
 
+@pytest.mark.parametrize("sent", [b"\x1b[A", "ä".encode(), b"\r\n"])
+def test_a_key_that_sends_several_bytes_is_one_press(terminal, sent: bytes):
+    master, slave = terminal
+    heard = Heard()
+    with StopKey(heard, slave):
+        os.write(master, sent)
+        assert heard.event.wait(5.0)
+        heard.event.clear()
+        os.write(master, b" ")
+        assert heard.event.wait(5.0)
+    assert heard.reasons == [PRESSED, PRESSED]
+
+
 def test_a_terminal_that_goes_away_stops_too(terminal):
     master, slave = terminal
     heard = Heard()

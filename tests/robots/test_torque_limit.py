@@ -3,10 +3,12 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.servo import servo_models
+from robots.torque_limit import check_torque_limit
 
 
 @pytest.fixture
@@ -53,3 +55,24 @@ def test_a_mode_that_the_servos_lack_is_refused(without_current_sensors: Robot):
 def test_a_limit_without_a_robot_has_no_mode():
     with pytest.raises(ValueError, match="no mode yet"):
         _ = TorqueLimit(1.0).mode
+
+
+@pytest.mark.parametrize(
+    ("by", "least"),
+    [("current", 0.00480), ("pwm", 4.1 / 885)],  # one count of Goal Current, and of Goal PWM
+)
+def test_a_limit_that_leaves_no_count_is_refused(op3: Robot, by, least: float):
+    assert TorqueLimit(1.01 * least, by).on(op3).value == 1.01 * least
+    with pytest.raises(ValueError, match=rf"expected at least 0\.004\d N·m, one count .* by {by}"):
+        TorqueLimit(0.99 * least, by).on(op3)
+
+
+@pytest.mark.parametrize("value", ["2.5", [2.5], True, np.array([1.0, 2.0])])
+def test_a_limit_that_is_no_number_is_refused(value):
+    with pytest.raises(TypeError, match="expected a number in N·m"):
+        TorqueLimit(value)
+
+
+def test_a_number_in_place_of_a_limit_is_refused(op3: Robot):
+    with pytest.raises(TypeError, match=r"torque_limit is 2\.5, expected e\.g\. TorqueLimit"):
+        check_torque_limit(2.5, op3)  # pyright: ignore[reportArgumentType]

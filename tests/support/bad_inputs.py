@@ -79,6 +79,23 @@ GROUPS: dict[str, list[Case]] = {
             "torque limit is 4.2 N·m, expected at most 4.1 N·m, the stall torque",
         ),
         case(
+            "rise --from supine --torque-limit 0.003",
+            "torque limit is 0.003 N·m, expected at least 0.0048 N·m, one count of the servos",
+        ),
+        case(
+            "rise --from supine --policy robust",
+            "--policy is robust, expected --method policy or auto with it",
+        ),
+        case(
+            "rise --from supine --method policy --prefer torque --search-budget 5",
+            "--prefer torque and --search-budget is of a plan, expected --method plan or auto",
+        ),
+        case(
+            "rise --from supine --no-filtering --prefer impact",
+            "--prefer impact is of the filter, expected no --no-filtering with it",
+        ),
+        case("rise --backend dynamixel", "--backend dynamixel requires --port"),
+        case(
             "rise --from supine --prefer luck",
             "--prefer is 'luck', expected time, torque, impact or robustness",
         ),
@@ -115,6 +132,7 @@ GROUPS: dict[str, list[Case]] = {
         case("motions build --jobs 0", "--jobs is 0, expected 1 or more"),
         case("motions build --generations -3", "--generations is -3, expected 1 or more"),
         case("motions build --seed -1", "--seed is -1"),
+        case("motions build --seed 99999999999", "--seed is 99999999999, expected 0 to"),
         case("preflight moonwalk", "unknown motion 'moonwalk'"),
         case(f"preflight {MOTION} --voltage 0", "--voltage is 0 V", "above 0 V"),
         case(f"preflight {MOTION} --voltage nan", "--voltage is nan V"),

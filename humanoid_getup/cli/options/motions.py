@@ -16,12 +16,12 @@ from humanoid_getup.cli.options.shared import (
     MotionName,
     Prefer,
     RobotOption,
-    Seed,
     TorqueOptions,
     WorldOptions,
 )
 from humanoid_getup.cli.output import find_folder_faults
 
+MOST_SEED = 2**31  # that CMA-ES takes
 REPLAY_FILES = ("replay.json", "flight.png", "replay.png")
 
 
@@ -61,7 +61,7 @@ class BuildMotions(RobotOption):
     """Motions to build; default: all of the robot's keyframes."""
     generations: Count = 20
     """Generations of the search that optimizes the keyframes."""
-    seed: Seed = 0
+    seed: Annotated[int, between(0, MOST_SEED), arg(help="Random seed.")] = 0
     prefer: Prefer | None = None
     """What a motion should be besides successful; default: what its keyframes say."""
     jobs: Count = 2

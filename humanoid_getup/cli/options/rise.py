@@ -27,7 +27,8 @@ class Rise(PreferenceOptions, RunOptions):
     """Number of attempts before giving up."""
     method: Literal["plan", "policy", "auto"] = "plan"
     """Plan a motion, run a policy, or use what has the better track record for the start."""
-    policy: PolicyName = "robust"
+    policy: PolicyName | None = None
+    """With --method policy or auto; default: robust."""
     planning: bool = True
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True
@@ -38,11 +39,28 @@ class Rise(PreferenceOptions, RunOptions):
 
     def find_faults(self) -> list[str]:
         """Report an option that does not fit the backend or another one, too."""
-        faults = super().find_faults()
+        faults = super().find_faults() + self._find_unused()
         if self.is_real and not self.filtering:
             faults.append("--no-filtering requires a simulated robot")
         if self.cache_folder is not None:
-            faults += find_folder_faults(self.cache_folder, ())
+            owner = f"--cache-folder {self.cache_folder}"
+            faults += find_folder_faults(self.cache_folder, (), owner)
+        return faults
+
+    def _find_unused(self) -> list[str]:
+        """Report options of a plan for a policy, and the other way round."""
+        faults = []
+        if self.method == "plan" and self.policy is not None:
+            faults.append(f"--policy is {self.policy}, expected --method policy or auto with it")
+        given = {
+            f"--prefer {self.prefer}": self.prefer != "time",
+            "--search-budget": self.search_budget != PreferenceOptions.search_budget,
+        }
+        named = " and ".join(name for name, is_given in given.items() if is_given)
+        if named and self.method == "policy":
+            faults.append(f"{named} is of a plan, expected --method plan or auto with it")
+        if named and not self.filtering:
+            faults.append(f"{named} is of the filter, expected no --no-filtering with it")
         return faults
 
 

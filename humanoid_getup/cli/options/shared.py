@@ -103,11 +103,11 @@ class PreferenceOptions(CommandOptions):
     """What a planned rise should be, and how long it is searched for."""
 
     prefer: Prefer = "time"
-    """What a planned rise should be besides successful: quick, with low torque, soft, or with a
-    margin against disturbances."""
+    """What a planned rise should be besides successful: quick, with low torque, with small jolts
+    (of the neck, not of the head alone), or with a margin against disturbances."""
     search_budget: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 600.0
-    """Simulated time in which a plan's targets are varied until they stand under every disturbance
-    [s]; up to half as much is spent on what stands, as --prefer says."""
+    """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
+    stands or this is spent; one that stands is improved, as --prefer says, for up to half of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,6 +152,8 @@ class RunOptions(MoveOptions):
     """After a judged stand: hold it until a key is pressed, then sit and lie down (in simulated
     time or without a terminal: at once); sit and lie down at once; torque off where it stands; or
     leave torque on for another program. Default: hold; of the twin, limp."""
+    balance: bool = True
+    """Feed the torso's attitude back to the ankles while the robot rises and stands."""
     origin: Origin = None
     needs_origin: ClassVar[bool] = True
     """Whether a simulated robot has no start of its own."""
@@ -164,7 +166,8 @@ class RunOptions(MoveOptions):
                 f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
                 "lies"
             )
-        if self.needs_origin and not self.is_real and self.origin is None:
+        is_simulated = self.backend != "dynamixel"
+        if self.needs_origin and is_simulated and not self.is_real and self.origin is None:
             faults.append(
                 "--from is missing, expected supine, prone, left, right or a posture file"
             )

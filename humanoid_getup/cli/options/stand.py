@@ -16,6 +16,7 @@ class Sit(MoveOptions):
     """
 
     then: ClassVar[Literal["sit"]] = "sit"
+    ending: ClassVar[Literal["sit"]] = "sit"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,3 +30,8 @@ class Hold(MoveOptions):
     then: Literal["sit", "limp", "hand-over"] = "sit"
     """After that: sit and lie down, torque off where it stands, or leave torque on for another
     program."""
+
+    @property
+    def ending(self) -> Literal["hold", "limp", "hand-over"]:
+        """What the robot does: it is always held first."""
+        return "hold" if self.then == "sit" else self.then

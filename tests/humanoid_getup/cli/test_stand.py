@@ -48,6 +48,13 @@ def test_a_held_robot_is_judged_and_handed_over(tmp_path: Path):
     assert report["hand_over"]["watchdog"] == "off"
 
 
+def test_a_robot_is_held_before_it_sits(tmp_path: Path):
+    code, report = run("hold", out=tmp_path)
+    assert (code, report["succeeded"], report["then"]) == (0, True, "sit")
+    assert report["held_s"] == pytest.approx(4.5, abs=0.1)
+    assert report["way_down_s"] > 1.0
+
+
 def test_a_rise_says_what_followed_its_stand(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     code, report = run("play", SQUAT, "--then", "sit", out=tmp_path)
     assert (code, report["stood"], report["then"]) == (0, True, "sit")
@@ -90,8 +97,8 @@ def test_a_key_releases_a_robot_that_is_held_and_stops_one_that_moves(op3: Robot
         assert key.is_released()
         assert guard.fault is None
         key.note(PhaseChange(Phase.LYING_DOWN, 1, ""))
-        os.write(master, b" ")
         while guard.fault is None and time.monotonic() < until:
+            os.write(master, b" ")
             guard.read()
             guard.write(Command.limp(op3.n))
         assert guard.fault is not None

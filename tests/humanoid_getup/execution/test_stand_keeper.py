@@ -236,7 +236,83 @@ def test_a_way_down_that_the_supply_does_not_allow_is_refused(world: World, op3:
     twin = Twin(world, op3.standing, voltage=9.0)
     result = StandKeeper(StandSession.on(twin, world)).start()
     assert result.refusal is not None
-    assert result.refusal.startswith("preflight refused")
+    assert result.refusal.startswith("the supply is too low: 9.0 V")
+    assert result.by_fault
+
+
+class Turned(Twin):
+    """Has a gyro that reads a turn for a moment, 1 s before it is released."""
+
+    def read(self) -> State:
+        state = super().read()
+        is_turned = 9.0 < state.time < 9.05
+        return replace(state, gyro=state.gyro + np.array([0.0, 0.0, 1.2 * is_turned]))
+
+
+def test_a_robot_that_stood_lies_down_whenever_it_is_released(world: World, op3: Robot):
+    """By its sensors, as a robot is judged: 3 s without a break are over 1 s too late."""
+    twin = Turned(world, op3.standing)
+    session = StandSession.on(
+        twin, world, then="hold", is_released=after(10.0, twin.period), simulation=None
+    )
+    result = StandKeeper(replace(session, simulation=None)).start()
+    assert result.succeeded, result.reason
+    assert result.record()["held_s"] == pytest.approx(10.0, abs=0.1)
+    assert classify(twin.truth.posture.orientation) == "supine"
+
+
+def test_a_robot_that_sways_on_lies_down_all_the_same(world: World, op3: Robot, monkeypatch):
+    monkeypatch.setattr(
+        "humanoid_getup.execution.stand_watch.StandWatch.stood", False, raising=False
+    )
+    monkeypatch.setattr("humanoid_getup.execution.stand_watch.PATIENCE", 1.0)
+
+    class Swaying(Twin):
+        def read(self) -> State:
+            state = super().read()
+            return replace(state, gyro=state.gyro + np.array([0.0, 0.0, 1.2 * (state.time < 8.0)]))
+
+    twin = Swaying(world, op3.standing)
+    session = StandSession.on(twin, world, then="hold")
+    result = StandKeeper(replace(session, simulation=None)).start()
+    assert not result.succeeded
+    assert result.way_down is not None
+    assert result.way_down.is_done
+    assert "it sat and lay down" in result.reason
+    assert classify(twin.truth.posture.orientation) == "supine"
+
+
+def test_an_interrupted_hand_over_says_that_torque_is_on(world: World, op3: Robot):
+    class Interrupted(Twin):
+        def close(self) -> None:
+            super().close()
+            if self.release is Release.HOLD:
+                raise KeyboardInterrupt
+
+    twin = Interrupted(world, op3.standing)
+    with pytest.raises(KeyboardInterrupt, match="servos hold their targets"):
+        hg.keep_stand(twin, world, then="hand-over")
+    assert twin.simulation.has_torque
+
+
+@pytest.mark.parametrize("by", ["current", "pwm", "ideal"])
+def test_a_hand_over_says_how_torque_is_limited(by, world: World, op3: Robot):
+    twin = Twin(world, op3.standing)
+    result = hg.keep_stand(twin, world, then="hand-over", torque_limit=TorqueLimit(3.0, by))
+    assert result.hand_over is not None
+    assert result.hand_over.limit_by == by
+    assert f"at most 3.00 N·m by {by}" in result.reason or by in str(result.hand_over)
+
+
+def test_an_orientation_that_is_none_is_refused(world: World, op3: Robot):
+    class Blind(Twin):
+        def read(self) -> State:
+            return replace(super().read(), orientation=np.zeros(4))
+
+    result = hg.keep_stand(Blind(world, op3.standing), world)
+    assert result.by_fault
+    assert result.refusal is not None
+    assert FaultKind.BAD_MEASUREMENT.value in result.refusal
 
 
 def test_an_interrupted_hold_leaves_the_robot_limp(world: World, op3: Robot):
@@ -248,4 +324,5 @@ def test_an_interrupted_hold_leaves_the_robot_limp(world: World, op3: Robot):
     with pytest.raises(KeyboardInterrupt):
         hg.keep_stand(twin, world, then="hand-over", on_cycle=interrupt)
     assert not twin.simulation.has_torque
+    assert not twin.simulation.on_sensor_update, "a judge that nobody asks keeps samples"
     assert twin.release is Release.LIMP

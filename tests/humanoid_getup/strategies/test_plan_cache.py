@@ -181,8 +181,42 @@ def test_a_motion_that_is_lost_changed_or_exchanged_is_not_loaded(tmp_path):
 
 def test_a_motion_of_another_robot_is_refused_although_its_checksum_is_right(tmp_path):
     entry = PlanCache(tmp_path).keep(RISE, replace(MOTION, robot="round"))
-    with pytest.raises(PlanCacheError, match="made for 'round', expected 'box'"):
+    with pytest.raises(PlanCacheError, match="its robot is 'round', expected 'box'"):
         entry.load_motion()
+
+
+def test_a_motion_with_other_joints_than_its_start_is_refused(tmp_path):
+    rise = replace(RISE, joint_pos=RISE.joint_pos[:-1])
+    entry = PlanCache(tmp_path).keep(rise, MOTION)
+    with pytest.raises(PlanCacheError, match=r"its number of joints is \d+, expected \d+ as in"):
+        entry.load_motion()
+
+
+def test_a_folder_in_the_place_of_an_entry_does_not_keep_the_others(tmp_path):
+    cache = PlanCache(tmp_path)
+    entry = cache.keep(RISE, MOTION)
+    folder = entry.file.with_name("0123456789abcdef.json")
+    (folder / "mine").mkdir(parents=True)
+    with pytest.raises(OSError, match="not empty"):
+        cache.clear()
+    assert not entry.file.exists()
+    (folder / "mine").rmdir()
+    assert cache.clear() == 1
+    assert not folder.exists()
+
+
+def test_a_fifo_in_the_cache_is_refused_and_not_waited_for(tmp_path):
+    entry = PlanCache(tmp_path).keep(RISE, MOTION)
+    entry.motion_file.unlink()
+    os.mkfifo(entry.motion_file)
+    with pytest.raises(PlanCacheError, match="FIFO, expected a file"):
+        entry.load_motion()
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "cache").write_text("")
+    with pytest.raises(NotADirectoryError):
+        PlanCache(tmp_path / "cache").read()
 
 
 def test_a_removed_entry_is_not_read_again_even_if_its_files_stay(tmp_path, monkeypatch):

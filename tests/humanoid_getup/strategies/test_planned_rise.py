@@ -37,6 +37,24 @@ def test_a_supine_fall_is_planned_and_stands(plan):
     assert 1.0 < plan.stand_time < 8.0
 
 
+def test_a_plan_says_where_the_robot_lay_and_what_its_rollout_took(plan):
+    """Whichever side the motion that it joins begins on."""
+    assert plan.motion.start_class == "supine"
+    search = plan.search
+    assert (search.prefer, search.budget, search.simulated, search.before) == (
+        "time",
+        600.0,
+        0,
+        None,
+    )
+    assert search.figures.stand_time == pytest.approx(plan.stand_time)
+    assert 0.3 < search.figures.rms_torque < search.figures.peak_torque <= 4.1
+    record = plan.record()
+    assert record["rollout"]["rms_torque_nm"] == float(search.figures.rms_torque)
+    assert record["rollout_before_improvement"] is None
+    assert str(plan).startswith(f"{plan.title}: a rollout ends in a held stand, stands in ")
+
+
 def test_a_rise_begins_where_the_robot_lies_and_ends_in_the_stance(plan, fall, op3):
     motion = plan.motion
     np.testing.assert_allclose(motion.joint_pos[0], fall.joint_pos, atol=1e-6)
@@ -91,6 +109,10 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     planner = PlannedRise(world, database, prefer="torque", search_budget=200.0)
     gentle = planner.plan(fall, np.random.default_rng(0))
     assert gentle.robust >= plan.robust
+    assert gentle.search is not None
+    assert gentle.search.simulated > 0.0
+    assert gentle.search.before is not None
+    assert gentle.search.figures.rms_torque < gentle.search.before.rms_torque
 
     start = place(world.robot, world.model, fall)[None]
     nominal = Worlds(starts=start, parameters=DomainParameters.nominal(world, 1))
@@ -106,6 +128,10 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
         ({"prefer": "luck"}, r"prefer is 'luck', expected one of time, torque"),
         ({"search_budget": 0.0}, r"search_budget is 0.0 s, expected above 0 s"),
         ({"search_budget": float("nan")}, r"search_budget is nan s"),
+        ({"search_budget": float("inf")}, "search_budget is inf s, expected above 0 s, at most"),
+        ({"assistance": float("nan")}, "assistance is nan, expected a share from 0 to 10"),
+        ({"assistance": -1.0}, r"assistance is -1\.0, expected a share"),
+        ({"prefer": ["time"]}, "prefer is .'time'., expected one of time"),
     ],
 )
 def test_a_wrong_preference_or_budget_is_refused(world, database, options, told):

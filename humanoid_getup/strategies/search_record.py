@@ -1,0 +1,44 @@
+"""What a plan was searched for, what that took, and what it brought."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from humanoid_getup.evaluation.preference import PreferenceName
+from humanoid_getup.evaluation.rise_figures import RiseFigures
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchRecord:
+    """How a rise was searched for."""
+
+    prefer: PreferenceName
+    budget: float
+    """Time that a search might simulate [s]."""
+    simulated: float = 0.0
+    """Time that searches and improvement simulated [s]."""
+    figures: RiseFigures | None = None
+    """Of the rise that is played, in its own rollout; None if none stood."""
+    before: RiseFigures | None = None
+    """Of the rise that was improved; None if none was, or nothing better was found."""
+
+    def record(self) -> dict[str, Any]:
+        """Return it under report.json's keys."""
+        return {
+            "prefer": self.prefer,
+            "search_budget_s": self.budget,
+            "searched_s": self.simulated,
+            "rollout": self.figures and self.figures.record(),
+            "rollout_before_improvement": self.before and self.before.record(),
+        }
+
+
+NO_SEARCH = {
+    "prefer": None,
+    "search_budget_s": None,
+    "searched_s": None,
+    "rollout": None,
+    "rollout_before_improvement": None,
+}
+"""The keys of a rise that is not searched for."""

@@ -1,0 +1,59 @@
+"""A signal does not cut off the release of a robot."""
+
+import os
+import signal
+
+import pytest
+from memory_rig import Rig
+
+from drivers import Command
+from drivers.backend import Release
+from drivers.dynamixel.servo_chain import ServoChain
+from drivers.interrupts import deferred_interrupts
+
+
+def interrupt() -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_a_signal_is_handled_after_the_block():
+    steps = []
+    with pytest.raises(KeyboardInterrupt), deferred_interrupts():
+        interrupt()
+        steps.append("went on")
+    assert steps == ["went on"]
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+
+
+def test_an_error_of_the_block_is_not_hidden():
+    with pytest.raises(ValueError, match="mine"), deferred_interrupts():
+        interrupt()
+        raise ValueError("mine")
+
+
+@pytest.mark.parametrize(
+    ("release", "method", "torque"),
+    [(Release.LIMP, "release", {0}), (Release.HOLD, "disarm", {1})],
+)
+def test_a_robot_is_released_or_handed_over_completely(tiny, monkeypatch, release, method, torque):
+    """Interrupted at the first chain: all are served, and every port is closed."""
+    original = getattr(ServoChain, method)
+
+    def interrupted(self: ServoChain):
+        interrupt()
+        return original(self)
+
+    with Rig(tiny) as rig:
+        backend = rig.backend
+        for _ in range(4):
+            state = backend.read()
+            backend.write(Command.position(tiny, state.joint_pos))
+        assert {servo.peek("torque_enable") for servo in rig.virtual.servos} == {1}
+        backend.release = release
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(ServoChain, method, interrupted)
+            backend.close()
+        assert {servo.peek("torque_enable") for servo in rig.virtual.servos} == torque
+        assert {servo.peek("bus_watchdog") for servo in rig.virtual.servos} == {0}
+        assert not any(chain.bus.port.is_open for chain in backend.chains)

@@ -127,6 +127,7 @@ class StartTable:
     y: NumberRange = (0.0, 0.0)
     z: NumberRange = (-FARTHEST, FARTHEST)
     margin: Share = 0.25
+    settled: bool = False
     heading_deg: DegreeRange = (-180.0, 180.0)
 
     def build(self, unit: float) -> StartRegion:
@@ -138,6 +139,7 @@ class StartTable:
             y=(unit * self.y[0], unit * self.y[1]),
             z=(unit * self.z[0], unit * self.z[1]),
             margin=unit * self.margin,
+            is_settled=self.settled,
             heading=(math.radians(low), math.radians(high)),
         )
 

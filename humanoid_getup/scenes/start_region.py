@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,9 @@ class StartRegion:
     """Height of the torso, which tells under a table from on it [m]."""
     margin: float = 0.0
     """By which it may leave the place while it settles [m]."""
+    is_settled: bool = False
+    """Whether robots settle on the bare ground first and are then put in the region, because no
+    robot falls there, such as under a table."""
     heading: Range = (-math.pi, math.pi)
     """Horizontal direction in which the head points [rad], 0 along +x."""
 
@@ -43,6 +46,14 @@ class StartRegion:
         axis = spread / max(float(np.linalg.norm(spread)), 1e-12)
         shaken = quaternion.from_axis_angle(axis, float(np.linalg.norm(spread)))
         return place, quaternion.normalize(quaternion.multiply(turned, shaken))
+
+    def move(self, posture: Posture, rng: np.random.Generator) -> Posture:
+        """Move a lying robot to a place in the region, and turn its head to a heading there."""
+        head = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
+        turn = quaternion.from_yaw(rng.uniform(*self.heading) - math.atan2(head[1], head[0]))
+        at = np.array([rng.uniform(*self.x), rng.uniform(*self.y), posture.position[2]])
+        orientation = quaternion.normalize(quaternion.multiply(turn, posture.orientation))
+        return replace(posture, position=at, orientation=orientation)
 
     def spans(self, position: Array) -> bool:
         """Return whether a torso's position [m], (3,), is in the region or its margin."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.drop import FallError, drop
 from humanoid_getup.simulation.rollout import Rollout
@@ -29,6 +30,7 @@ CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
 BATCH = 24
 MOST_BATCHES = 400
+RESTING = 0.003  # m that a robot at rest sinks into what it lies on
 
 
 # rad/s and m/s of a settled robot. Joints without torque creep at 0.025 rad/s (median) under the
@@ -99,7 +101,10 @@ def _sample(
     world: World, counts: dict[str, int], rng: np.random.Generator
 ) -> tuple[list[Fall], int, int]:
     """Sample falls; return them, how many robots were dropped and how many were left out."""
-    sim = VecSim(world, BATCH)
+    bare = replace(world.scene, obstacles=(), starts=())
+    is_settled = any(start.is_settled for start in world.scene.starts)
+    sim = VecSim(World(world.robot, bare) if is_settled else world, BATCH)
+    clearance = Clearance(world)
     wanted = dict(counts)
     falls: list[Fall] = []
     left_out = 0
@@ -112,10 +117,16 @@ def _sample(
                 f"robot '{world.robot.name}' does not fall into every class: "
                 f"{missing} missing after {batch * BATCH} falls"
             )
-        qpos, settled = drop(sim, SETTLED_SPEED, rng, regions=_choose(world.scene, wanted))
+        regions = _choose(world.scene, wanted)
+        qpos, settled = drop(sim, SETTLED_SPEED, rng, regions=() if is_settled else regions)
         left_out += int(np.sum(~settled))
-        for posture in (read_posture(world.robot, world.model, q) for q in qpos[settled]):
+        for posture in (read_posture(world.robot, sim.model, q) for q in qpos[settled]):
             found = classify(posture.orientation)
+            region = next((r for r in regions if r.start_class == found), None)
+            if region is not None and is_settled:
+                posture = region.move(posture, rng)
+                if clearance.measure_overlap(place(world.robot, world.model, posture)) > RESTING:
+                    continue
             if found is None or not _lies_as_it_should(world.scene, posture, found):
                 continue
             key = _count_as(found, counts)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
@@ -178,9 +179,7 @@ def randomize_rollouts(
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
     root = starts[:, layout.root_orientation]  # a view
     root[:] = quaternion.multiply(turn, root)
-    rest = lowest_point(world.model, start)
-    for row in starts[1:]:  # the rotation must neither lift it off the ground nor press it in
-        row[layout.root_qpos + 2] += rest - lowest_point(world.model, row)
+    _rest_as(world, start, starts[1:])  # it must neither be lifted off the ground nor pressed in
     voltage = supply * robot.supply_voltage
     return starts, DomainParameters.nominal(
         world,
@@ -190,3 +189,15 @@ def randomize_rollouts(
         torque_limit=torque_limit.value,
         limit_by=torque_limit.by,
     )
+
+
+def _rest_as(world: World, start: Array, others: Array) -> None:
+    """Put MuJoCo positions (N, nq) as high over what is under them as a start (nq,), in place."""
+    root = world.robot.layout(world.model).root_qpos + 2
+    if world.scene.is_flat:
+        rest = lowest_point(world.model, start)
+        others[:, root] += [rest - lowest_point(world.model, row) for row in others]
+        return
+    clearance = Clearance(world)
+    above = float(start[root] - clearance.rest(start)[root])
+    others[:, root] = [clearance.rest(row, above)[root] for row in others]

@@ -75,7 +75,7 @@ def test_type_checkers_see_the_names_that_are_imported():
 
 
 def test_a_world_is_named_or_given(op3):
-    assert hg.World(op3).scene == hg.World(op3, FLAT_SCENE).scene
+    assert hg.World(op3).scene.name == hg.World(op3, FLAT_SCENE).scene.name
     with pytest.raises(ValueError, match="unknown scene 'moon'"):
         hg.World(op3, "moon")
 

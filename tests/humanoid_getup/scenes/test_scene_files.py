@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from paths import REPOSITORY
 
 from humanoid_getup.scenes.named_scenes import FOLDER, list_scenes, load_scene
 from humanoid_getup.scenes.scene_file import read_scene
@@ -72,6 +73,14 @@ def test_a_file_says_all_that_a_scene_has(op3: Robot, tmp_path: Path):
     (start,) = scene.starts
     assert (start.start_class, start.x) == ("left", (-1.0, 1.0))
     assert start.heading == pytest.approx((0.0, math.pi / 2))
+
+
+def test_the_file_in_the_documentation_is_a_scene(op3: Robot, tmp_path: Path):
+    page = (REPOSITORY / "docs" / "reference" / "scenes.md").read_text("utf-8")
+    text = page.split("```toml\n")[1].split("```")[0]
+    scene = read_scene(write(tmp_path, text), op3)
+    assert [obstacle.name for obstacle in scene.obstacles] == ["crate"]
+    assert scene.surface.rolling_friction > 0.0
 
 
 def test_sizes_without_a_unit_are_shares_of_the_leg(op3: Robot, tmp_path: Path):

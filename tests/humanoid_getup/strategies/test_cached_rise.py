@@ -16,6 +16,7 @@ from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.scenes.surface import Surface
 from humanoid_getup.simulation.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import (
@@ -189,7 +190,7 @@ def test_a_plan_serves_only_under_the_limit_and_settings_of_its_own(
 
 def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner, op3):
     scene = world.scene
-    slippery = World(op3, replace(scene, friction=0.5))
+    slippery = World(op3, replace(scene, surface=Surface(friction=0.5)))
     fewer = MotionDatabase(list(database.motions[1:]), database.metric)
     known = {
         compute_fingerprint(PlannedRise(slippery, database)),
@@ -202,8 +203,8 @@ def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner
 
 
 def test_beside_obstacles_only_the_same_place_counts(op3, database, solved, start, tmp_path):
-    post = make_capsule("post", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.05)
-    far_post = replace(post, start=post.start + 9.0, end=post.end + 9.0)
+    foot = np.full(3, 9.0)
+    far_post = make_capsule("post", foot, foot + np.array([0.0, 0.0, 1.0]), 0.05)
     world = World(op3, replace(FLAT_SCENE, name="post", obstacles=(far_post,)))
     planner = CountingPlanner(world, database, answer=solved[0])
     cached = CachedRise(planner, PlanCache(tmp_path))

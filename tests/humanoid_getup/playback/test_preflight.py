@@ -269,7 +269,7 @@ def test_all_that_is_wrong_is_told_at_once_refusals_first(
         ({"voltage": math.nan}, "voltage is nan V"),
         ({"voltage": 0.0}, "voltage is 0 V"),
         ({"voltage": math.inf}, "voltage is inf V"),
-        ({"voltage": 12.0, "temperature": math.nan}, "temperature is nan °C"),
+        ({"voltage": 12.0, "temperature": math.nan}, "temperature is not finite"),
     ],
 )
 def test_what_is_no_measurement_is_bad_input(

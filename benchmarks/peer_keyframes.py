@@ -43,7 +43,6 @@ from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.motion_player import APPROACH_SPEED
 from humanoid_getup.playback.supervisor import Supervisor
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
@@ -292,7 +291,7 @@ class Options:
 
 def main(options: Options) -> None:
     """Measure, print, write."""
-    world = World(load_robot(options.robot), load_scene(options.scene))
+    world = World(load_robot(options.robot), options.scene)
     limits = {name: LIMITS[name] for name in options.limits or LIMITS}
     rises = len(limits) * (len(options.ways) or 4) * len(BENCH_CLASSES) * options.n
     with counting("rises", rises) as count:

@@ -31,7 +31,6 @@ from humanoid_getup.planning.path_planner import PathOptions, find_path
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.shortcut import length
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, load_robot, quaternion
 from robots.quaternion import Array
@@ -176,7 +175,7 @@ def main(
         limit: OMPL's time for a problem [s].
         json: File for the results.
     """
-    world = World(load_robot(robot), load_scene(scene))
+    world = World(load_robot(robot), scene)
     ou.setLogLevel(ou.LOG_ERROR)
     ou.RNG.setSeed(seed + 1)  # once: OMPL seeds all later generators from it
     falls = sample_falls(world, COUNTS, np.random.default_rng(seed))

@@ -25,8 +25,9 @@ from rich.console import Console
 from humanoid_getup.cli.output import to_json
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
-from humanoid_getup.simulation.scene import load_scene
 from robots import Posture, Robot, load_robot
 from robots.files import write_atomically
 from robots.kinematics import read_posture
@@ -155,7 +156,7 @@ def _find_stands(
     falls: FallSet,
 ) -> list[Posture]:
     """Let robots rise; return where those are that stand."""
-    model = build_training_world(robot, load_scene(falls.scene), 0.002).model
+    model = build_training_world(robot, load_scene(falls.scene, robot), 0.002).model
     risen = put_through(Perturbation(), [fall.posture for fall in falls.falls])
     return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.stood]]
 
@@ -174,7 +175,7 @@ def _hold(robot: Robot, stands: Sequence[Posture], rises: list[PolicyRollouts]) 
 
 def _find_own_contacts(robot: Robot, ends: Array) -> list[float]:
     """Return how deep limbs lie in each other, a number for each posture in which any touch."""
-    model = build_training_world(robot, load_scene("flat"), 0.002).model
+    model = build_training_world(robot, FLAT_SCENE, 0.002).model
     data, depths = mujoco.MjData(model), []
     for qpos in ends:
         data.qpos[:] = qpos

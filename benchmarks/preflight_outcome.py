@@ -72,7 +72,7 @@ class PlayedPlan(RisePlan):
         return self.plan.controller(strategy)
 
     def preflight(
-        self, strategy: Strategy, settled: State, measure: Callable[[], State]
+        self, strategy: Strategy, settled: State, measure: Callable[[], Posture]
     ) -> UnheededVerdict:
         """Keep the plan's verdict."""
         given = self.plan.preflight(strategy, settled, measure)

@@ -93,6 +93,27 @@ def read_table(
     return kind(**values)
 
 
+def find_unknown_keys(kind: type, table: dict[str, Any], place: str = "") -> list[str]:
+    """Report keys that no field of a dataclass has, in this table and in those within."""
+    names = {field.metadata.get("key", field.name): field.name for field in fields(kind)}
+    problems = []
+    for key, value in table.items():
+        name = f"{place}{_as_key(key)}"
+        if key not in names:
+            problems.append(f"unknown key {name}, expected {', '.join(names)}")
+            continue
+        base = _split(_hints(kind)[names[key]])[0]
+        item = _item_type(base)
+        if is_dataclass(base) and isinstance(value, dict):
+            problems += find_unknown_keys(base, value, f"{name}.")  # type: ignore[arg-type]
+        elif is_dataclass(item) and isinstance(value, list):
+            for number, row in enumerate(value, start=1):
+                if isinstance(row, dict):
+                    where = _row_place(name, row, number)
+                    problems += find_unknown_keys(item, row, where)  # type: ignore[arg-type]
+    return problems
+
+
 def load_toml(file: Path) -> dict[str, Any]:
     """Load a TOML file; raises as `parse_file`."""
     return parse_file(file, "TOML", tomllib.loads)

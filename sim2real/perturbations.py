@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.statistics import summarize, wilson_interval
 from humanoid_getup.policy.action import ActionSpec
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import Fall
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import place
@@ -107,7 +107,7 @@ def evaluate_policy(
     if perturbation.backlash:
         variants.append(backlash(perturbation.backlash))
     delays = LONGEST_DELAY if perturbation.delay else 0.0
-    world = build_training_world(robot, load_scene(scene), PHYSICS_STEP, delays, variants)
+    world = build_training_world(robot, load_scene(scene, robot), PHYSICS_STEP, delays, variants)
     rng = np.random.default_rng(seed)
     records = []
     for first in range(0, len(starts), CHUNK):

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from humanoid_getup.simulation.scene import GroundHeight, Scene, flat_ground
+from humanoid_getup.scenes.ground import Slope
+from humanoid_getup.scenes.obstacle import Obstacle
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.surface import Surface
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
-from robots.ground import GROUND, add_world_geom
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
 
@@ -53,22 +55,15 @@ class Disturbance:
     (standard deviation), before it settles."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DisturbedScene(Scene):
-    """A scene with a slope or a step under the robot, and a load on its back."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadedScene(Scene):
+    """A scene, with a load on the robot's back."""
 
-    slope: float = 0.0
-    step: float = 0.0
-    step_direction: float = 0.0
-    """Horizontal direction from the hips towards the plate [rad]."""
     load: float = 0.0
 
     def build(self, robot: Robot) -> mujoco.MjSpec:
         """Add this scene to the robot's model."""
         spec = super().build(robot)
-        spec.geom(GROUND).quat = _tilt(self.slope)
-        if self.step:
-            _add_plate(spec, self)
         if self.load:
             _add_load(spec, robot, self.load)
         return spec
@@ -82,14 +77,14 @@ def disturb_world(world: World, disturbance: Disturbance, direction: float) -> W
         disturbance: What differs.
         direction: Direction of the step's plate, and of the center of mass in the torso [rad].
     """
-    scene = DisturbedScene(
+    surface = world.scene.surface
+    if disturbance.friction is not None:
+        surface = replace(surface, friction=disturbance.friction)
+    scene = LoadedScene(
         name=f"{world.scene.name}, disturbed",
-        friction=disturbance.friction or world.scene.friction,
-        obstacles=world.scene.obstacles,
-        ground=_make_ground(disturbance, direction),
-        slope=disturbance.slope,
-        step=disturbance.step,
-        step_direction=direction,
+        ground=Slope(angle=disturbance.slope),
+        surface=surface,
+        obstacles=(make_plate(disturbance.step, direction, surface),) if disturbance.step else (),
         load=disturbance.load,
     )
     disturbed = World(world.robot, scene)
@@ -158,22 +153,16 @@ def _point(direction: float) -> Array:
     return np.array([math.cos(direction), math.sin(direction), 0.0])
 
 
-def _make_ground(disturbance: Disturbance, direction: float) -> GroundHeight:
-    if disturbance.slope:
-        return lambda x, _y: math.tan(disturbance.slope) * x
-    if disturbance.step:
-        toward = _point(direction)
-        return lambda x, y: disturbance.step * (x * toward[0] + y * toward[1] > 0.0)
-    return flat_ground
-
-
-def _add_plate(spec: mujoco.MjSpec, scene: DisturbedScene) -> None:
-    plate = add_world_geom(spec, "step", scene.friction)
-    plate.type = mujoco.mjtGeom.mjGEOM_BOX
-    plate.size[:] = [PLATE, PLATE, 0.5 * scene.step]
-    plate.pos[:] = PLATE * _point(scene.step_direction) + np.array([0.0, 0.0, 0.5 * scene.step])
-    plate.quat[:] = quaternion.from_yaw(scene.step_direction)
-    plate.rgba[:] = [0.62, 0.45, 0.30, 1.0]
+def make_plate(height: float, direction: float, surface: Surface) -> Obstacle:
+    """Make a plate on the half of the ground that lies in a direction [rad] from the origin."""
+    return Obstacle(
+        name="step",
+        kind="box",
+        half_size=np.array([PLATE, PLATE, 0.5 * height]),
+        position=PLATE * _point(direction) + np.array([0.0, 0.0, 0.5 * height]),
+        orientation=quaternion.from_yaw(direction),
+        surface=surface,
+    )
 
 
 def _add_load(spec: mujoco.MjSpec, robot: Robot, mass: float) -> None:

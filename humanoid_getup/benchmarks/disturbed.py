@@ -116,7 +116,7 @@ class Trial:
             strategy,
             max_attempts=1,
             start_class=fall.start_class,
-            ground=self.world.scene.ground,
+            support=self.world.scene.support,
         )
         result = AttemptManager(session).get_up(np.random.default_rng(seed))
         return result.record() | {"refused": result.run is None}

@@ -60,6 +60,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     ),
     "preflight": ("motions.Preflight", "preflight.preflight", "Judge if a motion may be played."),
     "replay": ("motions.Replay", "replay.replay_log", "Replay a flight log and compare."),
+    "scenes": ("motions.ListScenes", "scenes.list_scenes", "List or draw the scenes."),
     "robots": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
 }
 """Name: options, the function that runs them, summary. A group of commands has only a summary."""

@@ -13,8 +13,8 @@ from humanoid_getup.cli.output import phase
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import check_start
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit, load_posture
 from robots import load_robot as load_robot_by_name
@@ -29,8 +29,8 @@ def load_robot(options: RobotOption) -> Robot:
 def load_world(options: SceneOptions) -> World:
     """Load the robot of a command into its scene."""
     with phase("loading"), refusing():
-        scene = load_scene(options.scene)
-        return World(load_robot(options), scene)
+        robot = load_robot(options)
+        return World(robot, load_scene(options.scene, robot, options.seed))
 
 
 def make_torque_limit(options: TorqueOptions, robot: Robot) -> TorqueLimit:

@@ -23,7 +23,7 @@ from humanoid_getup.cli.output import (
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting import film_strip
-from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place
@@ -57,7 +57,7 @@ def show(command: ShowMotion) -> int:
 
 
 def _draw(robot: Robot, motion: Motion, path: Path) -> None:
-    model = World(robot, load_scene("flat")).model
+    model = World(robot, FLAT_SCENE).model
     # The frames until the motion stands, or all where that is not known.
     stands = motion.duration if motion.stand_time is None else motion.stand_time
     end = motion.time[0] + stands + film_strip.AFTERMATH

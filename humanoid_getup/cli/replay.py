@@ -16,7 +16,7 @@ from humanoid_getup.cli.output import console_for, phase, staging, to_json, writ
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.reporting import plots
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
-from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.servo import LIMIT_MODES, LimitMode
@@ -47,7 +47,9 @@ def replay_log(command: Replay) -> int:
 def _load_world(command: Replay, record: FlightRecord) -> World:
     robot = load_robot(command.robot or record.robot)
     record.check_robot(robot)
-    return World(robot, load_scene(command.scene or str(record.about.get("scene", "flat"))))
+    scene = command.scene or str(record.about.get("scene", "flat"))
+    seed = record.about.get("seed", 0)
+    return World(robot, load_scene(scene, robot, seed if isinstance(seed, int) else 0))
 
 
 def _replay(command: Replay, record: FlightRecord, world: World) -> ReplayReport:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import Fall, settle_posture
+from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import Strategy
@@ -155,6 +157,7 @@ def _get_up(
                 is_released=key.is_released,
                 realtime=choice.realtime,
                 simulation=choice.simulation,
+                **_locate(command),
                 on_phase=note,
                 on_cycle=recorder.log,
             )
@@ -166,6 +169,15 @@ def _get_up(
         origin = command.origin or (OWN_START if own_start else WHERE_IT_LAY)
         with telling_of_torque(result.after):
             return hand_over(result, world, command, origin, extra)
+
+
+def _locate(command: RunOptions) -> dict[str, Any]:
+    """Return what tells a session where a real robot lies; a simulated one knows."""
+    if command.at is None:
+        return {}
+    x, y, heading = command.at
+    placement = Placement(x=x, y=y, heading=math.radians(heading))
+    return {"locate": lambda: placement}
 
 
 def _choose_start(

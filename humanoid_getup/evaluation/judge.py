@@ -21,7 +21,7 @@ from humanoid_getup.evaluation.standing import (
     judge,
 )
 from humanoid_getup.evaluation.torque import split_torque
-from humanoid_getup.simulation.scene import GroundHeight, flat_ground
+from humanoid_getup.scenes.scene import Support, flat_support
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import lowest_point, place_postures, torso_orientation
@@ -119,11 +119,11 @@ class GroundTruthJudge:
         self,
         simulation: Simulation,
         torque_limit: float | None,
-        ground: GroundHeight = flat_ground,
+        support: Support = flat_support,
     ) -> None:
         self._simulation = simulation
         self._limit = limit_torque(simulation.robot, torque_limit)
-        self._meter = StanceMeter(simulation.robot, simulation.model, ground)
+        self._meter = StanceMeter(simulation.robot, simulation.model, support)
         self._is_foot, self._head = _find_feet_and_head(simulation.robot, simulation.model)
         self._site_pos: list[Array] = []
         self._non_foot_contact: list[bool] = []

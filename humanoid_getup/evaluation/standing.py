@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.scenes.scene import Support, flat_support
 from humanoid_getup.simulation.rollout import Trace
-from humanoid_getup.simulation.scene import GroundHeight, flat_ground
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.quaternion import Array
@@ -26,7 +26,7 @@ class Stance:
     """Quantities that decide whether a robot stands, sample by sample."""
 
     neck_height: Array
-    """Height of the neck over the local ground under the feet [m], (...)."""
+    """Height of the neck over what the feet stand on [m], (...)."""
     tilt: Array
     """Angle between the torso's z axis and the vertical [rad], (...)."""
     non_foot_contact: NDArray[np.bool_]
@@ -37,9 +37,9 @@ class StanceMeter:
     """Measures stances: on the twin, in vectorized simulations, and from sensors."""
 
     def __init__(
-        self, robot: Robot, model: mujoco.MjModel, ground: GroundHeight = flat_ground
+        self, robot: Robot, model: mujoco.MjModel, support: Support = flat_support
     ) -> None:
-        self._robot, self._model, self._ground = robot, model, ground
+        self._robot, self._model, self._support = robot, model, support
         self._data = mujoco.MjData(model)
         self._layout = robot.layout(model)
         self._neck = model.site(robot.neck_site).id
@@ -51,9 +51,9 @@ class StanceMeter:
         That is MuJoCo positions (..., nq), the positions of all sites in the world [m],
         (..., nsite, 3), and whether anything but the feet touches the world, (...).
         """
-        feet = site_pos[..., self._soles, :].mean(axis=-2)
+        underfoot = self._support(site_pos[..., self._soles, :]).mean(axis=-1)
         return Stance(
-            neck_height=site_pos[..., self._neck, 2] - self._ground(feet[..., 0], feet[..., 1]),
+            neck_height=site_pos[..., self._neck, 2] - underfoot,
             tilt=quaternion.tilt(qpos[..., self._layout.root_orientation]),
             non_foot_contact=non_foot_contact,
         )
@@ -81,7 +81,7 @@ class StanceMeter:
 
 def measure_stance(world: World, trace: Trace) -> Stance:
     """Measure the stances of N rollouts, (N, T); one that diverged touches the world throughout."""
-    meter = StanceMeter(world.robot, world.model, world.scene.ground)
+    meter = StanceMeter(world.robot, world.model, world.scene.support)
     foreign = trace.non_foot_contact | trace.diverged[:, np.newaxis]
     return meter.measure(trace.qpos, trace.site_pos, foreign)
 

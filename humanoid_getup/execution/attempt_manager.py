@@ -19,6 +19,7 @@ from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.falls import UNCLASSED, classify
 from humanoid_getup.strategies.plan import RisePlan
+from robots import Posture
 
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
 
@@ -96,7 +97,7 @@ class AttemptManager:
             state = self._settle()
         except StartError as error:
             return Attempt(number=self._number, refusal=str(error))
-        posture = estimate_posture(session.strategy.world, state)
+        posture = self._estimate(state)
         side = classify(posture.orientation) or UNCLASSED
         self._report(Phase.PLANNING, f"the robot lies {side}")
         plan = session.strategy.plan(posture, rng)
@@ -122,10 +123,10 @@ class AttemptManager:
     def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
         """Judge a plan, and without its feedback if it falls with it; return which is played."""
         strategy = self._session.strategy
-        verdict = plan.preflight(strategy, state, self._measure)
+        verdict = plan.preflight(strategy, state, self._locate)
         other = plan.open_loop() if verdict.falls else None
         if other is not None:
-            second = other.preflight(strategy, state, self._measure)
+            second = other.preflight(strategy, state, self._locate)
             if second.passed:
                 return other, second
         return plan, verdict
@@ -143,6 +144,14 @@ class AttemptManager:
                 fault = error.fault
             self._recovery.remedy(fault)
         raise UnrecoveredError(f"{fault}, {MOST_REMEDIES} times in a row")
+
+    def _locate(self) -> Posture:
+        """Measure the robot's posture again."""
+        return self._estimate(self._measure())
+
+    def _estimate(self, state: State) -> Posture:
+        world, locate = self._session.strategy.world, self._session.locate
+        return estimate_posture(world, state, locate() if locate else None)
 
     def _measure(self) -> State:
         with self._guard:

@@ -12,7 +12,8 @@ from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
 from humanoid_getup.execution.stand_session import StandSession, Then, guard_robot
 from humanoid_getup.playback.play import Judge
-from humanoid_getup.simulation.scene import GroundHeight
+from humanoid_getup.scenes.scene import Support
+from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.strategies.plan import Strategy
 
 
@@ -42,8 +43,10 @@ class RiseSession:
     """Whether a robot that is held after its stand may sit down; called every cycle."""
     simulation: Simulation | None = None
     """Ground truth for the judges; None for sensors alone."""
-    ground: GroundHeight | None = None
+    support: Support | None = None
     """Ground on which a simulated robot is; None for that of the world that was planned in."""
+    locate: Callable[[], Placement] | None = None
+    """Tells where in its scene the robot lies; needed unless the scene is flat."""
     services: RebootsServos | None = None
     """Reboots servos; None where the backend cannot."""
     on_phase: Callable[[PhaseChange], None] = lambda _: None
@@ -54,6 +57,12 @@ class RiseSession:
     def __post_init__(self) -> None:
         if self.max_attempts < 1:
             raise ValueError(f"max_attempts is {self.max_attempts}, expected 1 or more")
+        scene = self.strategy.world.scene
+        if self.locate is None and not scene.is_flat:
+            raise ValueError(
+                f"scene '{scene.name}' is not the same everywhere, expected `locate`, which tells "
+                "where in it the robot lies"
+            )
 
     @classmethod
     def on(cls, backend: Backend, strategy: Strategy, **options: Any) -> RiseSession:
@@ -69,7 +78,10 @@ class RiseSession:
         guard, simulation = guard_robot(backend, strategy.torque_limit)
         if simulation is not None:
             options["simulation"] = simulation
-        elif isinstance(guard.backend, RebootsServos):
+        body = options.get("simulation")
+        if body is not None and not strategy.world.scene.is_flat:
+            options.setdefault("locate", lambda: Placement.of(body.truth.posture))
+        if simulation is None and isinstance(guard.backend, RebootsServos):
             options["services"] = guard.backend
         return cls(guard=guard, strategy=strategy, **options)
 
@@ -85,7 +97,7 @@ class RiseSession:
             preflight=self.preflight,
             realtime=self.realtime,
             simulation=self.simulation,
-            ground=self.ground,
+            support=self.support,
             on_phase=self.on_phase,
             on_cycle=self.on_cycle,
         )

@@ -11,7 +11,7 @@ from drivers.twin.simulation import Simulation
 from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.playback.play import Judge
-from humanoid_getup.simulation.scene import GroundHeight
+from humanoid_getup.scenes.scene import Support
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 from robots.torque_limit import check_torque_limit
@@ -37,7 +37,7 @@ class StandSession:
     """Pace the cycles by the wall clock, for backends that do not pace themselves."""
     simulation: Simulation | None = None
     """Ground truth for the judges; None for sensors alone."""
-    ground: GroundHeight | None = None
+    support: Support | None = None
     """Ground on which a simulated robot is; None for that of the world that was planned in."""
     place: Callable[[], None] | None = None
     """Places a simulated robot in its stand, once it is connected; None for a real one."""
@@ -71,8 +71,8 @@ class StandSession:
         """Make the judge of the next run."""
         limit = self.torque_limit.value
         if self.simulation is not None:
-            ground = self.ground or self.world.scene.ground
-            return GroundTruthJudge(self.simulation, limit, ground)
+            support = self.support or self.world.scene.support
+            return GroundTruthJudge(self.simulation, limit, support)
         return SensorJudge(self.world, self.guard.period, limit)
 
 

@@ -113,7 +113,7 @@ class _Tally:
     def __init__(self, world: World, length: NDArray[np.int_]) -> None:
         n, self._world, self._length = len(length), world, length
         self._period = world.robot.control_period
-        self._meter = StanceMeter(world.robot, world.model, world.scene.ground)
+        self._meter = StanceMeter(world.robot, world.model, world.scene.support)
         self._neck = world.model.site(world.robot.neck_site).id
         self._overlap = int(world.model.sensor("overlap").adr[0])
         self.cycle = 0

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from humanoid_getup.simulation.scene import GROUND, Scene
+from humanoid_getup.scenes.scene import Scene
 from robots import Posture, Robot
+from robots.ground import GROUND
 from robots.quaternion import Array
 
 
@@ -52,9 +53,7 @@ class CollisionChecker:
         self._address = np.concatenate([root, layout.qpos])
         self._qpos = self._data.qpos
         self._ground = self._model.geom(GROUND).id
-        obstacles = [self._model.geom(obstacle.name).id for obstacle in scene.obstacles]
-        self._obstacles = np.array(obstacles, dtype=int)
-        self._radius = self._model.geom_size[self._obstacles, 0].copy()
+        self._obstacles = [self._model.geom(obstacle.name).id for obstacle in scene.obstacles]
         self.reset()
 
     def reset(self) -> None:
@@ -76,7 +75,9 @@ class CollisionChecker:
         self._limit = self._allowed.copy()
         self._limit[self._ground, :] += self.tolerances.max_lift
         self._limit[:, self._ground] += self.tolerances.max_lift
-        self._model.geom_size[self._obstacles, 0] = (1.0 - looseness) * self._radius
+        for geom, obstacle in zip(self._obstacles, self.scene.obstacles, strict=True):
+            size = obstacle.sweep((1.0 - looseness) * obstacle.radius)
+            self._model.geom_size[geom, : len(size)] = size
 
     def allow(self, posture: Posture) -> str:
         """Permit every posture the penetrations of this one, which is at rest.

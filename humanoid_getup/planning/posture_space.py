@@ -12,7 +12,7 @@ import numpy as np
 
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.simulation.scene import Scene
+from humanoid_getup.scenes.scene import Scene
 from robots import Posture, quaternion
 from robots.quaternion import Array
 
@@ -58,9 +58,8 @@ class PositionProblem:
 
     def fails(self, a: Array, b: Array) -> bool:  # noqa: ARG002
         """Return whether the root would be in the ground or in an obstacle."""
-        if b[2] < 0.0:
-            return True
-        return any(o.distance(b) < o.radius for o in self.scene.obstacles)
+        is_under = b[2] < self.scene.ground.height(b[0], b[1])
+        return bool(is_under) or any(o.contains(b) for o in self.scene.obstacles)
 
 
 class PostureProblem:

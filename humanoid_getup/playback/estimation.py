@@ -8,9 +8,11 @@ import numpy as np
 
 from drivers import Command, DriverError, Fault, SafetyGuard, State
 from drivers.control_loop import Pacer
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from robots import Posture
-from robots.kinematics import lowest_point, place, torso_orientation
+from robots.kinematics import place, torso_orientation
 
 REST_TIME = 0.8  # s without motion, torque off, before the posture is measured
 REST_SPEED = 0.1  # rad/s of any joint or the torso, a few steps of the sensors
@@ -38,7 +40,10 @@ def check_start(world: World, start: Posture) -> None:
     Raises:
         StartError: if it does; the message says how far.
     """
-    lowest = lowest_point(world.model, place(world.robot, world.model, start))
+    qpos = place(world.robot, world.model, start)
+    resting = Clearance(world).rest(qpos)
+    root = world.robot.layout(world.model).root_qpos
+    lowest = float(qpos[root + 2] - resting[root + 2])
     if lowest > MAX_DROP:
         raise StartError(
             f"start posture is {lowest:.3g} m above the ground, expected at most {MAX_DROP} m: "
@@ -86,16 +91,21 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
     )
 
 
-def estimate_posture(world: World, state: State) -> Posture:
+def estimate_posture(world: World, state: State, placement: Placement | None = None) -> Posture:
     """Estimate the posture of a lying robot from its joint angles and its IMU's orientation.
 
-    Its lowest point is on the ground; its place there and the zero of its heading are arbitrary.
+    It lies on what is under it. Without a placement, its place and the zero of its heading are
+    arbitrary, which is enough on flat ground alone.
     """
     robot = world.robot
+    orientation = torso_orientation(robot, world.model, state.orientation)
     raised = Posture(
         position=np.array([0.0, 0.0, 1.0]),
-        orientation=torso_orientation(robot, world.model, state.orientation),
+        orientation=orientation if placement is None else placement.turn(orientation),
         joint_pos=np.clip(state.joint_pos, robot.lower, robot.upper),
     )
-    lowest = lowest_point(world.model, place(robot, world.model, raised))
-    return replace(raised, position=np.array([0.0, 0.0, 1.0 - lowest - SINKING]))
+    if placement is not None:
+        raised = replace(raised, position=np.array([placement.x, placement.y, 1.0]))
+    resting = Clearance(world).rest(place(robot, world.model, raised), -SINKING)
+    height = float(resting[robot.layout(world.model).root_qpos + 2])
+    return replace(raised, position=np.array([*raised.position[:2], height]))

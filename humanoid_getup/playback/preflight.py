@@ -8,7 +8,6 @@ from enum import Enum
 
 import numpy as np
 
-from drivers import State
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from humanoid_getup.motions.motion import Motion
@@ -17,8 +16,7 @@ from humanoid_getup.playback.ending import describe_end
 from humanoid_getup.playback.preflight_rollout import Figures, measure
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
-from robots import FULL_TORQUE, Robot, TorqueLimit
-from robots.kinematics import torso_orientation
+from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
 from robots.quaternion import Array
 
 ANGLE_SLACK = np.radians(1.0)  # by which a measured angle may exceed its joint's limit
@@ -108,7 +106,7 @@ def preflight(
     voltage: float,
     torque_limit: TorqueLimit = FULL_TORQUE,
     temperature: Array | float = AMBIENT_TEMPERATURE,
-    start: State | None = None,
+    start: Posture | None = None,
     balanced: bool = True,
 ) -> MotionVerdict:
     """Judge a motion with torque off, and report all problems at once.
@@ -123,7 +121,7 @@ def preflight(
         voltage: Supply at the servos [V].
         torque_limit: Of the servos.
         temperature: Present temperature of the servos [°C], (n,) or a number for all.
-        start: Measurement of the lying robot; ``None`` where there is none yet.
+        start: Posture of the lying robot as measured; ``None`` where it is not yet.
         balanced: Whether a rise is played with feedback, as by `supervise_motion`.
 
     Raises:
@@ -141,7 +139,7 @@ def preflight(
         *_judge_load(robot, motion, figures, torque_limit.value),
         *_judge_temperature(robot, heat, figures.end_temperature),
         *_judge_overlap(figures),
-        *_judge_start(world, motion, start),
+        *_judge_start(robot, motion, start),
     ]
     reasons.sort(key=lambda reason: reason.severity is Severity.WARN)
     return MotionVerdict(tuple(reasons), figures=figures)
@@ -278,17 +276,16 @@ def _judge_overlap(figures: Figures) -> list[Reason]:
     return reasons
 
 
-def _judge_start(world: World, motion: Motion, start: State | None) -> list[Reason]:
+def _judge_start(robot: Robot, motion: Motion, start: Posture | None) -> list[Reason]:
     if start is None:
         return []
     reasons = []
-    torso = torso_orientation(world.robot, world.model, start.orientation)
-    tilt = 2.0 * float(aligned_orientation_distance(torso, motion.orientation[0]))
+    tilt = 2.0 * float(aligned_orientation_distance(start.orientation, motion.orientation[0]))
     if tilt > FAR_TILT:
         text = (
             f"the robot lies {math.degrees(tilt):.0f}° from where the motion "
             f"begins, expected at most {math.degrees(FAR_TILT):.0f}°: it lies "
-            f"{classify(torso) or 'on no side'}, the motion begins {motion.start_class}"
+            f"{classify(start.orientation) or 'on no side'}, the motion begins {motion.start_class}"
         )
         reasons.append(_refuse(text))
     apart = start.joint_pos - motion.joint_pos[0]
@@ -298,5 +295,5 @@ def _judge_start(world: World, motion: Motion, start: State | None) -> list[Reas
             f"is {apart[worst]:+.2f} rad from the motion's first posture: "
             "the player moves it there first"
         )
-        reasons.append(_warn(text, world.robot.joint_names[worst]))
+        reasons.append(_warn(text, robot.joint_names[worst]))
     return reasons

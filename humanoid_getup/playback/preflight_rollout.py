@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from drivers import Cycle, GuardLimits, SafetyGuard, State, Twin
+from drivers import Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
 from humanoid_getup.evaluation.judge import GroundTruthJudge
@@ -17,7 +17,6 @@ from humanoid_getup.evaluation.torque import split_torque
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
-from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.self_overlap import find_overlap, measure_overlap
@@ -72,14 +71,13 @@ def measure(
     voltage: float,
     torque_limit: TorqueLimit,
     temperature: Array,
-    start: State | None,
+    start: Posture | None,
     balanced: bool = True,
 ) -> Figures:
     """Roll a motion out and compute the figures of a verdict; arguments as of `preflight`."""
     robot = world.robot
-    if start is not None:
-        at_rest = estimate_posture(world, start)
-    else:
+    at_rest = start
+    if at_rest is None:
         at_rest = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
     balance = make_balance(world, motion) if balanced else None
     rollout = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -38,11 +39,17 @@ def pick_frames(count: int, frames: int = FRAMES) -> NDArray[np.intp]:
 
 
 def render_frames(
-    robot: Robot, model: mujoco.MjModel, qpos: Array, *, azimuth: float | None = None
+    robot: Robot,
+    model: mujoco.MjModel,
+    qpos: Array,
+    *,
+    azimuth: float | None = None,
+    view: float = VIEW_HEIGHT,
 ) -> np.ndarray:
     """Render states (K, nq) with a camera that follows the robot, (K, height, width, 3).
 
     Without an azimuth [deg], the view is obliquely from the front of the robot's final heading.
+    The height of the picture is ``view`` times the robot's standing neck height.
 
     Raises:
         NoRendererError: if OpenGL cannot be opened.
@@ -54,7 +61,7 @@ def render_frames(
     if azimuth is None:
         ahead = quaternion.rotate(qpos[-1, layout.root_orientation], np.array([1.0, 0.0, 0.0]))
         azimuth = float(np.degrees(np.arctan2(ahead[1], ahead[0]))) - VIEW_FROM
-    camera = _make_camera(robot, azimuth)
+    camera = _make_camera(robot, azimuth, view)
     with _open(model, height, width) as renderer:
         pictures = []
         for state in qpos:
@@ -71,6 +78,13 @@ def render_frames(
 
 def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str = "") -> None:
     """Save pictures (K, height, width, 3) taken at ``times`` [s] as PNG, row by row."""
+    save_sheet(pictures, [f"{time:.1f} s" for time in np.asarray(times)], path, title=title)
+
+
+def save_sheet(
+    pictures: np.ndarray, captions: Sequence[str], path: Path, *, title: str = ""
+) -> None:
+    """Save pictures (K, height, width, 3) with a caption each as PNG, row by row."""
     from matplotlib.figure import Figure  # slow to import
 
     columns = min(COLUMNS, len(pictures))
@@ -81,22 +95,23 @@ def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str
     if title:
         place = {"x": 0.5, "y": 1.0 - 0.5 * head / size[1], "ha": "center", "va": "center"}
         figure.text(**place, s=title, fontsize=10, parse_math=False)
-    for k, (picture, time) in enumerate(zip(pictures, np.asarray(times), strict=True)):
+    for k, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
         row, column = divmod(k, columns)
         corner = (column * INCH / size[0], (rows - 1 - row) * INCH / size[1])
         extent = ((INCH - GAP) / size[0], (INCH - GAP) / size[1])
         axis = figure.add_axes((*corner, *extent))
         axis.imshow(picture, interpolation="lanczos", aspect="auto")
         axis.set_axis_off()
-        axis.text(0.05, 0.94, f"{time:.1f} s", transform=axis.transAxes, va="top", fontsize=8)
+        place = {"x": 0.05, "y": 0.94, "transform": axis.transAxes, "va": "top"}
+        axis.text(**place, s=caption, fontsize=8, parse_math=False)
     with atomic_path(path) as partial:
         figure.savefig(partial, dpi=200, format="png")
 
 
-def _make_camera(robot: Robot, azimuth: float) -> mujoco.MjvCamera:
+def _make_camera(robot: Robot, azimuth: float, view: float) -> mujoco.MjvCamera:
     """Make a camera whose picture the robot fills, lying or standing."""
     camera = mujoco.MjvCamera()
-    seen = VIEW_HEIGHT * robot.standing_neck_height
+    seen = view * robot.standing_neck_height
     camera.distance = 0.5 * seen / np.tan(np.radians(0.5 * FIELD_OF_VIEW))
     camera.azimuth, camera.elevation = azimuth, -24.0
     return camera

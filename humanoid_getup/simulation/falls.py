@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.drop import FallError, drop
 from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
@@ -26,23 +28,14 @@ from robots.validation import outside, shown
 LyingSide = Literal["supine", "prone", "left", "right"]
 CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
-DROP_HEIGHT = 0.02  # m under the lowest point
-SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
 BATCH = 24
 MOST_BATCHES = 400
-MOST_SAMPLES = 10_000
-
-
-class FallError(ValueError):
-    """Falls do not lead to the wanted postures."""
+RESTING = 0.003  # m that a robot at rest sinks into what it lies on
 
 
 # rad/s and m/s of a settled robot. Joints without torque creep at 0.025 rad/s (median) under the
 # weight they carry, for minutes; of 96 OP3s, 91 are slower than 0.05 after 3 s, 94 after 6 s.
 SETTLED_SPEED = 0.05
-SETTLED_TIME = 0.25  # s for which no coordinate is faster
-FIRST_CHECK, NEXT_CHECK = 3.0, 1.0  # s from the drop, and between checks of those that still move
-LONGEST_FALL = 10.0  # s after which a robot that still moves is left out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +101,10 @@ def _sample(
     world: World, counts: dict[str, int], rng: np.random.Generator
 ) -> tuple[list[Fall], int, int]:
     """Sample falls; return them, how many robots were dropped and how many were left out."""
-    sim = VecSim(world, BATCH)
+    bare = replace(world.scene, obstacles=(), starts=())
+    is_settled = any(start.is_settled for start in world.scene.starts)
+    sim = VecSim(World(world.robot, bare) if is_settled else world, BATCH)
+    clearance = Clearance(world)
     wanted = dict(counts)
     falls: list[Fall] = []
     left_out = 0
@@ -121,11 +117,17 @@ def _sample(
                 f"robot '{world.robot.name}' does not fall into every class: "
                 f"{missing} missing after {batch * BATCH} falls"
             )
-        qpos, settled = drop(sim, SETTLED_SPEED, rng)
+        regions = _choose(world.scene, wanted)
+        qpos, settled = drop(sim, SETTLED_SPEED, rng, regions=() if is_settled else regions)
         left_out += int(np.sum(~settled))
-        for posture in (read_posture(world.robot, world.model, q) for q in qpos[settled]):
+        for posture in (read_posture(world.robot, sim.model, q) for q in qpos[settled]):
             found = classify(posture.orientation)
-            if found is None:
+            region = next((r for r in regions if r.start_class == found), None)
+            if region is not None and is_settled:
+                posture = region.move(posture, rng)
+                if clearance.measure_overlap(place(world.robot, world.model, posture)) > RESTING:
+                    continue
+            if found is None or not _lies_as_it_should(world.scene, posture, found):
                 continue
             key = _count_as(found, counts)
             if wanted.get(key, 0) > 0:
@@ -136,72 +138,29 @@ def _sample(
     return falls, batch * BATCH, left_out
 
 
+def _choose(scene: Scene, wanted: dict[str, int]) -> list[StartRegion]:
+    """Choose the regions of a scene in which robots may fall into a class that is wanted.
+
+    Raises:
+        FallError: if there is none.
+    """
+    lacking = {name for name, count in wanted.items() if count}
+    starts = [s for s in scene.starts if _count_as(str(s.start_class), wanted) in lacking]
+    if scene.starts and not starts:
+        classes = ", ".join(dict.fromkeys(str(start.start_class) for start in scene.starts))
+        raise FallError(
+            f"scene '{scene.name}' has no start {', '.join(sorted(lacking))}, expected {classes}"
+        )
+    return starts
+
+
+def _lies_as_it_should(scene: Scene, posture: Posture, start_class: str) -> bool:
+    return not scene.starts or any(s.accepts(posture, start_class) for s in scene.starts)
+
+
 def _count_as(start_class: str, counts: dict[str, int]) -> str:
     is_lateral = start_class in ("left", "right")
     return "lateral" if is_lateral and "lateral" in counts else start_class
-
-
-def drop(
-    sim: VecSim, settled_speed: float, rng: np.random.Generator, longest: float = LONGEST_FALL
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Drop the robots of a simulation in random postures, torque off, and let them settle.
-
-    A robot has settled when all its coordinates are slower than a speed [rad/s, m/s].
-
-    Returns:
-        Final MuJoCo positions (N, nq), and which robots settled, (N,).
-    """
-    robot, model = sim.robot, sim.model
-    data = mujoco.MjData(model)
-    qpos = np.array([sample_drop(robot, model, data, rng) for _ in sim.everyone])
-    sim.set_parameters(sim.everyone, DomainParameters.nominal(sim.world, sim.n, torque_limit=0.0))
-    sim.place(sim.everyone, qpos)
-    hold = _count_sample_steps(sim)
-    sample_time = hold * model.opt.timestep
-    window = round(SETTLED_TIME / sample_time)
-    moving, time, duration = sim.everyone, 0.0, FIRST_CHECK
-    while time < longest - 1e-9 and len(moving):
-        targets = np.zeros((len(moving), round(duration / sample_time), robot.n))
-        went = sim.advance(targets, hold, ("qpos",), moving)["qpos"]
-        time, duration = time + duration, NEXT_CHECK
-        qpos[moving] = went[:, -1]
-        speed = np.abs(np.diff(went[:, -window:], axis=1)).max(axis=(1, 2)) / sample_time
-        moving = moving[(speed >= settled_speed) | sim.diverged[moving]]
-    settled = ~np.isin(sim.everyone, moving)
-    return qpos, settled
-
-
-def _count_sample_steps(sim: VecSim) -> int:
-    """Count the physics steps of the fewest control periods that make a whole number of them."""
-    steps = Fraction(sim.robot.control_period / sim.model.opt.timestep).limit_denominator(1000)
-    return steps.numerator
-
-
-def sample_drop(
-    robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
-) -> Array:
-    """Sample joints anywhere in their range and any orientation, free of self-collision.
-
-    Returns MuJoCo positions just above the ground, (nq,); ``data`` is scratch space.
-
-    Raises:
-        FallError: if every sample is in self-collision.
-    """
-    for _ in range(MOST_SAMPLES):
-        posture = Posture(
-            position=np.array([0.0, 0.0, 1.0]),
-            orientation=quaternion.normalize(rng.normal(size=4)),
-            joint_pos=rng.uniform(robot.lower, robot.upper),
-        )
-        data.qpos[:] = place(robot, model, posture)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_collision(model, data)
-        if all(contact.dist > -SPAWN_OVERLAP for contact in data.contact):
-            qpos = data.qpos.copy()
-            qpos[robot.layout(model).root_qpos + 2] += DROP_HEIGHT - lowest_point(model, qpos)
-            return qpos
-    raise FallError(f"robot '{robot.name}' collides with itself in {MOST_SAMPLES} random postures")
 
 
 FALL_KEYS = ("robot", "scene", "seed", "position", "orientation", "joint_pos", "start_class")

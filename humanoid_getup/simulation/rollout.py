@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from robots import TorqueLimit, quaternion
+from robots.ground import GROUND_FRICTION
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
 
@@ -146,7 +148,7 @@ class RolloutRandomization:
     root: float = np.radians(5.0)
     """Standard deviation of the root's rotation about a random axis [rad]."""
     friction: tuple[float, float] = (0.4, 1.2)
-    """Range of the sliding friction."""
+    """Range of the sliding friction, where the nominal one is that of a usual ground."""
     supply: tuple[float, float] = (11.0 / 12.0, 12.6 / 12.0)
     """Range, as a share of the robot's nominal supply."""
 
@@ -171,14 +173,13 @@ def randomize_rollouts(
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     turn = quaternion.from_axis_angle(axis, rng.normal(scale=randomization.root, size=n))
     friction = rng.uniform(*randomization.friction, size=n)
+    friction *= world.scene.friction / GROUND_FRICTION
     supply = rng.uniform(*randomization.supply, size=n)
     noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, world.scene.friction, 1.0
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
     root = starts[:, layout.root_orientation]  # a view
     root[:] = quaternion.multiply(turn, root)
-    rest = lowest_point(world.model, start)
-    for row in starts[1:]:  # the rotation must neither lift it off the ground nor press it in
-        row[layout.root_qpos + 2] += rest - lowest_point(world.model, row)
+    _rest_as(world, start, starts[1:])  # it must neither be lifted off the ground nor pressed in
     voltage = supply * robot.supply_voltage
     return starts, DomainParameters.nominal(
         world,
@@ -188,3 +189,15 @@ def randomize_rollouts(
         torque_limit=torque_limit.value,
         limit_by=torque_limit.by,
     )
+
+
+def _rest_as(world: World, start: Array, others: Array) -> None:
+    """Put MuJoCo positions (N, nq) as high over what is under them as a start (nq,), in place."""
+    root = world.robot.layout(world.model).root_qpos + 2
+    if world.scene.is_flat:
+        rest = lowest_point(world.model, start)
+        others[:, root] += [rest - lowest_point(world.model, row) for row in others]
+        return
+    clearance = Clearance(world)
+    above = float(start[root] - clearance.rest(start)[root])
+    others[:, root] = [clearance.rest(row, above)[root] for row in others]

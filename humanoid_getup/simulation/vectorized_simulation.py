@@ -46,6 +46,9 @@ class VecSim:
         self._data: dict[str, Array] = {}
         self.bind("qpos", "qvel", "ctrl", "actuator_force")
         self._fields = {name: self.batch.expand(name) for name in DRIVE_FIELDS}
+        # Friction of each geom as a share of the ground's: obstacles may have their own.
+        own = self.model.geom_friction[:, 0] / world.scene.friction
+        self._friction_share = np.where(world.is_world_geom, own, 1.0)
         self._set_drives(self.everyone, self.parameters)
 
     def read(self, name: str) -> Array:
@@ -127,7 +130,7 @@ class VecSim:
     def _set_drives(self, ids: Ids, parameters: DomainParameters) -> None:
         """Set contact friction and what the servos can do."""
         robot, model, p, fields = self.robot, self.model, parameters, self._fields
-        fields["geom_friction"][ids, :, 0] = p.friction[:, None]
+        fields["geom_friction"][ids, :, 0] = p.friction[:, None] * self._friction_share
         if not self._has_motors:
             return
         drive = limit_servos(

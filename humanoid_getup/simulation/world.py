@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.simulation.scene import Scene, load_scene
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.scenes.scene import Scene
 from robots import Robot
 from robots.quaternion import Array
 
@@ -31,7 +32,7 @@ class World:
             ValueError: if there is no scene of that name.
         """
         self.robot = robot
-        self.scene = load_scene(scene) if isinstance(scene, str) else scene
+        self.scene = load_scene(scene, robot) if isinstance(scene, str) else scene
         self.model = _compile(robot, self.scene) if model is None else model
 
     @cached_property
@@ -40,6 +41,11 @@ class World:
         model = self.model
         roots = np.flatnonzero(model.body_parentid == model.body(self.robot.torso).id)
         return tuple(model.body(int(body)).name for body in roots)
+
+    @cached_property
+    def is_world_geom(self) -> NDArray[np.bool_]:
+        """Return which geoms are the scene's, (ngeom,)."""
+        return self.model.body_weldid[self.model.geom_bodyid] == 0
 
     def find_non_foot_contact(self, sensordata: Array) -> NDArray[np.bool_]:
         """Find where anything but the feet touches the world, (..., nsensordata) to (...)."""

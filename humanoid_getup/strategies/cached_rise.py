@@ -16,7 +16,6 @@ from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance, best_yaw
-from humanoid_getup.simulation.scene import flat_ground
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_cache import (
@@ -267,7 +266,7 @@ def _fade(time: Array) -> Array:
 
 def _is_level(world: World) -> bool:
     """Return whether a scene is the same in every place and direction."""
-    return world.scene.ground is flat_ground and not world.scene.obstacles
+    return world.scene.is_flat
 
 
 def compute_fingerprint(planner: PlannedRise) -> str:

@@ -37,7 +37,7 @@ class PolicyPlan(RisePlan):
         return supervise_policy(self.policy)
 
     def preflight(
-        self, strategy: Strategy, settled: State, _measure: Callable[[], State]
+        self, strategy: Strategy, settled: State, _measure: Callable[[], Posture]
     ) -> Verdict:
         """Judge supply and temperatures: the motion of a policy is not known beforehand."""
         return preflight_robot(strategy.world.robot, settled.voltage, settled.temperature)

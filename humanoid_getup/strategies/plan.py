@@ -84,7 +84,7 @@ class RisePlan:
         return None
 
     def preflight(
-        self, _strategy: Strategy, _settled: State, _measure: Callable[[], State]
+        self, _strategy: Strategy, _settled: State, _measure: Callable[[], Posture]
     ) -> Verdict:
         """Judge the plan with torque off.
 
@@ -160,7 +160,7 @@ class MotionPlan(RisePlan):
         )
 
     def preflight(
-        self, strategy: Strategy, settled: State, measure: Callable[[], State]
+        self, strategy: Strategy, settled: State, measure: Callable[[], Posture]
     ) -> Verdict:
         """Roll the motion out from the present posture, and judge it."""
         return preflight(

@@ -22,7 +22,8 @@ from humanoid_getup.policy.observation import (
     mirror_of_observation,
     observe,
 )
-from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot, load_robot
 from robots.quaternion import Array
 from sim2real.environment.initial_states import (
@@ -137,7 +138,7 @@ class GetUpEnv(VectorEnv):
         has_delays = randomization is not None and randomization.delay[1] > 0.0
         world = build_training_world(
             robot,
-            load_scene(options.scene),
+            load_scene(options.scene, robot),
             options.physics_step,
             LONGEST_DELAY if has_delays else 0.0,
         )
@@ -359,6 +360,6 @@ def make_get_up(
         rewards=REWARDS[rewards],
         threads=threads,
     )
-    world = build_training_world(loaded, load_scene("flat"), PHYSICS_STEP)
+    world = build_training_world(loaded, FLAT_SCENE, PHYSICS_STEP)
     pool = make_pool(world, falls, pool_rng(seed))
     return GetUpEnv(loaded, choose_actions(loaded, wide), pool, options)

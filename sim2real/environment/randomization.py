@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.scene import Scene
 from humanoid_getup.simulation.world import World
+from robots.ground import GROUND_FRICTION
 from robots.quaternion import Array
 from robots.servo import LIMIT_MODES, PWM
 
@@ -126,7 +126,7 @@ TORQUE = DomainRandomization(
     mass=ONE,
     link_mass=ONE,
     com_shift=0.0,
-    friction=(Scene.friction, Scene.friction),
+    friction=(GROUND_FRICTION, GROUND_FRICTION),
     voltage=ONE,
     torque_share=(0.6, 1.0),
     full_torque=0.7,

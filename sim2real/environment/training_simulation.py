@@ -73,7 +73,7 @@ class TrainingSim(VecSim):
         self._soles = [self.model.site(site).id for site in self.robot.sole_sites]
         self._neck = self.model.site(self.robot.neck_site).id
         self._addresses = SensorAddresses(world)
-        self._meter = StanceMeter(self.robot, self.model, world.scene.ground)
+        self._meter = StanceMeter(self.robot, self.model, world.scene.support)
         self._delays = DelayBuffers(self.model)
         if self._delays.exist:
             self._fields |= {

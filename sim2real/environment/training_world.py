@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from humanoid_getup.simulation.scene import Scene
+from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World, add_contact_sensor, add_stance_sensors
 from robots import Robot
 from sim2real.environment.model_variants import ModelVariant

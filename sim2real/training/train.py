@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot
 from robots.files import write_atomically
 from sim2real.environment.get_up_env import PHYSICS_STEP, EnvOptions, GetUpEnv
@@ -148,7 +148,7 @@ def load_pool(robot: Robot, recipe: Recipe, seed: int, file: Path) -> StartPool:
         FallError: if too few falls settle.
         ValueError: if the file does not hold falls of this robot.
     """
-    world = build_training_world(robot, load_scene("flat"), PHYSICS_STEP)
+    world = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP)
     if not file.exists():
         make_pool(world, recipe.falls, pool_rng(seed)).save(file, robot)
     return StartPool.load(file, robot, world.model.nq)

@@ -15,7 +15,7 @@ from drivers.dynamixel.backend import DynamixelBackend
 from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.scenes.scene import FLAT_SCENE
 
 LIMIT = hg.TorqueLimit(2.5, "pwm")
 MOTION = "prone_push_up_gentle"
@@ -75,7 +75,7 @@ def test_type_checkers_see_the_names_that_are_imported():
 
 
 def test_a_world_is_named_or_given(op3):
-    assert hg.World(op3).scene == hg.World(op3, load_scene("flat")).scene
+    assert hg.World(op3).scene.name == hg.World(op3, FLAT_SCENE).scene.name
     with pytest.raises(ValueError, match="unknown scene 'moon'"):
         hg.World(op3, "moon")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.policy.action import ActionSpec, choose_actions
-from humanoid_getup.simulation.scene import load_scene
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import mirror_positions
@@ -29,12 +29,12 @@ def action(op3: Robot) -> ActionSpec:
 
 @pytest.fixture(scope="session")
 def world(op3: Robot) -> World:
-    return build_training_world(op3, load_scene("flat"), PHYSICS_STEP)
+    return build_training_world(op3, FLAT_SCENE, PHYSICS_STEP)
 
 
 @pytest.fixture(scope="session")
 def delayed_world(op3: Robot) -> World:
-    return build_training_world(op3, load_scene("flat"), PHYSICS_STEP, LONGEST_DELAY)
+    return build_training_world(op3, FLAT_SCENE, PHYSICS_STEP, LONGEST_DELAY)
 
 
 @pytest.fixture(scope="session")

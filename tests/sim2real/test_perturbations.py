@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from humanoid_getup.policy.action import ActionSpec, choose_actions
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.falls import Fall
-from humanoid_getup.simulation.scene import load_scene
 from robots import Robot, load_robot
 from sim2real.environment.model_variants import MODEL_VARIANTS, backlash
 from sim2real.environment.training_simulation import TrainingSim
@@ -48,7 +48,7 @@ def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
 
 def test_backlash_lets_a_link_move_that_far_and_no_further(op3: Robot):
     angle = 0.03
-    model = build_training_world(op3, load_scene("flat"), 0.002, variants=[backlash(angle)]).model
+    model = build_training_world(op3, FLAT_SCENE, 0.002, variants=[backlash(angle)]).model
     data = mujoco.MjData(model)
     joint = model.joint("l_knee_backlash")
     data.qpos[2] = 2.0  # in the air
@@ -61,9 +61,9 @@ def test_backlash_lets_a_link_move_that_far_and_no_further(op3: Robot):
 
 
 def test_capsules_reach_as_far_as_the_boxes_did(op3: Robot):
-    boxes = build_training_world(op3, load_scene("flat"), 0.002).model
+    boxes = build_training_world(op3, FLAT_SCENE, 0.002).model
     changed = build_training_world(
-        op3, load_scene("flat"), 0.002, variants=[MODEL_VARIANTS["capsules"]]
+        op3, FLAT_SCENE, 0.002, variants=[MODEL_VARIANTS["capsules"]]
     ).model
     soles = {op3.spec().site(site).parent.name for site in op3.sole_sites}
     count = 0
@@ -96,7 +96,7 @@ def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
 
 def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
     """One servo at 60 %, a random one in every robot."""
-    world = build_training_world(op3, load_scene("flat"), 0.002)
+    world = build_training_world(op3, FLAT_SCENE, 0.002)
     sim = TrainingSim(world, 8, cycles=action.cycles, threads=1)
     trial = Perturbation(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=0.1)
     parameters = make_parameters(world, 8, trial, np.random.default_rng(0))

@@ -48,6 +48,21 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --from supine --robot nao", "unknown robot 'nao'", "op3"),
         case("rise --from supine --robot ''", "unknown robot"),
         case("rise --from supine --scene moon", "unknown scene 'moon'", "flat"),
+        case("rise --from supine --scene slope:50", "scene slope:50", "from -30 to 30"),
+        case("rise --from supine --scene beam", "scene 'beam' has no start supine, expected prone"),
+        case(
+            "rise --from prone --scene ball.toml",
+            "unknown key ground.frictoin",
+            "sphere 'ball': radius is -1, expected above 0",
+        ),
+        case("rise --from supine --scene nowhere.toml", "nowhere.toml: No such file"),
+        case("scenes moon", "unknown scene 'moon'"),
+        case("scenes wall --picture folder", "output file folder: is a folder"),
+        case("rise --from supine --at 0 0 90", "--at is given, expected a real robot"),
+        case(
+            "rise --backend dynamixel --port none --scene wall",
+            "--scene wall on a real robot requires --at X Y DEG",
+        ),
         case("rise --from upside", "unknown start 'upside'", "supine, prone, left, right"),
         case("rise", "--from is missing", "supine, prone, left, right"),
         case(
@@ -356,6 +371,9 @@ def make_files(folder: Path, robot: Robot) -> None:
     for name in ("text.txt", "text.npz", "text.onnx"):
         (folder / name).write_text("no numbers here")
     (folder / "wrong.toml").write_text('[[fault]]\nkind = "earthquake"\nat = -1\n')
+    (folder / "ball.toml").write_text(
+        "[ground]\nfrictoin = 1\n[[spheres]]\nname = 'ball'\ncenter = [0, 0, 0]\nradius = -1\n"
+    )
     (folder / "unreadable").write_text("{}")
     (folder / "unreadable").chmod(0)
     _make_postures(folder, robot)

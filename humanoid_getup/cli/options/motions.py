@@ -16,6 +16,7 @@ from humanoid_getup.cli.options.shared import (
     MotionName,
     Prefer,
     RobotOption,
+    Seed,
     TorqueOptions,
     WorldOptions,
 )
@@ -28,6 +29,17 @@ REPLAY_FILES = ("replay.json", "flight.png", "replay.png")
 @dataclass(frozen=True, kw_only=True)
 class ListRobots(JsonOption):
     """List the robots that come with the program."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListScenes(JsonOption, RobotOption):
+    """List the scenes in which a robot may lie, or draw them."""
+
+    scene: Positional[str] = ""
+    """Name of a scene or a scene file (.toml); default: all that have a name."""
+    seed: Seed = 0
+    picture: Annotated[Path | None, arg(metavar="FILE")] = None
+    """PNG file of a robot that lies in each scene; of one scene alone, in each way it has."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -79,7 +80,7 @@ class SceneOptions(RobotOption):
     """Robot, scene and seed."""
 
     scene: str = "flat"
-    """Name of a scene."""
+    """Name of a scene, see `getup scenes`, or a scene file (.toml)."""
     seed: Seed = 0
 
 
@@ -154,6 +155,9 @@ class RunOptions(MoveOptions):
     leave torque on for another program. Default: hold; of the twin, limp."""
     balance: bool = True
     """Feed the torso's attitude back to the ankles while the robot rises and stands."""
+    at: Annotated[tuple[float, float, float] | None, arg(metavar="X Y DEG")] = None
+    """Where in its scene a real robot lies: its torso [m], and the direction in which its head
+    points, from +x [deg]."""
     origin: Origin = None
     needs_origin: ClassVar[bool] = True
     """Whether a simulated robot has no start of its own."""
@@ -161,6 +165,12 @@ class RunOptions(MoveOptions):
     def find_faults(self) -> list[str]:
         """Report a start that does not fit, too."""
         faults = super().find_faults()
+        if self.at is not None and not all(math.isfinite(value) for value in self.at):
+            faults.append(f"--at is {self.at}, expected three finite numbers")
+        if self.at is not None and not self.is_real:
+            faults.append("--at is given, expected a real robot: a simulated one knows its place")
+        if self.is_real and self.at is None and self.scene != "flat":
+            faults.append(f"--scene {self.scene} on a real robot requires --at X Y DEG")
         if self.is_real and self.origin is not None:
             faults.append(
                 f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "

@@ -73,9 +73,9 @@ def test_a_robot_settles_on_the_ground_that_its_judge_measures_from(world: World
     with twin:
         for _ in range(150):
             twin.write(Command.limp(twin.robot.n))
-    truth, ground = twin.truth, trial.world.scene.ground
+    truth, support = twin.truth, trial.world.scene.support
     points = twin.data.contact.pos[: twin.data.ncon]
-    touching = np.abs(points[:, 2] - ground(points[:, 0], points[:, 1])) < 0.003
+    touching = np.abs(points[:, 2] - support(points)) < 0.003
     assert truth.ground_penetration < 0.005
     assert touching.sum() >= 3
 

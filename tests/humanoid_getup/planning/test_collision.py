@@ -6,19 +6,20 @@ import numpy as np
 import pytest
 
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
-from humanoid_getup.simulation.scene import Obstacle, Scene, load_scene
+from humanoid_getup.scenes.obstacle import make_capsule
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from robots import Posture, load_robot, quaternion
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
 
 ROBOT = load_robot("op3")
-MODEL = load_scene("flat").compile(ROBOT)
+MODEL = FLAT_SCENE.compile(ROBOT)
 ON_ITS_BACK = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -np.pi / 2)
 
 
 @pytest.fixture
 def checker() -> CollisionChecker:
-    return CollisionChecker(ROBOT, load_scene("flat"))
+    return CollisionChecker(ROBOT, FLAT_SCENE)
 
 
 def height_of(posture: Posture) -> float:
@@ -64,7 +65,7 @@ def test_a_leg_through_the_other_is_a_collision(checker: CollisionChecker):
 
 def test_what_a_resting_robot_does_itself_is_allowed_from_then_on(checker: CollisionChecker):
     strict = replace(checker.tolerances, max_lift=0.0)
-    checker = CollisionChecker(ROBOT, load_scene("flat"), strict)
+    checker = CollisionChecker(ROBOT, FLAT_SCENE, strict)
     posture = lying(depth=0.005)
     assert not checker.is_free(row(posture))
     assert checker.allow(posture) == ""
@@ -97,7 +98,7 @@ def test_loosening_gives_way_step_by_step_until_nothing_hinders(checker: Collisi
 
 def test_an_obstacle_is_hit_and_shrinks_when_loosened():
     above = np.array([0.0, 0.0, 0.25])
-    ball = Obstacle(name="ball", start=above, end=above, radius=0.15)
+    ball = make_capsule("ball", above, above, 0.15)
     checker = CollisionChecker(ROBOT, Scene(name="ball", obstacles=(ball,)))
     posture = row(lying())
     assert not checker.is_free(posture)
@@ -109,9 +110,9 @@ def test_an_obstacle_is_hit_and_shrinks_when_loosened():
 
 def test_a_robot_lifted_by_the_ground_must_not_hit_what_is_above_it():
     ends = np.array([[-1.0, 0.0, 0.22], [1.0, 0.0, 0.22]])
-    roof = Obstacle(name="roof", start=ends[0], end=ends[1], radius=0.1)
+    roof = make_capsule("roof", ends[0], ends[1], 0.1)
     high = Tolerances(max_lift=0.2)
-    open_air = CollisionChecker(ROBOT, load_scene("flat"), high)
+    open_air = CollisionChecker(ROBOT, FLAT_SCENE, high)
     under_roof = CollisionChecker(ROBOT, Scene(name="roof", obstacles=(roof,)), high)
     # The robot's top is 0.02 m high at its planned height and 0.17 m on the ground; the
     # roof begins at 0.12 m.

@@ -19,15 +19,16 @@ from humanoid_getup.planning.posture_space import PostureProblem, to_node
 from humanoid_getup.planning.refinement import MARGIN, SPACING, merge, refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
 from humanoid_getup.planning.shortcut import length, shorten
+from humanoid_getup.scenes.obstacle import make_capsule
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import Obstacle, Scene, load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, load_robot, quaternion
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
 
 ROBOT = load_robot("op3")
-FLAT = load_scene("flat")
+FLAT = FLAT_SCENE
 METRIC = PostureMetric.of(ROBOT)
 X, Y = np.eye(3)[:2]
 
@@ -297,7 +298,7 @@ def test_arms_swing_around_a_beam_that_bars_their_way(goals: list[Posture]):
     # A beam lies across a robot on its back, above its shoulders and within reach: straight
     # arms that swing from its sides to over its head would hit it.
     ends = np.array([[-0.11, -0.5, 0.30], [-0.11, 0.5, 0.30]])
-    beam = Obstacle(name="beam", start=ends[0], end=ends[1], radius=0.03)
+    beam = make_capsule("beam", ends[0], ends[1], 0.03)
     checker = CollisionChecker(ROBOT, Scene(name="beam", obstacles=(beam,)))
     swing = np.zeros((2, ROBOT.n))
     for joint, sign in (("l_sho_pitch", 1.0), ("r_sho_pitch", -1.0)):

@@ -13,12 +13,13 @@ from humanoid_getup.planning.posture_space import (
     PostureProblem,
     to_node,
 )
-from humanoid_getup.simulation.scene import Obstacle, load_scene
+from humanoid_getup.scenes.obstacle import make_capsule
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Posture, load_robot, quaternion
 from robots.kinematics import lowest_point, place_postures
 
 ROBOT = load_robot("op3")
-FLAT = load_scene("flat")
+FLAT = FLAT_SCENE
 METRIC = PostureMetric.of(ROBOT)
 PATH = np.array([[0.0, 0.0, 0.3], [0.3, 0.0, 0.3], [0.3, 0.1, 0.3]])
 """Where the root goes: 0.3 m ahead, then 0.1 m to the side."""
@@ -247,9 +248,7 @@ def test_a_way_through_the_ground_fails_though_both_ends_are_free(problem):
     assert not problem.fails(upright, node(0.0, 0.01))
 
 
-BALL = Obstacle(
-    name="ball", start=np.array([1.0, 0.0, 0.5]), end=np.array([1.0, 0.0, 0.5]), radius=0.2
-)
+BALL = make_capsule("ball", np.array([1.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.5]), 0.2)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from drivers import SafetyGuard, State, Twin
+from drivers import SafetyGuard, Twin
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.cli import preflight as command
 from humanoid_getup.cli.errors import BadInputError
@@ -22,7 +22,7 @@ from humanoid_getup.playback.preflight import Severity, Verdict, preflight
 from humanoid_getup.playback.preflight_rollout import predict_heat
 from humanoid_getup.playback.self_overlap import find_overlap
 from humanoid_getup.simulation.world import World
-from robots import Robot, TorqueLimit, load_robot
+from robots import Posture, Robot, TorqueLimit, load_robot
 
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
 OWN = [name for name in MOTIONS if not name.endswith(MIRRORED_SUFFIX)]
@@ -40,12 +40,12 @@ def knee(op3: Robot) -> int:
     return op3.joint_names.index(KNEE)
 
 
-def lie(world: World, motion: Motion) -> State:
+def lie(world: World, motion: Motion) -> Posture:
     """Measure a twin that lies, limp, where a motion begins."""
     twin = Twin(world)
     first = motion.posture(0)
     twin.place(replace(first, position=first.position + np.array([0.0, 0.0, 0.01])))
-    return settle(SafetyGuard(twin))
+    return estimate_posture(world, settle(SafetyGuard(twin)))
 
 
 def refusals(verdict: Verdict) -> list[str]:
@@ -141,16 +141,16 @@ def test_limbs_that_go_through_each_other_are_refused(world: World, motion: Moti
     assert any("presses" in text and "into itself" in text for text in refusals(verdict))
 
 
-def fold_an_arm(world: World, motion: Motion, *, deeper_than: float) -> State:
+def fold_an_arm(world: World, motion: Motion, *, deeper_than: float) -> Posture:
     """Measure a robot whose left forearm is folded into its torso, as thick shapes show it."""
     lying, data = lie(world, motion), mujoco.MjData(world.model)
     roll = world.robot.joint_names.index("l_sho_roll")
     for angle in np.arange(lying.joint_pos[roll], world.robot.lower[roll], -0.01):
         folded = lying.joint_pos.copy()
         folded[roll] = angle
-        state = replace(lying, joint_pos=folded)
-        if find_overlap(world, estimate_posture(world, state), data).max() > deeper_than:
-            return state
+        posture = replace(lying, joint_pos=folded)
+        if find_overlap(world, posture, data).max() > deeper_than:
+            return posture
     raise AssertionError("the arm does not reach the torso")
 
 

@@ -17,8 +17,8 @@ from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.policy.action import next_target
 from humanoid_getup.policy.observation import observe
 from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, PolicyError
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
 from sim2real.environment.training_simulation import TrainingSim
@@ -155,7 +155,7 @@ def test_one_log_gives_training_and_robot_the_same_numbers(tmp_path: Path, askew
     robot = askew_robot(tmp_path) if askew else load_robot("op3")
     action = actions_of(robot)
     sim = TrainingSim(
-        build_training_world(robot, load_scene("flat"), 0.004), 6, cycles=action.cycles, threads=1
+        build_training_world(robot, FLAT_SCENE, 0.004), 6, cycles=action.cycles, threads=1
     )
     rng = np.random.default_rng(4)
     qpos, qvel = sim.qpos, rng.normal(size=sim.qvel.shape)
@@ -185,7 +185,7 @@ def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_pat
     """What the sim's servos were told at the end of each cycle of two policy steps."""
     action = actions_of(op3)
     sim = TrainingSim(
-        build_training_world(op3, load_scene("flat"), 0.004), 1, cycles=action.cycles, threads=1
+        build_training_world(op3, FLAT_SCENE, 0.004), 1, cycles=action.cycles, threads=1
     )
     qpos = sim.qpos
     qpos[:, 2] += 1.0  # in the air

@@ -14,8 +14,10 @@ from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance
+from humanoid_getup.scenes.obstacle import make_capsule
+from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.scenes.surface import Surface
 from humanoid_getup.simulation.falls import sample_fall
-from humanoid_getup.simulation.scene import Obstacle, load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import (
     MOST_DISTANCE,
@@ -188,7 +190,7 @@ def test_a_plan_serves_only_under_the_limit_and_settings_of_its_own(
 
 def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner, op3):
     scene = world.scene
-    slippery = World(op3, replace(scene, friction=0.5))
+    slippery = World(op3, replace(scene, surface=Surface(friction=0.5)))
     fewer = MotionDatabase(list(database.motions[1:]), database.metric)
     known = {
         compute_fingerprint(PlannedRise(slippery, database)),
@@ -201,9 +203,9 @@ def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner
 
 
 def test_beside_obstacles_only_the_same_place_counts(op3, database, solved, start, tmp_path):
-    post = Obstacle(name="post", start=np.zeros(3), end=np.array([0.0, 0.0, 1.0]), radius=0.05)
-    far_post = replace(post, start=post.start + 9.0, end=post.end + 9.0)
-    world = World(op3, replace(load_scene("flat"), name="post", obstacles=(far_post,)))
+    foot = np.full(3, 9.0)
+    far_post = make_capsule("post", foot, foot + np.array([0.0, 0.0, 1.0]), 0.05)
+    world = World(op3, replace(FLAT_SCENE, name="post", obstacles=(far_post,)))
     planner = CountingPlanner(world, database, answer=solved[0])
     cached = CachedRise(planner, PlanCache(tmp_path))
     cached.plan(start, np.random.default_rng(0))

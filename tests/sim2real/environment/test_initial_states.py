@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,9 +9,9 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.simulation import falls as falls_module
+from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.simulation.drop import DropSampler
 from humanoid_getup.simulation.falls import FallError, sample_falls
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
 from robots.kinematics import lowest_point, mirror_positions, place
@@ -159,7 +158,7 @@ def test_stands_have_their_feet_at_home_and_their_arms_anywhere_but_in_the_robot
 
 def test_who_has_no_arms_stands_as_described():
     tiny = load_robot("tests/robots/tiny")
-    model = build_training_world(tiny, load_scene("flat"), PHYSICS_STEP).model
+    model = build_training_world(tiny, FLAT_SCENE, PHYSICS_STEP).model
     stands = sample_stands(tiny, model, 4, np.random.default_rng(0))
     assert np.array_equal(stands, np.tile(place(tiny, model, tiny.standing), (4, 1)))
 
@@ -168,13 +167,13 @@ def test_who_has_no_arms_stands_as_described():
 def drops(monkeypatch) -> list[np.ndarray]:
     """Record where robots are dropped from, by whichever function drops them."""
     recorded: list[np.ndarray] = []
-    sample = falls_module.sample_drop
+    sample = DropSampler.sample
 
-    def record(*arguments: Any) -> np.ndarray:
-        recorded.append(sample(*arguments))
+    def record(self: DropSampler, rng: np.random.Generator) -> np.ndarray:
+        recorded.append(sample(self, rng))
         return recorded[-1]
 
-    monkeypatch.setattr(falls_module, "sample_drop", record)
+    monkeypatch.setattr(DropSampler, "sample", record)
     return recorded
 
 

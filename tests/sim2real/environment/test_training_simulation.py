@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from humanoid_getup.policy.action import between
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.scene import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.drive import KP, VMAX
@@ -233,7 +233,7 @@ def test_a_loaded_gear_is_at_the_end_of_its_backlash_as_with_a_loose_hinge(op3):
     play, leads, torques = 0.02, [], []
     knees = [op3.joint_names.index(name) for name in ("l_knee", "r_knee")]  # of contrary signs
     for parameter, variants in ((play, []), (0.0, [backlash(play)])):
-        world = build_training_world(op3, load_scene("flat"), 0.002, variants=variants)
+        world = build_training_world(op3, FLAT_SCENE, 0.002, variants=variants)
         model, sim = world.model, make_sim(world, 1, backlash=parameter)
         sim.place(np.array([0]), place(op3, model, op3.standing)[None])
         target = angles(op3, sim)

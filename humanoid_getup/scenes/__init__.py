@@ -1,0 +1,1 @@
+"""Where a robot lies and rises: ground, obstacles, surfaces."""

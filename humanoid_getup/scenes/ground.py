@@ -1,0 +1,111 @@
+"""The ground of a scene: a plane, level or sloping, or a field of heights."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.scenes.surface import Surface
+from robots import quaternion
+from robots.ground import GROUND, add_ground, add_world_geom
+from robots.quaternion import Array
+
+STEEPEST = math.radians(45.0)
+BASE = 0.1  # m of a field under its lowest point
+
+
+class Ground(Protocol):
+    """A surface that has one height at every place."""
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Compute the height [m] at places x, y [m], all of one shape."""
+        ...
+
+    def pave(self, spec: mujoco.MjSpec, surface: Surface) -> mujoco.MjsGeom:
+        """Add it to a model."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slope:
+    """A plane through the origin that rises along +x."""
+
+    angle: float = 0.0
+    """[rad]"""
+
+    def __post_init__(self) -> None:
+        if not abs(self.angle) <= STEEPEST:
+            raise ValueError(
+                f"slope is {math.degrees(self.angle):g}°, "
+                f"expected at most {math.degrees(STEEPEST):g}°"
+            )
+
+    def height(self, x: Array, y: Array) -> Array:  # noqa: ARG002
+        """Compute the height [m] at places x, y [m], all of one shape."""
+        return math.tan(self.angle) * x
+
+    def pave(self, spec: mujoco.MjSpec, surface: Surface) -> mujoco.MjsGeom:
+        """Add it to a model."""
+        geom = add_ground(spec)
+        geom.quat[:] = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -self.angle)
+        surface.cover(geom)
+        return geom
+
+
+FLAT = Slope()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeightField:
+    """Heights at the crossings of a square grid, centered at the origin, with flat triangles
+    between them."""
+
+    heights: Array
+    """[m], rows along +y and columns along +x, (R, C)."""
+    cell: float
+    """Distance between two crossings [m]."""
+
+    def __post_init__(self) -> None:
+        if self.heights.ndim != 2 or min(self.heights.shape) < 2:
+            raise ValueError(
+                f"heights are {' by '.join(map(str, self.heights.shape))}, expected 2 by 2 or more"
+            )
+        if not np.isfinite(self.heights).all():
+            raise ValueError("heights are not all finite")
+        if np.ptp(self.heights) == 0.0:
+            raise ValueError("heights are all the same, expected different ones: use a plane")
+        if not self.cell > 0.0:
+            raise ValueError(f"cell is {self.cell:g} m, expected above 0 m")
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Compute the height [m] at places x, y [m], all of one shape; beyond the edge, its own."""
+        rows, columns = self.heights.shape
+        across = np.clip(x / self.cell + 0.5 * (columns - 1), 0.0, columns - 1.0)
+        along = np.clip(y / self.cell + 0.5 * (rows - 1), 0.0, rows - 1.0)
+        c = np.minimum(across.astype(int), columns - 2)
+        r = np.minimum(along.astype(int), rows - 2)
+        u, v = across - c, along - r
+        h = self.heights
+        low, high = h[r, c], h[r + 1, c + 1]
+        # Each cell is two triangles, which share the diagonal of growing x and y.
+        right = low + u * (h[r, c + 1] - low) + v * (high - h[r, c + 1])
+        left = low + v * (h[r + 1, c] - low) + u * (high - h[r + 1, c])
+        return np.where(u >= v, right, left)
+
+    def pave(self, spec: mujoco.MjSpec, surface: Surface) -> mujoco.MjsGeom:
+        """Add it to a model."""
+        rows, columns = self.heights.shape
+        half = 0.5 * self.cell * np.array([columns - 1, rows - 1])
+        field = spec.add_hfield(name=GROUND, nrow=rows, ncol=columns)
+        field.size[:] = [*half, np.ptp(self.heights), BASE]
+        field.userdata = self.heights.ravel()
+        geom = add_world_geom(spec, GROUND, surface.friction)
+        geom.type = mujoco.mjtGeom.mjGEOM_HFIELD
+        geom.hfieldname = GROUND
+        geom.pos[2] = self.heights.min()
+        surface.cover(geom)
+        return geom

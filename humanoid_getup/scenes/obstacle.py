@@ -1,0 +1,145 @@
+"""Obstacles: spheres, capsules and boxes that stand in the way or can be leaned on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.scenes.surface import Surface
+from robots import quaternion
+from robots.ground import add_world_geom
+from robots.quaternion import Array
+
+Kind = Literal["sphere", "capsule", "box"]
+TYPES = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+}
+COLOR = (0.62, 0.45, 0.30, 1.0)
+THINNEST = 1e-6  # m, of a box without radius
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Obstacle:
+    """A sphere-swept volume: every point within ``radius`` of a point, a segment or a rectangle.
+
+    Departure from [Lin12], section 4.2.2: the edges of a box are sharp.
+    """
+
+    name: str
+    kind: Kind
+    half_size: Array
+    """As MuJoCo has it: radius; radius and half length along z; or half edges [m]."""
+    position: Array
+    """Of its center in the world [m], (3,)."""
+    orientation: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+    surface: Surface = field(default_factory=Surface)
+
+    def __post_init__(self) -> None:
+        if not np.all(self.half_size > 0.0):
+            raise ValueError(f"obstacle '{self.name}': a size is not above 0 m")
+
+    @property
+    def radius(self) -> float:
+        """Return the radius of the sphere that is swept [m]."""
+        return float(self.half_size.min() if self.kind == "box" else self.half_size[0])
+
+    def sweep(self, radius: float) -> Array:
+        """Return the half sizes that it has when a smaller sphere is swept [m], (k,)."""
+        if self.kind == "box":
+            return np.maximum(self.half_size - (self.radius - radius), THINNEST)
+        return np.array([max(radius, THINNEST), *self.half_size[1:]])
+
+    def contains(self, point: Array) -> bool:
+        """Return whether a point (3,) is inside."""
+        p = self._to_local(point)
+        if self.kind == "box":
+            return bool(np.all(np.abs(p) <= self.half_size))
+        p[2] -= np.clip(p[2], -self._half_length, self._half_length)
+        return bool(np.linalg.norm(p) <= self.radius)
+
+    def top(self, x: Array, y: Array) -> Array:
+        """Compute the height of its highest point over places x, y [m]; -inf beside it."""
+        origin = self._to_local(np.stack([x, y, np.zeros_like(x)], axis=-1))
+        up = quaternion.rotate(quaternion.inverse(self.orientation), np.array([0.0, 0.0, 1.0]))
+        if self.kind == "box":
+            return _leave_box(origin, up, self.half_size)
+        ends = np.array([[0.0, 0.0, z] for z in (-self._half_length, self._half_length)])
+        tops = [_leave_sphere(origin - end, up, self.radius) for end in ends]
+        return np.maximum(_leave_cylinder(origin, up, self.radius, self._half_length), max_of(tops))
+
+    def add(self, spec: mujoco.MjSpec) -> None:
+        """Add it to a model."""
+        geom = add_world_geom(spec, self.name, self.surface.friction)
+        geom.type = TYPES[self.kind]
+        geom.size[: len(self.half_size)] = self.half_size
+        geom.pos[:], geom.quat[:] = self.position, self.orientation
+        geom.rgba[:] = COLOR
+        self.surface.cover(geom)
+
+    @property
+    def _half_length(self) -> float:
+        return float(self.half_size[1]) if self.kind == "capsule" else 0.0
+
+    def _to_local(self, point: Array) -> Array:
+        return quaternion.rotate(quaternion.inverse(self.orientation), point - self.position)
+
+
+def make_capsule(
+    name: str, start: Array, end: Array, radius: float, surface: Surface | None = None
+) -> Obstacle:
+    """Make a capsule around a segment; a sphere if both ends are the same point [m], (3,)."""
+    along, surface = end - start, surface or Surface()
+    length = float(np.linalg.norm(along))
+    if length == 0.0:
+        size = np.array([radius])
+        return Obstacle(name=name, kind="sphere", half_size=size, position=start, surface=surface)
+    orientation = np.zeros(4)
+    mujoco.mju_quatZ2Vec(orientation, along / length)
+    return Obstacle(
+        name=name,
+        kind="capsule",
+        half_size=np.array([radius, 0.5 * length]),
+        position=0.5 * (start + end),
+        orientation=orientation,
+        surface=surface,
+    )
+
+
+def max_of(arrays: list[Array]) -> Array:
+    """Compute the elementwise maximum of arrays of one shape."""
+    return np.max(np.stack(arrays), axis=0)
+
+
+def _leave_box(origin: Array, up: Array, half: Array) -> Array:
+    """Compute how far along ``up`` lines (..., 3) leave a box; -inf where they miss it."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near = (-half * np.sign(up) - origin) / up
+        far = (half * np.sign(up) - origin) / up
+    parallel = np.abs(up) < 1e-12
+    outside = np.any(parallel & (np.abs(origin) > half), axis=-1)
+    enter = np.where(parallel, -np.inf, near).max(axis=-1)
+    leave = np.where(parallel, np.inf, far).min(axis=-1)
+    return np.where(outside | (enter > leave), -np.inf, leave)
+
+
+def _leave_sphere(origin: Array, up: Array, radius: float) -> Array:
+    along = origin @ up
+    square = along**2 - np.sum(origin**2, axis=-1) + radius**2
+    return np.where(square < 0.0, -np.inf, -along + np.sqrt(np.maximum(square, 0.0)))
+
+
+def _leave_cylinder(origin: Array, up: Array, radius: float, half_length: float) -> Array:
+    """Compute the same of a cylinder along z, without its ends."""
+    a = float(up[:2] @ up[:2])
+    if a < 1e-12:
+        return np.full(origin.shape[:-1], -np.inf)
+    b = origin[..., :2] @ up[:2]
+    square = b**2 - a * (np.sum(origin[..., :2] ** 2, axis=-1) - radius**2)
+    leave = (-b + np.sqrt(np.maximum(square, 0.0))) / a
+    z = origin[..., 2] + leave * up[2]
+    return np.where((square < 0.0) | (np.abs(z) > half_length), -np.inf, leave)

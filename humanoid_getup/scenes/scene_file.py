@@ -1,0 +1,203 @@
+"""Scene files: scenes as TOML, with sizes as shares of a robot's leg length or in meters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from humanoid_getup.scenes.ground import FLAT, Ground, HeightField, Slope
+from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.scenes.surface import Surface
+from robots import Robot, quaternion
+from robots.ground import GROUND_FRICTION
+from robots.kinematics import leg_length
+from robots.quaternion import Array
+from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
+
+FARTHEST = 100.0  # legs or m
+Number = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST, description="a number from -100 to 100")]
+Point = Annotated[tuple[Number, Number, Number], Meta(description="three numbers, x y z")]
+Size = Annotated[float, positive(FARTHEST)]
+Share = Annotated[float, Meta(ge=0.0, le=10.0, description="a number from 0 to 10")]
+Friction = Annotated[float, positive(10.0)]
+Degrees = Annotated[float, Meta(ge=-360.0, le=360.0, description="degrees from -360 to 360")]
+DegreeRange = Annotated[tuple[Degrees, Degrees], Meta(description="two angles in degrees")]
+NumberRange = Annotated[tuple[Number, Number], Meta(description="two numbers")]
+Tilt = Annotated[float, Meta(ge=-45.0, le=45.0, description="degrees from -45 to 45")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceTable:
+    """A surface as it is written."""
+
+    friction: Friction = GROUND_FRICTION
+    rolling_friction: Share = 0.0
+    sink: Share = 0.0
+
+    def at(self, unit: float) -> Surface:
+        """Make the surface; ``unit`` is in meters."""
+        return Surface(
+            friction=self.friction,
+            rolling_friction=unit * self.rolling_friction,
+            sink=unit * self.sink,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundTable(SurfaceTable):
+    """The ground as it is written: a slope in degrees, or heights on a grid."""
+
+    slope_deg: Tilt = 0.0
+    heights: Annotated[Array, on_axes(2)] | None = None
+    cell: Size = 0.25
+
+    def build(self, unit: float) -> Ground:
+        """Make the ground; ``unit`` is in meters."""
+        if self.heights is not None:
+            return HeightField(heights=unit * self.heights, cell=unit * self.cell)
+        return Slope(angle=math.radians(self.slope_deg)) if self.slope_deg else FLAT
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoxTable(SurfaceTable):
+    """A box as it is written: its center, its edges, and how it is turned, first about z."""
+
+    name: str
+    center: Point
+    size: Annotated[tuple[Size, Size, Size], Meta(description="three numbers above 0")]
+    turn_deg: Degrees = 0.0
+    tilt_deg: Degrees = 0.0
+
+    def build(self, unit: float) -> Obstacle:
+        """Make the obstacle; ``unit`` is in meters."""
+        turn = quaternion.from_yaw(math.radians(self.turn_deg))
+        tilt = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -math.radians(self.tilt_deg))
+        return Obstacle(
+            name=self.name,
+            kind="box",
+            half_size=0.5 * unit * np.array(self.size),
+            position=unit * np.array(self.center),
+            orientation=quaternion.multiply(turn, tilt),
+            surface=self.at(unit),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CapsuleTable(SurfaceTable):
+    """A capsule as it is written: two ends and a radius; a sphere has the same end twice."""
+
+    name: str
+    start: Point
+    end: Point
+    radius: Size
+
+    def build(self, unit: float) -> Obstacle:
+        """Make the obstacle; ``unit`` is in meters."""
+        start, end = unit * np.array(self.start), unit * np.array(self.end)
+        return make_capsule(self.name, start, end, unit * self.radius, self.at(unit))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphereTable(SurfaceTable):
+    """A sphere as it is written."""
+
+    name: str
+    center: Point
+    radius: Size
+
+    def build(self, unit: float) -> Obstacle:
+        """Make the obstacle; ``unit`` is in meters."""
+        center = unit * np.array(self.center)
+        return make_capsule(self.name, center, center, unit * self.radius, self.at(unit))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartTable:
+    """Where robots lie, as it is written."""
+
+    lying: Literal["supine", "prone", "left", "right"]
+    x: NumberRange = (0.0, 0.0)
+    y: NumberRange = (0.0, 0.0)
+    z: NumberRange = (-FARTHEST, FARTHEST)
+    margin: Share = 0.25
+    settled: bool = False
+    heading_deg: DegreeRange = (-180.0, 180.0)
+
+    def build(self, unit: float) -> StartRegion:
+        """Make the region; ``unit`` is in meters."""
+        low, high = self.heading_deg
+        return StartRegion(
+            start_class=self.lying,
+            x=(unit * self.x[0], unit * self.x[1]),
+            y=(unit * self.y[0], unit * self.y[1]),
+            z=(unit * self.z[0], unit * self.z[1]),
+            margin=unit * self.margin,
+            is_settled=self.settled,
+            heading=(math.radians(low), math.radians(high)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneTable:
+    """A scene as it is written."""
+
+    about: str = ""
+    """What it is, in one line."""
+    unit: Literal["leg", "m"] = "leg"
+    ground: GroundTable = field(default_factory=GroundTable)
+    boxes: tuple[BoxTable, ...] = ()
+    capsules: tuple[CapsuleTable, ...] = ()
+    spheres: tuple[SphereTable, ...] = ()
+    starts: tuple[StartTable, ...] = ()
+
+
+def read_scene(file: Path, robot: Robot, name: str | None = None) -> Scene:
+    """Read a scene from a TOML file, its sizes for a robot.
+
+    Raises:
+        ValueError: if the file cannot be read, or naming all that is wrong in it.
+    """
+    table = read_scene_table(file)
+    try:
+        return build_scene(table, robot, name or file.stem)
+    except ValueError as error:
+        raise ValueError(f"scene {file}: {error}") from error
+
+
+def read_scene_table(file: Path) -> SceneTable:
+    """Read a scene file; raises as `read_scene`."""
+    problems: list[str] = []
+    try:
+        toml = load_toml(file)
+        problems += find_unknown_keys(SceneTable, toml)
+        table = read_table(SceneTable, toml, "", problems)
+    except ValueError as error:
+        problems.append(str(error))
+    if problems:
+        raise ValueError(f"scene {file}: {'; '.join(problems)}")
+    return table
+
+
+def build_scene(table: SceneTable, robot: Robot, name: str) -> Scene:
+    """Build a scene for a robot.
+
+    Raises:
+        ValueError: if two obstacles share a name, or a part cannot be.
+    """
+    unit = leg_length(robot) if table.unit == "leg" else 1.0
+    return Scene(
+        name=name,
+        ground=table.ground.build(unit),
+        surface=table.ground.at(unit),
+        obstacles=tuple(
+            part.build(unit) for part in (*table.boxes, *table.capsules, *table.spheres)
+        ),
+        starts=tuple(start.build(unit) for start in table.starts),
+    )

@@ -1,0 +1,74 @@
+"""Clearance: how far a posture is above the ground and the obstacles of a scene."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.simulation.world import World
+from robots.kinematics import lowest_point
+from robots.quaternion import Array
+
+STEP = 0.01  # m by which a robot is raised until it is free
+PLACES = 9  # along each axis, at which the ground around a robot is looked up
+FINE = 0.0005  # m to which the height is then known
+
+
+class Clearance:
+    """Measures and mends the height of postures over whatever is under them."""
+
+    def __init__(self, world: World) -> None:
+        self._model, self._scene = world.model, world.scene
+        self._data = mujoco.MjData(world.model)
+        reach = world.robot.standing_neck_height
+        self._around = np.linspace(-reach, reach, PLACES)
+        self._root = world.robot.layout(world.model).root_qpos
+        self._is_world = world.is_world_geom
+
+    def measure_overlap(self, qpos: Array) -> float:
+        """Measure how deep a robot reaches into the scene [m], at MuJoCo positions (nq,)."""
+        return self._measure(qpos, with_scene=True)
+
+    def measure_self_overlap(self, qpos: Array) -> float:
+        """Measure how deep a robot reaches into itself [m], at MuJoCo positions (nq,)."""
+        return self._measure(qpos, with_scene=False)
+
+    def _measure(self, qpos: Array, *, with_scene: bool) -> float:
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
+        contact = self._data.contact
+        chosen = self._is_world[contact.geom].any(axis=1) == with_scene
+        return float(np.max(-contact.dist[chosen], initial=0.0))
+
+    def rest(self, qpos: Array, height: float = 0.0) -> Array:
+        """Put a robot above what is under it, as low as it is free, counted from the ground up.
+
+        Args:
+            qpos: MuJoCo positions, (nq,); the height of the root does not matter.
+            height: How far above that it is put [m]; negative: how deep it presses in.
+        """
+        lowest = lowest_point(self._model, qpos)
+        if self._scene.is_flat:
+            return self._raise(qpos, height - lowest)
+        allowed = max(-height, 0.0)
+        at = self._raise(qpos, self._ground_around(qpos) - allowed - lowest)
+        while self.measure_overlap(at) > allowed:
+            at = self._raise(at, STEP)
+        low, high = -STEP, 0.0
+        while high - low > FINE:
+            middle = 0.5 * (low + high)
+            is_free = self.measure_overlap(self._raise(at, middle)) <= allowed
+            low, high = (low, middle) if is_free else (middle, high)
+        return self._raise(at, high + max(height, 0.0))
+
+    def _raise(self, qpos: Array, height: float) -> Array:
+        raised = qpos.copy()
+        raised[self._root + 2] += height
+        return raised
+
+    def _ground_around(self, qpos: Array) -> float:
+        """Return the least height of the ground around a robot [m]."""
+        x, y = np.meshgrid(*(qpos[self._root + i] + self._around for i in range(2)))
+        return float(self._scene.ground.height(x, y).min())

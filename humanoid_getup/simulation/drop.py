@@ -1,0 +1,110 @@
+"""Drops: robots that fall with torque off, and what becomes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.scenes.start_region import ANYWHERE, StartRegion
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.vectorized_simulation import VecSim
+from humanoid_getup.simulation.world import World
+from robots import Posture
+from robots.kinematics import place
+from robots.quaternion import Array
+
+DROP_HEIGHT = 0.02  # m under the lowest point
+HIGH = 1.0  # m, while joint angles are drawn
+SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
+MOST_SAMPLES = 10_000
+SETTLED_TIME = 0.25  # s for which no coordinate is faster
+FIRST_CHECK, NEXT_CHECK = 3.0, 1.0  # s from the drop, and between checks of those that still move
+LONGEST_FALL = 10.0  # s after which a robot that still moves is left out
+
+
+class FallError(ValueError):
+    """Falls do not lead to the wanted postures."""
+
+
+def drop(
+    sim: VecSim,
+    settled_speed: float,
+    rng: np.random.Generator,
+    longest: float = LONGEST_FALL,
+    regions: Sequence[StartRegion] = (),
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Drop the robots of a simulation in random postures, torque off, and let them settle.
+
+    A robot has settled when all its coordinates are slower than a speed [rad/s, m/s]. They are
+    dropped in ``regions`` of the scene, or in all of them.
+
+    Returns:
+        Final MuJoCo positions (N, nq), and which robots settled, (N,).
+    """
+    robot, model = sim.robot, sim.model
+    drops = DropSampler(sim.world, regions or sim.world.scene.starts or (ANYWHERE,))
+    qpos = np.array([drops.sample(rng) for _ in sim.everyone])
+    sim.set_parameters(sim.everyone, DomainParameters.nominal(sim.world, sim.n, torque_limit=0.0))
+    sim.place(sim.everyone, qpos)
+    hold = _count_sample_steps(sim)
+    sample_time = hold * model.opt.timestep
+    window = round(SETTLED_TIME / sample_time)
+    moving, time, duration = sim.everyone, 0.0, FIRST_CHECK
+    while time < longest - 1e-9 and len(moving):
+        targets = np.zeros((len(moving), round(duration / sample_time), robot.n))
+        went = sim.advance(targets, hold, ("qpos",), moving)["qpos"]
+        time, duration = time + duration, NEXT_CHECK
+        qpos[moving] = went[:, -1]
+        speed = np.abs(np.diff(went[:, -window:], axis=1)).max(axis=(1, 2)) / sample_time
+        moving = moving[(speed >= settled_speed) | sim.diverged[moving]]
+    settled = ~np.isin(sim.everyone, moving)
+    return qpos, settled
+
+
+def _count_sample_steps(sim: VecSim) -> int:
+    """Count the physics steps of the fewest control periods that make a whole number of them."""
+    steps = Fraction(sim.robot.control_period / sim.model.opt.timestep).limit_denominator(1000)
+    return steps.numerator
+
+
+class DropSampler:
+    """Draws postures in which robots are dropped, just above what is under them."""
+
+    def __init__(self, world: World, regions: Sequence[StartRegion]) -> None:
+        self._world, self._regions = world, regions
+        self._clearance = Clearance(world)
+        self._root = world.robot.layout(world.model).root_qpos
+
+    def sample(self, rng: np.random.Generator) -> Array:
+        """Sample joints anywhere in their range, free of self-collision, in any orientation.
+
+        Where the scene says how and where robots lie, orientation and place are near to that.
+
+        Returns:
+            MuJoCo positions, (nq,).
+
+        Raises:
+            FallError: if no sample is free.
+        """
+        robot, model = self._world.robot, self._world.model
+        for _ in range(MOST_SAMPLES):
+            region = rng.choice(len(self._regions)) if len(self._regions) > 1 else 0
+            at, orientation = self._regions[region].sample(rng)
+            posture = Posture(
+                position=np.array([*at, HIGH]),
+                orientation=orientation,
+                joint_pos=rng.uniform(robot.lower, robot.upper),
+            )
+            qpos = place(robot, model, posture)
+            if self._clearance.measure_self_overlap(qpos) < SPAWN_OVERLAP:
+                qpos = self._clearance.rest(qpos, DROP_HEIGHT)
+                if self._regions[region].spans(qpos[self._root : self._root + 3]):
+                    return qpos
+        raise FallError(
+            f"robot '{robot.name}' collides with itself or with scene "
+            f"'{self._world.scene.name}' in {MOST_SAMPLES} random postures"
+        )

@@ -1,0 +1,122 @@
+"""Heights of obstacles and of rough ground, against MuJoCo's own rays."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.scenes.ground import HeightField, Slope
+from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.surface import Surface
+from robots import quaternion
+
+HIGH = 5.0
+DOWN = np.array([0.0, 0.0, -1.0])
+small = st.floats(-0.5, 0.5)
+angle = st.floats(-3.0, 3.0)
+
+
+def cast(model: mujoco.MjModel, x: float, y: float) -> float:
+    """Measure the height of the first thing under a place with a ray; -inf if there is none."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    distance = mujoco.mj_ray(
+        model, data, np.array([x, y, HIGH]), DOWN, None, 1, -1, np.zeros(1, dtype=np.int32)
+    )
+    return HIGH - distance if distance >= 0.0 else -math.inf
+
+
+def cast_on(obstacle: Obstacle, x: float, y: float) -> float:
+    spec = mujoco.MjSpec()
+    obstacle.add(spec)
+    return cast(spec.compile(), x, y)
+
+
+@given(kind=st.sampled_from(["box", "capsule", "sphere"]), x=small, y=small, a=angle, b=angle)
+def test_the_top_of_an_obstacle_is_where_a_ray_from_above_meets_it(kind, x, y, a, b):
+    tilt = quaternion.from_axis_angle(np.array([0.6, 0.8, 0.0]), b)
+    size = {"box": [0.2, 0.3, 0.1], "capsule": [0.15, 0.3], "sphere": [0.3]}[kind]
+    obstacle = Obstacle(
+        name="thing",
+        kind=kind,
+        half_size=np.array(size),
+        position=np.array([0.1, -0.05, 0.4]),
+        orientation=quaternion.multiply(quaternion.from_yaw(a), tilt),
+    )
+    top = float(obstacle.top(np.array(x), np.array(y)))
+    assert top == pytest.approx(cast_on(obstacle, x, y), abs=1e-9)
+    if math.isfinite(top):
+        assert obstacle.contains(np.array([x, y, top - 1e-9]))
+        assert not obstacle.contains(np.array([x, y, top + 1e-6]))
+
+
+@given(x=st.floats(-0.74, 0.74), y=st.floats(-0.49, 0.49), seed=st.integers(0, 20))
+def test_rough_ground_is_as_high_as_a_ray_says(x, y, seed):
+    heights = np.random.default_rng(seed).uniform(-0.1, 0.1, (5, 7))
+    ground = HeightField(heights=heights, cell=0.25)
+    spec = mujoco.MjSpec()
+    ground.pave(spec, Surface())
+    assert ground.height(np.array(x), np.array(y)) == pytest.approx(
+        cast(spec.compile(), x, y), abs=1e-6
+    )
+
+
+@given(x=small, y=small, degrees=st.floats(-30.0, 30.0))
+def test_a_slope_is_as_high_as_a_ray_says(x, y, degrees):
+    ground = Slope(angle=math.radians(degrees))
+    spec = mujoco.MjSpec()
+    ground.pave(spec, Surface())
+    assert ground.height(np.array(x), np.array(y)) == pytest.approx(
+        cast(spec.compile(), x, y), abs=1e-6
+    )
+
+
+TABLE = Obstacle(
+    name="table",
+    kind="box",
+    half_size=np.array([0.5, 0.5, 0.02]),
+    position=np.array([0.0, 0.0, 0.3]),
+)
+
+
+def test_feet_stand_on_a_table_or_under_it():
+    scene = Scene(name="table", obstacles=(TABLE,))
+    feet = np.array([[0.0, 0.0, 0.315], [0.0, 0.0, 0.0], [0.6, 0.0, 0.32]])
+    np.testing.assert_allclose(scene.support(feet), [0.32, 0.0, 0.0])
+
+
+def test_feet_that_sink_in_still_stand_on_what_is_soft():
+    soft = Obstacle(
+        name="bed",
+        kind="box",
+        half_size=np.array([0.5, 0.5, 0.1]),
+        position=np.array([0.0, 0.0, 0.1]),
+        surface=Surface(sink=0.03),
+    )
+    scene = Scene(name="bed", obstacles=(soft,))
+    assert scene.support(np.array([0.0, 0.0, 0.165])) == pytest.approx(0.2)
+
+
+def test_a_capsule_lies_between_its_ends():
+    beam = make_capsule("beam", np.array([0.5, -1.0, 0.1]), np.array([0.5, 1.0, 0.1]), 0.05)
+    assert beam.half_size.tolist() == [0.05, 1.0]
+    for y in (-1.04, 0.0, 1.04):
+        assert beam.contains(np.array([0.5, y, 0.1]))
+    assert not beam.contains(np.array([0.5, 1.06, 0.1]))
+    assert not beam.contains(np.array([0.56, 0.0, 0.1]))
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "box"])
+def test_a_smaller_sphere_sweeps_a_smaller_volume_up_to_nothing(kind):
+    size = {"box": [0.2, 0.3, 0.1], "capsule": [0.1, 0.3], "sphere": [0.1]}[kind]
+    obstacle = Obstacle(name="o", kind=kind, half_size=np.array(size), position=np.zeros(3))
+    assert obstacle.radius == 0.1
+    np.testing.assert_allclose(obstacle.sweep(0.1), size)
+    half = {"box": [0.15, 0.25, 0.05], "capsule": [0.05, 0.3], "sphere": [0.05]}[kind]
+    np.testing.assert_allclose(obstacle.sweep(0.05), half)
+    core = {"box": [0.1, 0.2, 1e-6], "capsule": [1e-6, 0.3], "sphere": [1e-6]}[kind]
+    np.testing.assert_allclose(obstacle.sweep(0.0), core)

@@ -1,0 +1,165 @@
+"""Scene files and scenes by name."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from paths import REPOSITORY
+
+from humanoid_getup.scenes.named_scenes import FOLDER, list_scenes, load_scene
+from humanoid_getup.scenes.scene_file import read_scene
+from robots import Robot
+from robots.kinematics import leg_length
+
+FULL = """
+about = "everything"
+unit = "m"
+[ground]
+slope_deg = 10
+friction = 0.5
+sink = 0.01
+[[boxes]]
+name = "box"
+center = [1, 2, 3]
+size = [0.2, 0.4, 0.6]
+turn_deg = 90
+friction = 0.3
+[[capsules]]
+name = "pole"
+start = [0, 0, 0.1]
+end = [0, 1, 0.1]
+radius = 0.05
+[[spheres]]
+name = "ball"
+center = [1, 1, 1]
+radius = 0.2
+rolling_friction = 0.01
+[[starts]]
+lying = "left"
+x = [-1, 1]
+heading_deg = [0, 90]
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    file = folder / "mine.toml"
+    file.write_text(text)
+    return file
+
+
+def test_a_leg_of_op3_is_as_long_as_in_its_model(op3: Robot):
+    """Hip yaw axis to the sole, all joints at 0: 0.0125 m sideways and 0.27915 m down."""
+    assert leg_length(op3) == pytest.approx(math.hypot(0.0125, 0.27915), abs=1e-4)
+
+
+def test_a_file_says_all_that_a_scene_has(op3: Robot, tmp_path: Path):
+    scene = load_scene(str(write(tmp_path, FULL)), op3)
+    assert scene.name == "mine"
+    model = scene.compile(op3)
+    box, pole, ball = (model.geom(name) for name in ("box", "pole", "ball"))
+    np.testing.assert_allclose(box.pos, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(box.size, [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(box.quat, [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])
+    assert box.friction[0] == 0.3
+    np.testing.assert_allclose(pole.pos, [0.0, 0.5, 0.1])
+    np.testing.assert_allclose(pole.size[:2], [0.05, 0.5])
+    assert ball.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE
+    assert (ball.friction[2], ball.condim[0]) == (0.01, 6)
+    assert scene.friction == 0.5
+    assert scene.surface.sink == 0.01
+    assert scene.ground.height(np.array(1.0), np.array(5.0)) == pytest.approx(0.17633, abs=1e-5)
+    (start,) = scene.starts
+    assert (start.start_class, start.x) == ("left", (-1.0, 1.0))
+    assert start.heading == pytest.approx((0.0, math.pi / 2))
+
+
+def test_the_file_in_the_documentation_is_a_scene(op3: Robot, tmp_path: Path):
+    page = (REPOSITORY / "docs" / "reference" / "scenes.md").read_text("utf-8")
+    text = page.split("```toml\n")[1].split("```")[0]
+    scene = read_scene(write(tmp_path, text), op3)
+    assert [obstacle.name for obstacle in scene.obstacles] == ["crate"]
+    assert scene.surface.rolling_friction > 0.0
+
+
+def test_sizes_without_a_unit_are_shares_of_the_leg(op3: Robot, tmp_path: Path):
+    text = '[[spheres]]\nname = "ball"\ncenter = [1, 0, 0]\nradius = 0.5'
+    (ball,) = read_scene(write(tmp_path, text), op3).obstacles
+    assert ball.radius == pytest.approx(0.5 * leg_length(op3))
+    assert ball.position[0] == pytest.approx(leg_length(op3))
+
+
+def test_heights_of_a_file_become_rough_ground(op3: Robot, tmp_path: Path):
+    text = 'unit = "m"\n[ground]\nheights = [[0, 0.1], [0.1, 0]]\ncell = 2'
+    scene = read_scene(write(tmp_path, text), op3)
+    assert scene.compile(op3).geom("ground").type[0] == mujoco.mjtGeom.mjGEOM_HFIELD
+    assert scene.ground.height(np.array(1.0), np.array(-1.0)) == pytest.approx(0.1)
+
+
+BALL = '[[spheres]]\nname = "ball"\ncenter = [0, 0, 0]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("moon = 1", "unknown key moon, expected about, unit, ground"),
+        ("[ground]\nfrictoin = 1", "unknown key ground.frictoin, expected friction"),
+        (BALL + "radius = 1\nmass = 2", "sphere 'ball': mass, expected"),
+        (BALL + "radius = -1", "sphere 'ball': radius is -1, expected above 0"),
+        (BALL, "sphere 'ball': radius is missing"),
+        ("[ground]\nfriction = -0.1", r"ground.friction is -0\.1, expected above 0"),
+        ("[ground]\nslope_deg = 60", "ground.slope_deg is 60, expected degrees from -45 to 45"),
+        ("[ground]\nheights = [[0, 0], [0, 0]]", "heights are all the same"),
+        ("[ground]\nheights = [[0]]", "heights are 1 by 1, expected 2 by 2 or more"),
+        ("[ground]\nheights = [[0, 1], [2]]", "ground.heights is .*expected finite numbers"),
+        (BALL + "radius = 1\n" + BALL + "radius = 2", "have the name 'ball'"),
+        (BALL.replace("ball", "ground") + "radius = 1", "have the name 'ground'"),
+        ('[[starts]]\nlying = "upside down"', "expected supine, prone, left, right"),
+        ('unit = "mile"', "unit is 'mile', expected leg, m"),
+        ("ground = 3", "ground is 3, expected a table"),
+        ("=", "not TOML"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(op3: Robot, tmp_path: Path, text: str, message: str):
+    with pytest.raises(ValueError, match=message) as raised:
+        load_scene(str(write(tmp_path, text)), op3)
+    assert "\n" not in str(raised.value)
+    assert "mine.toml" in str(raised.value)
+
+
+def test_a_missing_file_is_refused(op3: Robot):
+    with pytest.raises(ValueError, match=r"scene nowhere\.toml: No such file"):
+        load_scene("nowhere.toml", op3)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("moon", "unknown scene 'moon': expected beam, .*slope:10, rough:easy, .*or a .toml file"),
+        ("slope:31", "scene slope:31: expected degrees from -30 to 30"),
+        ("slope:steep", "scene slope:steep: expected degrees"),
+        ("slope:nan", "scene slope:nan: expected degrees"),
+        ("rough:", "scene rough:: expected rough:easy, rough:medium, rough:hard"),
+        ("../named/flat", "unknown scene '../named/flat'"),
+    ],
+)
+def test_an_unknown_scene_is_refused_with_what_is_allowed(op3: Robot, name: str, message: str):
+    with pytest.raises(ValueError, match=message):
+        load_scene(name, op3)
+
+
+def test_every_scene_has_a_line_about_it_and_compiles(op3: Robot):
+    scenes = list_scenes()
+    assert len(scenes) == len(list(FOLDER.glob("*.toml"))) + 4
+    for scene in scenes:
+        assert scene.about
+        assert load_scene(scene.name, op3).compile(op3).nq == op3.n + 7
+
+
+def test_the_same_seed_is_the_same_rough_ground(op3: Robot):
+    heights = [
+        load_scene("rough:hard", op3, seed).ground.height(np.array([0.3]), np.array([0.2]))
+        for seed in (0, 0, 1)
+    ]
+    assert heights[0] == heights[1] != heights[2]

@@ -1,0 +1,56 @@
+"""Robots come to lie where and how a scene says."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.drop import FallError
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.world import World
+from robots import Robot, quaternion
+from robots.kinematics import leg_length, place
+
+
+def fall_in(op3: Robot, name: str, start_class: str, count: int = 2) -> tuple[World, list]:
+    world = World(op3, load_scene(name, op3))
+    falls = sample_falls(world, {start_class: count}, np.random.default_rng(0))
+    assert [fall.start_class for fall in falls] == [start_class] * count
+    clearance = Clearance(world)
+    for fall in falls:
+        qpos = place(op3, world.model, fall.posture)
+        most = 0.05 if name == "soft-bed" else 0.02
+        assert clearance.measure_overlap(qpos) < most, "it lies inside something"
+        gap = qpos[2] - clearance.rest(qpos)[2]
+        assert gap < 0.01, "it hangs in the air"
+    return world, [fall.posture for fall in falls]
+
+
+def test_robots_lie_on_a_bed(op3: Robot):
+    _, postures = fall_in(op3, "low-bed-a", "supine")
+    leg = leg_length(op3)
+    for posture in postures:
+        assert posture.position[2] > 0.3 * leg
+        head = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
+        assert head[0] > 0.7, "its legs are not outside the bed"
+
+
+def test_robots_lie_under_a_table(op3: Robot):
+    _, postures = fall_in(op3, "table", "left", 1)
+    assert postures[0].position[2] < 0.5 * leg_length(op3)
+
+
+def test_robots_lie_anywhere_on_a_slope(op3: Robot):
+    fall_in(op3, "slope:15", "prone")
+
+
+def test_a_soft_bed_gives_way(op3: Robot):
+    _, soft = fall_in(op3, "soft-bed", "prone", 3)
+    _, hard = fall_in(op3, "low-bed-a", "prone", 3)
+    assert np.mean([p.position[2] for p in soft]) < np.mean([p.position[2] for p in hard])
+
+
+def test_a_class_that_a_scene_does_not_have_is_refused(op3: Robot):
+    world = World(op3, load_scene("beam", op3))
+    with pytest.raises(FallError, match="scene 'beam' has no start supine, expected prone"):
+        sample_falls(world, {"supine": 1}, np.random.default_rng(0))

@@ -1,0 +1,31 @@
+"""A robot rises where it is not alone on a level floor."""
+
+import numpy as np
+import pytest
+
+import humanoid_getup as hg
+from drivers import SafetyGuard
+from drivers.dynamixel.backend import DynamixelBackend
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.simulation.falls import sample_falls
+from robots import Robot
+
+
+@pytest.mark.parametrize(("scene", "start_class"), [("wall", "prone"), ("slope:5", "prone")])
+def test_a_robot_rises_in_a_scene(op3: Robot, scene: str, start_class: str):
+    world = hg.World(op3, load_scene(scene, op3))
+    fall = sample_falls(world, {start_class: 1}, np.random.default_rng(1))[0]
+    with hg.Twin(world, fall.posture) as twin:
+        result = hg.get_up(twin, hg.PlannedRise(world))
+        assert result.stood, result.reason
+        root = twin.truth.posture.position
+        assert np.hypot(*(root - fall.posture.position)[:2]) < 0.4
+    assert result.attempts[0].outcome is not None
+
+
+def test_a_robot_that_does_not_know_its_place_is_refused(op3: Robot):
+    world = hg.World(op3, load_scene("wall", op3))
+    guard = SafetyGuard(DynamixelBackend(op3, {"main": "/dev/none"}))
+    with pytest.raises(ValueError, match="scene 'wall' is not the same everywhere"):
+        RiseSession.on(guard, hg.PlannedRise(world))

@@ -109,7 +109,6 @@ GROUPS: dict[str, list[Case]] = {
             "rise --from supine --no-filtering --prefer impact",
             "--prefer impact is of the filter, expected no --no-filtering with it",
         ),
-        case("rise --backend dynamixel", "--backend dynamixel requires --port"),
         case(
             "rise --from supine --prefer luck",
             "--prefer is 'luck', expected time, torque, impact or robustness",
@@ -320,7 +319,7 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --from supine --cache-folder half_plans", ".npz: its checksum differs"),
         case("rise --from supine --cache-folder lost_plans", ".npz: No such file or directory"),
         case("rise --from supine --cache-folder text.txt", "text.txt is not a folder"),
-        case("rise --from supine --cache-folder /proc/plans", "output folder /proc/plans"),
+        case("rise --from supine --cache-folder /proc/plans", "--cache-folder /proc/plans"),
         case("plan-cache --cache-folder broken_plans", "not JSON", "getup plan-cache --clear"),
         case(
             "plan-cache --cache-folder half_plans --robot op3",

@@ -83,7 +83,7 @@ def test_only_an_upright_robot_on_its_feet_stands(robot, neck_share, tilt_deg, c
     assert upright.tolist() == [expected]
 
 
-def test_the_neck_is_measured_over_the_ground_under_the_middle_of_the_feet(tiny):
+def test_the_neck_is_measured_over_the_mean_of_what_is_under_the_feet(tiny):
     """Of `tiny`, standing at 0.149 m, the neck is 0.05 m higher and the feet at y = ±0.07 m."""
     twin = Twin(tiny)
     twin.place(
@@ -94,12 +94,12 @@ def test_the_neck_is_measured_over_the_ground_under_the_middle_of_the_feet(tiny)
         )
     )
 
-    def step(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where(y > 0.05, 0.1, 0.02) + x
+    def step(point: np.ndarray) -> np.ndarray:
+        return np.where(point[..., 1] > 0.05, 0.1, 0.02) + point[..., 0]
 
     meter = StanceMeter(tiny, twin.model, step)
     stance = meter.measure(twin.truth.qpos, twin.truth.site_pos, np.array(False))
-    assert stance.neck_height == pytest.approx(0.199 - 0.02 - 0.3)
+    assert stance.neck_height == pytest.approx(0.199 - 0.06 - 0.3)
     assert stance.tilt == pytest.approx(0.0)
 
 

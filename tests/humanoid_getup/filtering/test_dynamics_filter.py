@@ -285,7 +285,7 @@ def test_a_better_rise_that_stands_in_fewer_worlds_is_not_taken(fall, rollouts, 
         (better, 1.0, True),
         (lies, 1.0, False),
     ):
-        found = SimpleNamespace(targets=[target], rollouts=2)
+        found = SimpleNamespace(targets=[target], rollouts=2, simulated=0.0)
         monkeypatch.setattr(TargetSearch, "improve", lambda *_, found=found: found)
         monkeypatch.setattr(dynamics_filter, "check", lambda *_, share=share: share)
         one = dynamics_filter.improve(fall, stands, 1.0, np.random.default_rng(0))

@@ -42,10 +42,9 @@ class Twin(Backend):
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        """Build a twin, torque off.
+        """Build a twin, torque off; what is not listed here is as in `Simulation`.
 
         Args:
-            world, voltage, supply_resistance, period, noise, rng: As in `Simulation`.
             start: Where the robot is, at rest; ``None`` for its standing posture.
             limit_by: What torque limits act on; ``None`` for the robot's own.
         """

@@ -106,10 +106,9 @@ def plan_by_velocity(
 def plan_by_time(
     start: float, position: float, velocity: float, goal: float, total: float, ramp: float
 ) -> ProfileTrajectory:
-    """Plan a trajectory of a given duration.
+    """Plan a trajectory of a given duration; the first arguments are those of `plan_by_velocity`.
 
     Args:
-        start, position, velocity, goal: As in `plan_by_velocity`.
         total: Duration of the trajectory [s]; 0 for no profile.
         ramp: Duration of each ramp [s], at most half of the total.
     """

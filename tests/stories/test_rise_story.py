@@ -121,7 +121,7 @@ def test_a_motion_that_does_not_fit_the_fall_is_refused_and_ends_lying_if_played
     assert main([*play, "--no-preflight"]) == 1
     fallen = json.loads(figures.read_text())
     assert (fallen["stood"], fallen["attempts"], fallen["stand_time_s"]) == (False, 1, None)
-    assert fallen["reason"].startswith("aborted after 0.5 s: the torso is not oriented")
+    assert fallen["reason"].startswith("aborted after 1.0 s: the torso is not oriented")
 
 
 def test_a_motion_plays_alike_through_the_command_and_from_the_library(

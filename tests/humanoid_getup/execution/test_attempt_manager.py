@@ -179,7 +179,7 @@ def test_a_failed_attempt_is_given_up_limp_and_followed_by_rest_and_another(
     result = get_up_with(manage(Scripted(motions[WRONG], motions[RIGHT])))
     first, second = result.attempts
     assert first.abort is not None and first.outcome is not None and not first.stood
-    assert first.reason.startswith("aborted after 0.5 s: the torso is not oriented")
+    assert first.reason.startswith("aborted after 1.0 s: the torso is not oriented")
     assert (second.number, second.stood, result.status) == (2, True, AttemptStatus.STOOD)
     assert Phase.RECOVERING in [change.phase for change in phases]
     assert [change.attempt for change in phases if change.phase is Phase.PLAYING] == [1, 2]
@@ -505,7 +505,7 @@ def test_a_rise_reports_every_attempt(manage, motions):
     plans = Scripted(motions[WRONG], motions[RIGHT])
     record = get_up_with(manage(plans, sensed=True, max_attempts=2)).record()
     assert (record["stood"], record["attempts"], record["reason"]) == (True, 2, "held stand")
-    assert record["attempt_reasons"][0].startswith("aborted after 0.5 s")
+    assert record["attempt_reasons"][0].startswith("aborted after 1.0 s")
     assert record["attempt_reasons"][1] == "held stand"
     assert (record["judged_by"], record["self_collisions"]) == ("sensors", None)
     assert record["peak_torque_nm"] > 0.5

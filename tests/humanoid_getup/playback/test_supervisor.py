@@ -12,11 +12,14 @@ from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.playback.balance import make_balance
 from humanoid_getup.playback.monitors import AbortKind, vector_angle
+from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.falls import sample_falls, settle_posture
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import read_posture
@@ -95,10 +98,10 @@ def test_a_robot_that_does_as_expected_is_left_alone_to_the_end(world, standing,
 def test_a_torso_that_is_turned_wrong_for_too_long_ends_it_limp(world, standing, still):
     supervisor = begin(world, standing, still)
     turned = replace(still, orientation=leaning(70.0))
-    assert watch(supervisor, turned, 5.0) == pytest.approx(0.5, abs=0.02)
+    assert watch(supervisor, turned, 5.0) == pytest.approx(1.0, abs=0.02)
     assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.TILT
-    assert str(supervisor.aborted).endswith("70° off, expected at most 60° for 0.5 s")
+    assert str(supervisor.aborted).endswith("70° off, expected at most 60° for 1 s")
     assert supervisor.step(replace(turned, time=0.6)).is_limp
 
 
@@ -265,13 +268,14 @@ def test_a_motion_for_another_fall_is_given_up(world: World):
     assert not stood
     assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.TILT
-    assert supervisor.aborted.time < 1.0
+    assert supervisor.aborted.time < 1.1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10, 15))
 @pytest.mark.parametrize("kind", ["supine", "prone", "left", "right"])
-def test_a_planned_rise_that_stands_is_never_given_up(world: World, kind: str, seed: int):
+def test_a_planned_rise_that_would_stand_is_never_given_up(world: World, kind: str, seed: int):
+    """One that was given up is played again, by the same feedback, without monitors."""
     rng = np.random.default_rng(seed)
     fall = sample_falls(world, {kind: 1}, rng)[0]
     planner = PlannedRise(world, load_database(world.robot))
@@ -279,5 +283,13 @@ def test_a_planned_rise_that_stands_is_never_given_up(world: World, kind: str, s
     twin.place(fall.posture)
     session = RiseSession.on(twin, planner, max_attempts=1)
     (attempt,) = AttemptManager(session).get_up(rng).attempts
-    assert attempt.abort is None
-    assert attempt.stood
+    if attempt.abort is None:
+        assert attempt.stood
+        return
+    assert isinstance(attempt.plan, MotionPlan)
+    motion = attempt.plan.motion
+    twin.place(fall.posture)
+    balance = make_balance(world, motion) if attempt.plan.balanced else None
+    player = MotionPlayer(world.robot, motion, hold=HOLD, balance=balance)
+    _, outcome = play(player, SafetyGuard(twin), GroundTruthJudge(twin.simulation, None))
+    assert not outcome.stand.stood, str(attempt.abort)

@@ -102,7 +102,7 @@ def test_a_torso_that_is_turned_wrong_for_too_long_ends_it_limp(world, standing,
     assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.TILT
     assert str(supervisor.aborted).endswith("70° off, expected at most 60° for 1 s")
-    assert supervisor.step(replace(turned, time=0.6)).is_limp
+    assert supervisor.step(replace(turned, time=1.1)).is_limp
 
 
 def test_the_heading_of_the_torso_is_free(world, standing, still):

@@ -18,7 +18,7 @@ class FaultKind(Enum):
     """Why the guard switched torque off."""
 
     BAD_COMMAND = "the command holds values that no servo can follow"
-    BAD_MEASUREMENT = "the measurement holds values that cannot be"
+    BAD_MEASUREMENT = "the measurement holds invalid values"
     STALE_DATA = "the measurement is repeated: its time no longer changes"
     LOST_JOINTS = "servos have been silent for too long"
     LOST_IMU = "the orientation has been unknown for too long"
@@ -151,7 +151,7 @@ class SafetyGuard(Backend):
         self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
         self._judged_time = state.time
         names, limits = self.robot.joint_names, self.limits
-        if not state.is_sound:
+        if not state.is_valid:
             return Fault(FaultKind.BAD_MEASUREMENT, _name_bad_joints(state, names), state.time)
         if self._stale_writes >= limits.stale_writes:
             detail = f"{self._stale_writes} commands since {state.time:.3f} s"

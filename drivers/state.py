@@ -74,7 +74,7 @@ class State:
         return max(float(self.joint_age.max()), self.imu_age)
 
     @property
-    def is_sound(self) -> bool:
+    def is_valid(self) -> bool:
         """Return whether all numbers but the ages are finite, and the orientation is a rotation."""
         joints = self.joint_pos, self.joint_vel, self.joint_current, self.temperature
         others = self.gyro, self.orientation, (self.time, self.voltage)

@@ -56,7 +56,7 @@ class Disturbance:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LoadedScene(Scene):
+class SceneWithLoad(Scene):
     """A scene, with a load on the robot's back."""
 
     load: float = 0.0
@@ -80,7 +80,7 @@ def disturb_world(world: World, disturbance: Disturbance, direction: float) -> W
     surface = world.scene.surface
     if disturbance.friction is not None:
         surface = replace(surface, friction=disturbance.friction)
-    scene = LoadedScene(
+    scene = SceneWithLoad(
         name=f"{world.scene.name}, disturbed",
         ground=Slope(angle=disturbance.slope),
         surface=surface,

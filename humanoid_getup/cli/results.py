@@ -35,7 +35,7 @@ from humanoid_getup.simulation.world import World
 
 
 @contextmanager
-def telling_of_torque(after: AfterStand | None) -> Iterator[None]:
+def reporting_hand_over(after: AfterStand | None) -> Iterator[None]:
     """Say that a robot was handed over under torque if its results cannot be written."""
     try:
         yield

@@ -18,7 +18,7 @@ from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.plan_cache import use_cache
 from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.cli.recording import make_log, recording
-from humanoid_getup.cli.results import hand_over, telling_of_torque
+from humanoid_getup.cli.results import hand_over, reporting_hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.rise_session import RiseSession
@@ -167,7 +167,7 @@ def _get_up(
                 result = manager.get_up(rng)
         report("drawing")
         origin = command.origin or (OWN_START if own_start else WHERE_IT_LAY)
-        with telling_of_torque(result.after):
+        with reporting_hand_over(result.after):
             return hand_over(result, world, command, origin, extra)
 
 

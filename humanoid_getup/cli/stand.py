@@ -9,7 +9,7 @@ from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.stand import Hold, Sit
 from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
-from humanoid_getup.cli.results import hand_over_stand, telling_of_torque
+from humanoid_getup.cli.results import hand_over_stand, reporting_hand_over
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.execution.stand_session import StandSession
@@ -58,5 +58,5 @@ def _keep_stand(command: Sit | Hold) -> int:
             with key.watch(session.guard):
                 result = keeper.start()
         report("drawing")
-        with telling_of_torque(result):
+        with reporting_hand_over(result):
             return hand_over_stand(result, world, command)

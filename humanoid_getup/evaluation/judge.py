@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drivers import Cycle, State
 from drivers.twin.simulation import Simulation
-from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP
+from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, compute_delta_v
 from humanoid_getup.evaluation.standing import (
     HOLD_TIME,
     StanceMeter,
@@ -223,8 +223,7 @@ class GroundTruthJudge:
         period = self._simulation.period
         neck = np.array(self._site_pos).reshape(-1, self._simulation.model.nsite, 3)[:, self._neck]
         rising = neck[: round(stand.start_time / period) + 1] if stand.stood else neck
-        change = np.linalg.norm(np.diff(rising, n=2, axis=0), axis=1)
-        return float(change.max(initial=0.0)) / period
+        return float(compute_delta_v(rising, period).max(initial=0.0))
 
 
 # On the twin with sensor noise, 71 disturbed rises ended their stand with the torso turning

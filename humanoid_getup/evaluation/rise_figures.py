@@ -32,12 +32,11 @@ class RiseFigures:
     def of_trace(trace: Trace, world: World, stand_time: Array) -> RiseFigures:
         """Measure N rollouts that stand from times (N,) [s] on."""
         neck = trace.site_pos[:, :, world.model.site(world.robot.neck_site).id]
-        change = np.linalg.norm(np.diff(neck, n=2, axis=1), axis=2) / trace.period
         return RiseFigures(
             stand_time=stand_time,
             peak_torque=np.abs(trace.torque).max(axis=(1, 2)),
             rms_torque=_measure_rms(trace, stand_time),
-            impact=change.max(axis=1),
+            impact=compute_delta_v(neck, trace.period).max(axis=1),
             overlap=trace.overlap.max(axis=1),
         )
 
@@ -59,6 +58,14 @@ class RiseFigures:
     def collides(self) -> np.ndarray:
         """Whether the robot touched itself firmly, (...)."""
         return self.overlap > DEEP_OVERLAP
+
+
+def compute_delta_v(position: Array, period: float) -> Array:
+    """Compute by how much a point's velocity changes within each period [m/s], (..., T - 2).
+
+    Its positions [m], (..., T, 3), are sampled every period [s].
+    """
+    return np.linalg.norm(np.diff(position, n=2, axis=-2), axis=-1) / period
 
 
 def _measure_rms(trace: Trace, stand_time: Array) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.rise_figures import RiseFigures
+from humanoid_getup.evaluation.rise_figures import RiseFigures, compute_delta_v
 from humanoid_getup.evaluation.standing import (
     HOLD_TIME,
     StanceMeter,
@@ -158,7 +158,7 @@ class _Tally:
         square = np.zeros((len(self.going), CHUNK))
         square[going] = np.mean(torque**2, axis=2)
         self._square.append(square)
-        change = np.linalg.norm(np.diff(neck, n=2, axis=1), axis=2) / self._period
+        change = compute_delta_v(neck, self._period)
         for name, now in (
             (self._peak, np.abs(torque).max(axis=(1, 2))),
             (self._impact, change.max(axis=1)),

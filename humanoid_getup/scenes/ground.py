@@ -21,7 +21,7 @@ BASE = 0.1  # m of a field under its lowest point
 class Ground(Protocol):
     """A surface that has one height at every place."""
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Array, y: Array, /) -> Array:
         """Compute the height [m] at places x, y [m], all of one shape."""
         ...
 
@@ -44,7 +44,7 @@ class Slope:
                 f"expected at most {math.degrees(STEEPEST):g}°"
             )
 
-    def height(self, x: Array, y: Array) -> Array:  # noqa: ARG002
+    def height(self, x: Array, _y: Array, /) -> Array:
         """Compute the height [m] at places x, y [m], all of one shape."""
         return math.tan(self.angle) * x
 
@@ -81,7 +81,7 @@ class HeightField:
         if not self.cell > 0.0:
             raise ValueError(f"cell is {self.cell:g} m, expected above 0 m")
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Array, y: Array, /) -> Array:
         """Compute the height [m] at places x, y [m], all of one shape; beyond the edge, its own."""
         rows, columns = self.heights.shape
         across = np.clip(x / self.cell + 0.5 * (columns - 1), 0.0, columns - 1.0)

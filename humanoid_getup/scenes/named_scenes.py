@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -94,4 +94,4 @@ def _roughen(level: str, seed: int) -> SceneTable:
         raise ValueError(f"scene rough:{level}: expected rough:{', rough:'.join(ROUGHNESS)}")
     rng = np.random.default_rng([seed, *level.encode()])
     heights = rng.uniform(-1.0, 1.0, (TILES + 1, TILES + 1)) * ROUGHNESS[level]
-    return replace(SceneTable(), ground=GroundTable(heights=heights, cell=TILE))
+    return SceneTable(ground=GroundTable(heights=heights, cell=TILE))

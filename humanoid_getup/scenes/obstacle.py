@@ -69,8 +69,8 @@ class Obstacle:
         if self.kind == "box":
             return _leave_box(origin, up, self.half_size)
         ends = np.array([[0.0, 0.0, z] for z in (-self._half_length, self._half_length)])
-        tops = [_leave_sphere(origin - end, up, self.radius) for end in ends]
-        return np.maximum(_leave_cylinder(origin, up, self.radius, self._half_length), max_of(tops))
+        sides = _leave_cylinder(origin, up, self.radius, self._half_length)
+        return np.max([sides, *(_leave_sphere(origin - end, up, self.radius) for end in ends)], 0)
 
     def add(self, spec: mujoco.MjSpec) -> None:
         """Add it to a model."""
@@ -108,11 +108,6 @@ def make_capsule(
         orientation=orientation,
         surface=surface,
     )
-
-
-def max_of(arrays: list[Array]) -> Array:
-    """Compute the elementwise maximum of arrays of one shape."""
-    return np.max(np.stack(arrays), axis=0)
 
 
 def _leave_box(origin: Array, up: Array, half: Array) -> Array:

@@ -16,7 +16,6 @@ from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance, best_yaw
-from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_cache import (
     CacheEntry,
@@ -157,7 +156,7 @@ class CachedRise:
 
     def _is_usable(self, entry: CacheEntry, near: Nearness, start: Posture) -> bool:
         """Return whether the check of a rise says something about a start."""
-        if not _is_level(self.world):  # there, place and heading matter as well
+        if not self.world.scene.is_flat:  # there, place and heading matter as well
             shift = np.abs(start.position - entry.rise.position).max()
             turn = quaternion.angle_between(start.orientation, entry.rise.orientation)
             return near.is_same and max(float(shift), float(turn)) < SAME_ANGLE
@@ -262,11 +261,6 @@ def _fade(time: Array) -> Array:
     """Return the share of the difference that is left at times [s], smoothly from 1 to 0."""
     share = np.clip(time / FADE, 0.0, 1.0)
     return 1.0 - share * share * (3.0 - 2.0 * share)
-
-
-def _is_level(world: World) -> bool:
-    """Return whether a scene is the same in every place and direction."""
-    return world.scene.is_flat
 
 
 def compute_fingerprint(planner: PlannedRise) -> str:

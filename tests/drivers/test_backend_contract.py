@@ -69,7 +69,7 @@ def test_a_measurement_is_whole_finite_and_of_the_robots_shape(backend: Backend)
         assert getattr(state, name).shape == (n,), name
     assert state.gyro.shape == (3,)
     assert np.linalg.norm(state.orientation) == pytest.approx(1.0)
-    assert state.is_sound
+    assert state.is_valid
 
 
 def test_each_period_moves_the_clock_by_one_period(backend: Backend):
@@ -182,7 +182,7 @@ def test_without_a_connection_it_refuses_to_work(backend: Backend):
 def test_connecting_and_closing_twice_is_harmless(backend: Backend):
     backend.connect()
     backend.connect()
-    assert backend.read().is_sound
+    assert backend.read().is_valid
     backend.close()
     backend.close()
 

@@ -103,11 +103,11 @@ GROUPS: dict[str, list[Case]] = {
         ),
         case(
             "rise --from supine --method policy --prefer torque --search-budget 5",
-            "--prefer torque and --search-budget is of a plan, expected --method plan or auto",
+            "--prefer torque and --search-budget: expected --method plan or auto",
         ),
         case(
             "rise --from supine --no-filtering --prefer impact",
-            "--prefer impact is of the filter, expected no --no-filtering with it",
+            "--prefer impact: expected filtering, not --no-filtering",
         ),
         case(
             "rise --from supine --prefer luck",

@@ -1,4 +1,4 @@
-"""Options of `robots`, `motions list`, `build` and `show`, `plan-cache`, `preflight`, `replay`."""
+"""Options of `robots`, `scenes`, `motions`, `plan-cache`, `preflight` and `replay`."""
 
 from __future__ import annotations
 

@@ -58,9 +58,9 @@ class Rise(PreferenceOptions, RunOptions):
         }
         named = " and ".join(name for name, is_given in given.items() if is_given)
         if named and self.method == "policy":
-            faults.append(f"{named} is of a plan, expected --method plan or auto with it")
+            faults.append(f"{named}: expected --method plan or auto with it")
         if named and not self.filtering:
-            faults.append(f"{named} is of the filter, expected no --no-filtering with it")
+            faults.append(f"{named}: expected filtering, not --no-filtering")
         return faults
 
 

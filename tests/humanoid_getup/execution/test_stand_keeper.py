@@ -324,5 +324,5 @@ def test_an_interrupted_hold_leaves_the_robot_limp(world: World, op3: Robot):
     with pytest.raises(KeyboardInterrupt):
         hg.keep_stand(twin, world, then="hand-over", on_cycle=interrupt)
     assert not twin.simulation.has_torque
-    assert not twin.simulation.on_sensor_update, "a judge that nobody asks keeps samples"
+    assert not twin.simulation.on_sensor_update, "a judge goes on sampling after the run"
     assert twin.release is Release.LIMP

@@ -7,10 +7,19 @@ from typing import Any
 
 from rich.table import Table
 
-from humanoid_getup.benchmarks import disturbed, fault_injection, motions, rise, sit, soak, speed
+from humanoid_getup.benchmarks import (
+    disturbed,
+    fault_injection,
+    motions,
+    rise,
+    scenes,
+    sit,
+    soak,
+    speed,
+)
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
+from humanoid_getup.cli.inputs import find_motion, load_robot, load_world, make_torque_limit
 from humanoid_getup.cli.options.bench import (
     BenchDisturbed,
     BenchFaults,
@@ -19,10 +28,11 @@ from humanoid_getup.cli.options.bench import (
     BenchMethods,
     BenchMotions,
     BenchRise,
+    BenchScenes,
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.cli.options.shared import WorldOptions
+from humanoid_getup.cli.options.shared import JsonOption, WorldOptions
 from humanoid_getup.cli.output import (
     console_for,
     counting,
@@ -35,18 +45,23 @@ from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
 from humanoid_getup.playback.stand_holder import make_stand
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.stored_motion import NearestMotion
 from humanoid_getup.strategies.track_record import PLAN
+from robots import Robot
 
+NEAREST, STRAIGHT = "nearest", "straight"
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 FIGURES = {
     "rise": ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES, "self_collisions"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
     "disturbed": ("n", "stood", "stood_interval_95", "refused", *LOAD_FIGURES, "head_impact_m_s"),
+    "scenes": ("n", "planned", "stood", "stood_interval_95", "refused", *LOAD_FIGURES),
     "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_succeeded"),
     "sit": ("n", "succeeded", "interval_95", "head_impact_max_m_s", "torso_impact_max_m_s"),
     "filter": ("n", "filter_over_bare_steps_per_s"),
@@ -150,6 +165,42 @@ def bench_disturbed(command: BenchDisturbed) -> int:
     return _run(command, bench, planner, count=rises, of="rises")
 
 
+def bench_scenes(command: BenchScenes) -> int:
+    """Compare plans, policies and stored motions in every scene."""
+    with phase("loading"), refusing():
+        robot = load_robot(command)
+        database = load_database(robot)
+        names = command.scenes or scenes.SCENES
+        for name in names:
+            load_scene(name, robot, command.seed)
+    limit = make_torque_limit(command, robot)
+
+    def make_way(name: str) -> scenes.Way:
+        if name == PLAN:
+            return scenes.Way(lambda world: PlannedRise(world, database, torque_limit=limit))
+        if name == NEAREST:
+            return scenes.Way(
+                lambda world: NearestMotion(world, database, torque_limit=limit), preflight=False
+            )
+        if name == STRAIGHT:
+            return scenes.Way(
+                lambda world: PlannedRise(
+                    world, database, planning=False, filtering=False, torque_limit=limit
+                ),
+                preflight=False,
+            )
+        policy = load_policy(robot, name, command.torque_limit)
+        return scenes.Way(lambda world: LearnedRise(world, policy, torque_limit=limit, name=name))
+
+    ways = {name: make_way(name) for name in command.ways}
+    count = len(names) * len(ways) * command.n
+
+    def bench(robot: Robot, **options: Any) -> dict[str, Any]:
+        return scenes.bench_scenes(robot, ways, scenes=names, **options)
+
+    return _run(command, bench, robot, count=count, of="rises")
+
+
 def bench_motions(command: BenchMotions) -> int:
     """Play every stored motion, undisturbed and disturbed."""
     world, database = _load(command)
@@ -203,6 +254,7 @@ def _run(
     command: BenchRise
     | BenchMethods
     | BenchDisturbed
+    | BenchScenes
     | BenchMotions
     | BenchSit
     | BenchFaults
@@ -224,7 +276,7 @@ def _load(command: WorldOptions) -> tuple[World, MotionDatabase]:
         return world, load_database(world.robot)
 
 
-def _hand_over(result: dict[str, Any], command: WorldOptions) -> int:
+def _hand_over(result: dict[str, Any], command: JsonOption) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.

@@ -39,6 +39,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "bench.bench_disturbed",
         "Rise in disturbed worlds.",
     ),
+    "bench scenes": ("bench.BenchScenes", "bench.bench_scenes", "Rise in every scene."),
     "bench motions": ("bench.BenchMotions", "bench.bench_motions", "Play every motion disturbed."),
     "bench sit": ("bench.BenchSit", "bench.bench_sit", "Sit and lie down from many stands."),
     "bench filter": ("bench.BenchFilter", "bench.bench_filter", "Time the filter's physics."),

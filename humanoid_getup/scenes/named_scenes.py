@@ -77,6 +77,11 @@ def load_scene(name: str, robot: Robot, seed: int = 0) -> Scene:
     return read_scene(file, robot, name)
 
 
+def is_seeded(name: str) -> bool:
+    """Return whether a seed makes the ground of a scene."""
+    return name.startswith(f"{ROUGH}:")
+
+
 def _slope(degrees: str) -> SceneTable:
     try:
         angle = float(degrees)

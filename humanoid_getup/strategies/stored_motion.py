@@ -1,4 +1,4 @@
-"""A strategy that plays one stored motion."""
+"""Strategies that play stored motions: one for every start, or the nearest."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.motions.motion_database import MotionDatabase, find_motion, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from robots import FULL_TORQUE, Posture, TorqueLimit
@@ -44,3 +44,23 @@ class StoredMotion:
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
         """Plan to play the motion."""
         return MotionPlan(status=RiseStatus.STORED, motion=self.motion)
+
+
+class NearestMotion:
+    """Plays the stored motion nearest to the start, from its beginning, as it is."""
+
+    def __init__(
+        self,
+        world: World,
+        database: MotionDatabase | None = None,
+        *,
+        torque_limit: TorqueLimit = FULL_TORQUE,
+    ) -> None:
+        """Select from a robot's own motions, or from others."""
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
+        self.database = load_database(world.robot) if database is None else database
+
+    def plan(self, start: Posture, _rng: np.random.Generator) -> MotionPlan:
+        """Plan to play the motion."""
+        nearest = self.database.select(start)[0]
+        return MotionPlan(status=RiseStatus.STORED, motion=nearest.motion, connection=nearest)

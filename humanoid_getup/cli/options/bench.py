@@ -10,8 +10,11 @@ from tyro.conf import arg
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
     Count,
+    JsonOption,
     MotionName,
     PreferenceOptions,
+    RobotOption,
+    Seed,
     TorqueOptions,
     WorldOptions,
 )
@@ -51,6 +54,20 @@ class BenchDisturbed(TorqueOptions, WorldOptions):
     """Policies beside the plans, by name or file."""
     cases: tuple[str, ...] = ()
     """Disturbances by their names in the table; none for all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchScenes(TorqueOptions, JsonOption, RobotOption):
+    """Get up in every scene by plans, policies, stored motions and straight interpolation."""
+
+    n: Count = 20
+    """Falls in each scene, evenly of the ways in which robots lie there."""
+    seed: Seed = 0
+    scenes: tuple[str, ...] = ()
+    """Names or files of scenes; none for all that are measured."""
+    ways: tuple[str, ...] = ("plan", "robust", "nearest", "straight")
+    """plan; nearest: the stored motion nearest to the start; straight: straight interpolation to
+    a stored motion, unfiltered; and policies by name or file."""
 
 
 @dataclass(frozen=True, kw_only=True)

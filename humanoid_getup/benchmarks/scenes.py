@@ -1,0 +1,136 @@
+"""Rises in scenes: furniture, soft, slippery, sloping and rough ground; same falls for all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drivers import Twin
+from humanoid_getup.evaluation.statistics import summarize_records
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.scenes.named_scenes import is_seeded, load_scene
+from humanoid_getup.simulation.falls import CLASSES, Fall, sample_falls
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import Strategy
+from robots import Robot
+
+SCENES = (
+    "flat",
+    "beam",
+    "low-bed-a",
+    "low-bed-b",
+    "soft-bed",
+    "table",
+    "wall",
+    "ice",
+    "slope:5",
+    "slope:10",
+    "slope:15",
+    "rough:easy",
+    "rough:medium",
+    "rough:hard",
+)
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way to get up, made for each world."""
+
+    make: Callable[[World], Strategy]
+    preflight: bool = True
+    """Whether the preflight may refuse it; False for baselines, to see whether they stand."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneFalls:
+    """A world, and robots that lie in it."""
+
+    world: World
+    falls: tuple[Fall, ...]
+
+
+def sample_scene_falls(robot: Robot, name: str, n: int, seed: int) -> Iterator[SceneFalls]:
+    """Sample falls in a scene, evenly from the classes in which robots lie there.
+
+    Where a seed makes the ground, every few falls have a ground of their own.
+    """
+    scene = load_scene(name, robot, seed)
+    classes = list(dict.fromkeys(str(s.start_class) for s in scene.starts)) or list(CLASSES)
+    grounds = -(-n // len(classes)) if is_seeded(name) else 1
+    for ground in range(grounds):
+        count = n // grounds + (ground < n % grounds)
+        own = load_scene(name, robot, seed * grounds + ground) if grounds > 1 else scene
+        world = World(robot, own)
+        each, rest = divmod(count, len(classes))
+        counts = {name: each + (k < rest) for k, name in enumerate(classes)}
+        falls = sample_falls(world, counts, np.random.default_rng([seed, ground]))
+        yield SceneFalls(world=world, falls=tuple(falls))
+
+
+def bench_scenes(
+    robot: Robot,
+    ways: Mapping[str, Way],
+    *,
+    seed: int,
+    each: int,
+    scenes: Sequence[str] = SCENES,
+    report: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Get up once from the same falls in every scene, by every way, on the twin.
+
+    Args:
+        robot: Robot.
+        ways: Ways to compare, by name.
+        seed: Of rough ground, falls and plans.
+        each: Falls in each scene.
+        scenes: Names or files of scenes.
+        report: Called with the record of each rise.
+    """
+    records: list[dict[str, Any]] = []
+    for scene in scenes:
+        number = 0
+        for group in sample_scene_falls(robot, scene, each, seed):
+            strategies = {name: way.make(group.world) for name, way in ways.items()}
+            for fall in group.falls:
+                for name, way in ways.items():
+                    rng = np.random.default_rng([seed, 1, number])
+                    record = _rise(strategies[name], fall, rng, preflight=way.preflight)
+                    records.append(record | {"case": scene, "way": name, "fall": number})
+                    report(records[-1])
+                number += 1
+    return {
+        "name": "scenes",
+        "seed": seed,
+        "n": each,
+        "robot": robot.name,
+        "cases": {
+            f"{scene}: {way}": _summarize(records, scene, way) for scene in scenes for way in ways
+        },
+        "rises": records,
+    }
+
+
+def _rise(
+    strategy: Strategy, fall: Fall, rng: np.random.Generator, *, preflight: bool
+) -> dict[str, Any]:
+    session = RiseSession.on(
+        Twin(strategy.world, fall.posture),
+        strategy,
+        max_attempts=1,
+        start_class=fall.start_class,
+        preflight=preflight,
+    )
+    result = AttemptManager(session).get_up(rng)
+    return result.record() | {"refused": result.run is None}
+
+
+def _summarize(records: list[dict[str, Any]], scene: str, way: str) -> dict[str, Any]:
+    ours = [r for r in records if r["case"] == scene and r["way"] == way]
+    return summarize_records(ours) | {
+        "refused": sum(r["refused"] for r in ours),
+        "failures": [f"fall {r['fall']}: {r['reason']}" for r in ours if not r["stood"]],
+    }

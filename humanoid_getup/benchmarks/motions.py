@@ -68,7 +68,7 @@ def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
     robot = world.robot
     twin = Twin(world)
     twin.place(read_posture(robot, world.model, start))
-    run, outcome = _play(twin, motion)
+    run, outcome = _play(twin, world, motion)
     return {
         "start_class": motion.start_class,
         "end_class": motion.end_class,
@@ -119,11 +119,12 @@ def _play_disturbed(
         model.geom_friction[model.geom(GROUND).id, 0] = parameters.friction[i]
         twin = Twin(World(robot, world.scene, model=model), voltage=float(parameters.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
-        succeeded.append(ends_as_meant(world, motion, _play(twin, motion)[1]))
+        succeeded.append(ends_as_meant(world, motion, _play(twin, world, motion)[1]))
     return succeeded
 
 
-def _play(twin: Twin, motion: Motion) -> tuple[RunReport, RunOutcome]:
+def _play(twin: Twin, world: World, motion: Motion) -> tuple[RunReport, RunOutcome]:
     """Play a motion without monitors, which would end a failing one early."""
     player = MotionPlayer(twin.robot, motion, hold=hold_time(motion))
-    return play(player, SafetyGuard(twin), GroundTruthJudge(twin.simulation, None))
+    judge = GroundTruthJudge(twin.simulation, None, world.scene.support)
+    return play(player, SafetyGuard(twin), judge)

@@ -1,12 +1,17 @@
-"""What the torque of a servo does: drives its joint, or is driven against it."""
+"""What the torque of a servo does: drives or brakes its joint, and when it has no reserve left."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robots import Robot
 from robots.quaternion import Array
+
+SATURATED = 0.97  # share of the torque-speed line from which no reserve is left
+LONG_SATURATION = 1.5  # s on that line, after which a servo's overload protection may trip
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,3 +31,32 @@ def split_torque(torque: Array, velocity: Array) -> TorqueShares:
     """Tell driving from braking, by torques [N·m] and joint speeds [rad/s], (..., n)."""
     size, drives = np.abs(torque), torque * velocity >= 0.0
     return TorqueShares(driving=np.where(drives, size, 0.0), braking=np.where(drives, 0.0, size))
+
+
+def find_saturation(
+    robot: Robot, torque: Array, velocity: Array, voltage: Array | float
+) -> NDArray[np.bool_]:
+    """Find where servos have all the torque of their supply [V], (...), as (..., n).
+
+    Torques [N·m] and joint speeds [rad/s] are (..., n). A torque limit below the torque-speed
+    line of the supply is no saturation.
+    """
+    stall = np.multiply.outer(np.asarray(voltage) / robot.supply_voltage, robot.max_torque)
+    along = np.maximum(np.sign(torque) * velocity, 0.0)
+    line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
+    return np.abs(torque) >= np.maximum(SATURATED * line, 0.05 * stall)
+
+
+class LongestRun:
+    """Counts for how many rows in a row flags have been set."""
+
+    def __init__(self, *shape: int) -> None:
+        self.now, self.longest = np.zeros(shape, dtype=int), np.zeros(shape, dtype=int)
+
+    def add(self, present: NDArray[np.bool_], rows: NDArray[np.int_] | slice = slice(None)) -> None:
+        """Add T rows of flags, (T, ...), of the whole shape or of some of its first rows."""
+        now, longest = self.now[rows], self.longest[rows]
+        for row in present:
+            now = np.where(row, now + 1, 0)
+            longest = np.maximum(longest, now)
+        self.now[rows], self.longest[rows] = now, longest

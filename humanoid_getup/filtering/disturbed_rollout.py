@@ -17,6 +17,7 @@ from humanoid_getup.evaluation.standing import (
     compute_uprightness,
     is_upright,
 )
+from humanoid_getup.evaluation.torque import LONG_SATURATION, LongestRun, find_saturation
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
@@ -94,7 +95,8 @@ class DisturbedRollout:
         sim, ids = self.sim, np.arange(len(targets))
         sim.set_parameters(ids, worlds.parameters.tile(len(motions)))
         sim.place(ids, np.tile(worlds.starts, (len(motions), 1)))
-        tally = _Tally(self.world, np.array([len(target) for target in targets]))
+        voltage = np.tile(worlds.parameters.voltage, len(motions))
+        tally = _Tally(self.world, np.array([len(target) for target in targets]), voltage)
         while len(going := np.flatnonzero(tally.going)) and not (give_up and tally.failed[0]):
             sent = np.array([_cut(targets[i], tally.cycle) for i in going])
             record = sim.advance(sent, self._steps, RECORDED, going)
@@ -110,8 +112,11 @@ def _cut(target: Array, first: int) -> Array:
 class _Tally:
     """What is known of N rollouts so far."""
 
-    def __init__(self, world: World, length: NDArray[np.int_]) -> None:
-        n, self._world, self._length = len(length), world, length
+    def __init__(self, world: World, length: NDArray[np.int_], voltage: Array) -> None:
+        """Begin with motions of ``length`` cycles, (N,), at a supply [V], (N,)."""
+        n, self._world, self._length, self._voltage = len(length), world, length, voltage
+        self._dof = world.robot.layout(world.model).dof
+        self._saturation = LongestRun(n, world.robot.n)
         self._period = world.robot.control_period
         self._meter = StanceMeter(world.robot, world.model, world.scene.support)
         self._neck = world.model.site(world.robot.neck_site).id
@@ -145,9 +150,20 @@ class _Tally:
         neck = stance.neck_height[:, -1] / self._world.robot.standing_neck_height
         down = (neck < DOWN_NECK) | (stance.tilt[:, -1] > DOWN_TILT)
         late = (since - self._length[going]) * self._period > LAST_CALL
-        failed = ~stood & ((down & (past > DOWN_TIME)) | late | diverged)
+        strained = self._find_strained(going, record)
+        stood &= ~strained
+        failed = ~stood & ((down & (past > DOWN_TIME)) | late | diverged | strained)
         self._stood[going], self.failed[going] = stood, failed
         self.going[going] = ~(stood | failed)
+
+    def _find_strained(self, going: NDArray[np.int_], record: dict[str, Array]) -> Bools:
+        """Find the worlds in which a servo's overload protection may have tripped by now."""
+        torque, speed = record["actuator_force"], record["qvel"][..., self._dof]
+        voltage = self._voltage[going, None]
+        saturated = find_saturation(self._world.robot, torque, speed, voltage)
+        self._saturation.add(np.moveaxis(saturated, 1, 0), going)
+        longest = self._saturation.longest[going].max(axis=1) * self._period
+        return longest > LONG_SATURATION
 
     def _add_costs(self, going: NDArray[np.int_], record: dict[str, Array]) -> None:
         torque, contact = record["actuator_force"], record["sensordata"]

@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.preference import Preference, PreferenceName
 from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
+from humanoid_getup.evaluation.torque import LONG_SATURATION, LongestRun, find_saturation
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
 from humanoid_getup.filtering.disturbed_rollout import LAST_CALL, Worlds
+from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.separation import MARGINS, Separation
@@ -70,6 +73,7 @@ class DynamicsFilter:
         """Time that searches have simulated so far [s]."""
         self._threads = threads
         self._limbs = LimbMap.of(world)
+        self._fit = GroundFit(world)
         self._simulations: dict[int, Rollout] = {}
         self._search = TargetSearch(
             world, worlds=CHECKS, preference=self.preference, threads=threads
@@ -88,7 +92,10 @@ class DynamicsFilter:
         return self._read(trace, candidates, tracker.moving)
 
     def _refer(self, c: Candidate) -> Reference:
-        reference = compose(self.world, c.path, c.connection.motion, c.connection.frame, c.tempo)
+        connection = c.connection
+        reference = compose(
+            self.world, c.path, connection.motion, connection.frame, c.tempo, self._fit
+        )
         return reference if c.before is None else reference.after(c.before)
 
     def check(
@@ -228,13 +235,14 @@ class DynamicsFilter:
         stance = measure_stance(self.world, trace)
         upright = is_upright(stance, self.world.robot)
         stands = [judge(one, trace.period, hold_time=FIRST_HOLD - 0.1) for one in upright]
+        strained = self._find_strained(trace)
         stand_time = np.array([stand.start_time for stand in stands])
         figures = RiseFigures.of_trace(trace, self.world, stand_time)
         cost = self.preference.cost(figures)
         return [
             CandidateRollout(
                 candidate=candidate,
-                stood=stands[i].stood,
+                stood=stands[i].stood and not strained[i],
                 stand_time=stands[i].start_time,
                 figures=figures.take(i),
                 cost=float(cost[i]),
@@ -246,6 +254,16 @@ class DynamicsFilter:
             )
             for i, candidate in enumerate(candidates)
         ]
+
+    def _find_strained(self, trace: Trace) -> NDArray[np.bool_]:
+        """Find the rollouts in which a servo's overload protection may trip, (N,)."""
+        robot = self.world.robot
+        angle = trace.qpos[..., robot.layout(self.world.model).qpos]
+        velocity = np.gradient(angle, trace.period, axis=1)
+        runs = LongestRun(len(angle), robot.n)
+        saturated = find_saturation(robot, trace.torque, velocity, robot.supply_voltage)
+        runs.add(np.moveaxis(saturated, 1, 0))
+        return runs.longest.max(axis=1) * trace.period > LONG_SATURATION
 
 
 class _Check(NamedTuple):
@@ -273,7 +291,7 @@ class _Tracker:
         candidates: list[Candidate],
     ) -> None:
         robot = world.robot
-        self._limbs, self._robot = limbs, robot
+        self._limbs, self._robot, self._ground = limbs, robot, world.scene.ground
         self._torso = robot.layout(world.model).torso
         self._period = robot.control_period
         self._rows = np.arange(len(references))
@@ -352,6 +370,7 @@ class _Tracker:
         self._anchor = passed
         self._shift[anchored, :2] = (com - planned)[anchored, :2]
         reference = planned + self._shift
+        reference[:, 2] += self._ground.height(com[:, 0], com[:, 1])
         force = compute_force(com, velocity, reference, speed, self._limbs.mass)
         left = np.clip((self._count - 1 - self._phase) / FADE_CYCLES, 0.0, 1.0)
         moving = (self._phase >= self._begins) & (self.moving == 0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.motions.motion import Motion, Trajectory, join
 from humanoid_getup.motions.posture_metric import best_yaw
 from humanoid_getup.simulation.world import World
@@ -38,6 +39,9 @@ class Reference:
         )
 
 
+RAMP = 0.3  # s in which the legs fit the ground that is there
+
+
 def straight_path(start: Posture, goal: Posture, speed: float, period: float) -> Trajectory:
     """Interpolate between two postures linearly, at constant joint speed, without planning."""
     travel = float(np.max(np.abs(goal.joint_pos - start.joint_pos), initial=0.0))
@@ -66,14 +70,20 @@ def align_motion(motion: Motion, frame: int, posture: Posture) -> tuple[Array, A
 
 
 def compose(
-    world: World, path: Trajectory, motion: Motion, frame: int, tempo: float = 1.0
+    world: World,
+    path: Trajectory,
+    motion: Motion,
+    frame: int,
+    tempo: float = 1.0,
+    fit: GroundFit | None = None,
 ) -> Reference:
     """Chain a path and a motion from a frame on into one reference, lying to stand.
 
     On the path the targets compensate the servos' back-EMF: a position servo that follows a
     speed v stays ``(K²/R) / kp * v`` behind its target. This is velocity-driven tracking for
     position servos: v_d = v_ref + (kp R / K²) (q_ref - q). In the motion, the lead is that of
-    its own targets, blended in. The path is played at ``tempo``, a share of its own speed.
+    its own targets, blended in. The path is played at ``tempo``, a share of its own speed. Legs fit
+    ground that is not level.
     """
     robot, period = world.robot, world.robot.control_period
     path = resample(path, tempo, period)
@@ -84,6 +94,9 @@ def compose(
     joined = join(motion, frame, path.joint_pos[-1], period)
     rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
     model = world.model
+    ramp = np.minimum(np.arange(len(joined)) * period / RAMP, 1.0)[:, None]
+    shift = (fit or GroundFit(world)).shift(position, orientation, motion.joint_pos)
+    joined = joined + ramp * shift[rows]
     com_path = center_of_mass(robot, model, path.position, path.orientation, path.joint_pos)
     com_motion = center_of_mass(
         robot, model, position[rows], orientation[rows], motion.joint_pos[rows]

@@ -6,11 +6,16 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.scenes.scene import Scene
 from robots import Posture, Robot
 from robots.ground import GROUND
 from robots.quaternion import Array
+
+STEEPEST_SUPPORT = 0.5  # vertical part of the normal of a face that can lift a robot
+SINKS = 2.0  # depths to which a body sinks into what is soft; its lighter parts sink deeper
+LIMB_DEPTH = 0.15  # m by which limbs may be in each other when the constraints are loosest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,13 +23,14 @@ class Tolerances:
     """How deep geoms may penetrate each other before it counts as a collision.
 
     A robot at rest sinks into what it lies on: contacts are soft. The penetrations of the
-    start and the goal are permitted on top, geom pair by geom pair, up to ``resting``.
+    start and the goal are permitted on top, geom pair by geom pair, up to ``resting``. What is
+    soft by itself, such as a mattress, may be penetrated by as much more as it sinks.
     """
 
-    ground: float = 0.003
-    """[m]"""
+    world: float = 0.003
+    """Of the robot into the ground and into obstacles [m]."""
     body: float = 0.001
-    """Of the robot into itself and into obstacles [m]."""
+    """Of the robot into itself [m]."""
     resting: float = 0.006
     """Largest penetration of a start or goal [m]."""
     limit: float = 0.05
@@ -33,12 +39,28 @@ class Tolerances:
     """Furthest that a limb may push the robot up from its planned height [m]."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Collision:
+    """A part of the robot that is inside another, or inside something in the scene."""
+
+    part: str
+    """Name of the robot's geom."""
+    into: str
+    """Name of the other geom."""
+    depth: float
+    """[m]"""
+    geoms: tuple[int, int]
+
+    def __str__(self) -> str:
+        return f"{self.part} is {1e3 * self.depth:.1f} mm inside {self.into}"
+
+
 class CollisionChecker:
     """The FAILURE test of [Lin12], section 4.2.2, on the compiled scene.
 
     Departure from the paper: a robot on a floor that turns over or presses a limb
-    down is lifted by that limb. So a posture that reaches into the ground at its planned
-    height is raised until it rests on it, by ``max_lift`` at most.
+    down is lifted by that limb. So a posture that reaches into the ground, or into the top of an
+    obstacle, at its planned height is raised until it rests on it, by ``max_lift`` at most.
     """
 
     def __init__(self, robot: Robot, scene: Scene, tolerances: Tolerances | None = None) -> None:
@@ -52,15 +74,29 @@ class CollisionChecker:
         root = layout.root_qpos + np.arange(7)
         self._address = np.concatenate([root, layout.qpos])
         self._qpos = self._data.qpos
-        self._ground = self._model.geom(GROUND).id
+        self.fixed = {0, layout.torso}
+        """Bodies that are no limb: world and torso."""
+        self.limb_count = int(np.sum(self._model.body_parentid == layout.torso))
         self._obstacles = [self._model.geom(obstacle.name).id for obstacle in scene.obstacles]
+        self._is_world = self._model.body_weldid[self._model.geom_bodyid] == 0
+        self._may_hit_more = bool(self._obstacles) or not scene.ground.is_plane
         self.reset()
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """Return the compiled scene; its obstacles shrink when the constraints are loosened."""
+        return self._model
 
     def reset(self) -> None:
         """Forget the permitted penetrations, and tighten all constraints."""
-        count = self._model.ngeom
+        count, world = self._model.ngeom, self._is_world
+        sink = np.zeros(count)
+        sink[self._model.geom(GROUND).id] = self.scene.surface.sink
+        sink[self._obstacles] = [obstacle.surface.sink for obstacle in self.scene.obstacles]
+        self._sink = SINKS * (sink[:, None] + sink)
         self._rest = np.full((count, count), self.tolerances.body)
-        self._rest[self._ground, :] = self._rest[:, self._ground] = self.tolerances.ground
+        self._rest[world, :] = self._rest[:, world] = self.tolerances.world
+        self._rest += self._sink
         self.loosen(0.0)
 
     def loosen(self, looseness: float) -> None:
@@ -70,11 +106,10 @@ class CollisionChecker:
         height lower, the obstacles have no radius, and limbs pass through each other.
         """
         self.looseness = looseness
-        drop = looseness * self.robot.standing_neck_height
-        self._allowed = self._rest + drop
-        self._limit = self._allowed.copy()
-        self._limit[self._ground, :] += self.tolerances.max_lift
-        self._limit[:, self._ground] += self.tolerances.max_lift
+        self._allowed = self._rest + looseness * LIMB_DEPTH
+        world = self._rest + looseness * self.robot.standing_neck_height
+        self._allowed[self._is_world, :] = world[self._is_world, :]
+        self._allowed[:, self._is_world] = world[:, self._is_world]
         for geom, obstacle in zip(self._obstacles, self.scene.obstacles, strict=True):
             size = obstacle.sweep((1.0 - looseness) * obstacle.radius)
             self._model.geom_size[geom, : len(size)] = size
@@ -86,49 +121,61 @@ class CollisionChecker:
             Why the posture itself is not valid; empty if it is.
         """
         problems = self._check_limits(posture)
-        for (a, b), depth in self._depths(posture).items():
-            if depth > self.tolerances.resting:
-                problems.append(
-                    f"{self._name(a)} is {1e3 * depth:.1f} mm inside {self._name(b)}, "
-                    f"expected at most {1e3 * self.tolerances.resting:.1f} mm"
-                )
+        for found in self._find_contacts(to_configuration(posture)):
+            a, b = found.geoms
+            resting = self.tolerances.resting + float(self._sink[a, b])
+            if found.depth > resting:
+                problems.append(f"{found}, expected at most {1e3 * resting:.1f} mm")
             else:
                 # A quarter of a millimeter on top: the neighbors must pass too.
-                depth = max(self._rest[a, b], depth + 0.25e-3)
+                depth = max(self._rest[a, b], found.depth + 0.25e-3)
                 self._rest[a, b] = self._rest[b, a] = depth
         self.loosen(self.looseness)
         return "; ".join(problems)
 
     def is_free(self, configuration: Array) -> bool:
-        """Return whether a posture collides with nothing, raised onto the ground if need be.
+        """Return whether a posture collides with nothing, raised onto what it touches if need be.
 
         It is given as position, orientation and joint angles in a row, (7 + n,).
         """
         self._place(configuration)
         if self._data.ncon == 0:
             return True
-        contact = self._data.contact
-        pair = contact.geom
-        if (contact.dist + self._limit[pair[:, 0], pair[:, 1]]).min() < 0.0:
+        excess = self._measure_excess()
+        is_deep = excess > 0.0
+        if not is_deep.any():
+            return True
+        up = self._measure_support()[is_deep]
+        if up.min() < STEEPEST_SUPPORT:
             return False
-        return len(self._obstacles) == 0 or self._is_free_when_lifted(configuration)
+        lift = float((excess[is_deep] / up).max())
+        if lift > self.tolerances.max_lift:
+            return False
+        return not self._may_hit_more or self._is_free_when_lifted(configuration, lift)
 
     def lift(self, configuration: Array) -> float:
-        """Compute how far a posture (7 + n,) must be raised to rest on the ground [m]."""
+        """Compute how far a posture (7 + n,) must be raised to rest on what is under it [m]."""
         self._place(configuration)
-        contact = self._data.contact
-        depth = -contact.dist - self._allowed[contact.geom[:, 0], contact.geom[:, 1]]
-        grounded = np.any(contact.geom == self._ground, axis=1)
-        return float(np.max(depth[grounded], initial=0.0))
+        excess, up = self._measure_excess(), self._measure_support()
+        is_lifting = up >= STEEPEST_SUPPORT
+        return float(np.max(excess[is_lifting] / up[is_lifting], initial=0.0))
 
-    def _is_free_when_lifted(self, configuration: Array) -> bool:
+    def find_collisions(self, configuration: Array) -> list[Collision]:
+        """Find what a posture (7 + n,) collides with, raised if need be; the deepest first."""
+        if self.is_free(configuration):
+            return []
         raised = configuration.copy()
-        raised[2] += self.lift(configuration)
+        raised[2] += min(self.lift(configuration), self.tolerances.max_lift)
+        contacts = self._find_contacts(raised)
+        deep = [c for c in contacts if c.depth > self._allowed[c.geoms] + 1e-9]
+        return sorted(deep, key=lambda c: -c.depth)
+
+    def _is_free_when_lifted(self, configuration: Array, lift: float) -> bool:
+        raised = configuration.copy()
+        raised[2] += lift
         self._place(raised)
-        contact = self._data.contact
         # The lift leaves the deepest point at its permitted depth, but for rounding.
-        slack = self._allowed[contact.geom[:, 0], contact.geom[:, 1]] + 1e-9
-        return bool(np.all(contact.dist + slack >= 0.0))
+        return self._data.ncon == 0 or bool(self._measure_excess().max() <= 1e-6)
 
     def _place(self, configuration: Array) -> None:
         self._qpos[self._address] = configuration
@@ -136,15 +183,52 @@ class CollisionChecker:
         mujoco.mj_collision(self._model, self._data)
         self.checks += 1
 
-    def _depths(self, posture: Posture) -> dict[tuple[int, int], float]:
-        """Measure the penetration of each pair of geoms in contact [m], the world's geom last."""
-        self._place(_to_configuration(posture))
+    def _measure_excess(self) -> Array:
+        """Measure how much deeper each contact is than allowed [m], (ncon,)."""
+        contact = self._data.contact
+        pair = contact.geom
+        return -(contact.dist + self._allowed[pair[:, 0], pair[:, 1]])
+
+    def _measure_support(self) -> Array:
+        """Measure the vertical part of what each contact pushes the robot by, (ncon,).
+
+        It is -1 where the robot touches itself.
+        """
+        contact = self._data.contact
+        is_world = self._is_world[contact.geom]
+        up = np.where(is_world[:, 0], contact.frame[:, 2], -contact.frame[:, 2])
+        return np.where(is_world.any(axis=1), up, -1.0)
+
+    def _find_contacts(self, configuration: Array) -> list[Collision]:
+        """Find the pairs of geoms in contact, each with its largest depth, the robot's first."""
+        self._place(configuration)
         depths: dict[tuple[int, int], float] = {}
         contact = self._data.contact
-        for (a, b), distance in zip(contact.geom.tolist(), contact.dist, strict=True):
-            pair = (b, a) if self._model.geom_bodyid[a] == 0 else (a, b)
+        for geoms, distance in zip(contact.geom.tolist(), contact.dist, strict=True):
+            pair: tuple[int, int] = tuple(sorted(geoms, key=lambda geom: self._is_world[geom]))
             depths[pair] = max(depths.get(pair, -np.inf), -float(distance))
-        return depths
+        return [
+            Collision(part=self._name(a), into=self._name(b), depth=depth, geoms=(a, b))
+            for (a, b), depth in depths.items()
+        ]
+
+    def find_limb(self, geom: int) -> int:
+        """Return the child of the torso that carries a geom; the torso or the world, if none."""
+        body, parent = int(self._model.geom_bodyid[geom]), self._model.body_parentid
+        while body not in self.fixed and int(parent[body]) not in self.fixed:
+            body = int(parent[body])
+        return body
+
+    def find_joints(self, limb: int) -> NDArray[np.intp]:
+        """Find the joints of a limb, as indices in the robot's order."""
+        layout, model = self.robot.layout(self._model), self._model
+        bodies = model.dof_bodyid[layout.dof].tolist()
+        return np.array([k for k, body in enumerate(bodies) if self._is_within(body, limb)], int)
+
+    def _is_within(self, body: int, limb: int) -> bool:
+        while body > limb:  # a body's number is greater than its parent's
+            body = int(self._model.body_parentid[body])
+        return body == limb
 
     def _check_limits(self, posture: Posture) -> list[str]:
         slack = self.tolerances.limit
@@ -160,5 +244,6 @@ class CollisionChecker:
         return f"'{name}'" if name else f"geom {geom}"
 
 
-def _to_configuration(posture: Posture) -> Array:
+def to_configuration(posture: Posture) -> Array:
+    """Put position, orientation and joint angles of a posture in a row, (7 + n,)."""
     return np.concatenate([posture.position, posture.orientation, posture.joint_pos])

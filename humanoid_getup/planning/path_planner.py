@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from humanoid_getup.motions.motion import Trajectory
-from humanoid_getup.motions.posture_metric import PostureMetric, align
+from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.posture_space import PositionProblem, PostureProblem
-from humanoid_getup.planning.refinement import refine, repair
+from humanoid_getup.planning.refinement import RefinementOptions, Report, refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchResult, SearchStatus, search
 from humanoid_getup.planning.shortcut import shorten
 from humanoid_getup.planning.smoothing import SpeedLimits, smooth_free
@@ -30,8 +32,13 @@ class PathOptions:
     strides: tuple[float, ...] = (1.0, 0.5, 0.2)
     """Step size of each search, as a share of the full one, before the constraints are
     loosened. Small steps get tangled limbs free, large ones are quick."""
+    refines: bool = True
+    """Whether to refine from loose to strict if these searches fail."""
+    refinement: RefinementOptions = field(default_factory=RefinementOptions)
     refine_edges: int = 8000
     """Edges that the refinement from loose to strict may try."""
+    max_checks: int = 300_000
+    """Postures that all searches together may check for collisions."""
     shortcuts: int = 40
     """Pairs of points between which a shortcut is tried."""
 
@@ -48,6 +55,31 @@ class PathResult:
     None unless solved."""
     nodes: int = 0
     """Postures in the search trees."""
+    checks: int = 0
+    """Postures checked for collisions."""
+    refined: bool = False
+    """Whether strict searches failed, so that it was refined from loose to strict."""
+    beginning: Trajectory | None = None
+    """How far the best path leads without a collision; None if solved, or if it leads nowhere."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundPath:
+    """A path of postures, or how far the search for one came."""
+
+    status: SearchStatus
+    reason: str
+    path: list[Array]
+    """From start to goal; if not solved, a path that collides, or none."""
+    nodes: int
+    refined: bool
+
+    @classmethod
+    def of(cls, found: SearchResult, nodes: int, *, refined: bool = False) -> FoundPath:
+        """Take the result of the last search, and the nodes of all."""
+        return cls(
+            status=found.status, reason=found.reason, path=found.path, nodes=nodes, refined=refined
+        )
 
 
 def plan_path(
@@ -56,13 +88,26 @@ def plan_path(
     checker: CollisionChecker,
     rng: np.random.Generator,
     options: PathOptions | None = None,
+    report: Report = lambda _: None,
 ) -> PathResult:
     """Plan a smooth trajectory between two postures, [Lin12], section 4.2 and 4.3.
 
-    The goal, anywhere on the ground, is first turned and shifted to the start. The same state
-    of ``rng`` gives the same result.
+    The same state of ``rng`` gives the same result. ``report`` is called with the looseness at
+    which there is a path, from 1 to 0, if the constraints have to be loosened.
     """
-    options, goal = options or PathOptions(), align(goal, start)
+    options, already = options or PathOptions(), checker.checks
+    result = _plan(start, goal, checker, rng, options, report)
+    return replace(result, checks=checker.checks - already)
+
+
+def _plan(
+    start: Posture,
+    goal: Posture,
+    checker: CollisionChecker,
+    rng: np.random.Generator,
+    options: PathOptions,
+    report: Report,
+) -> PathResult:
     checker.reset()
     for posture, status in ((start, SearchStatus.START_INVALID), (goal, SearchStatus.GOAL_INVALID)):
         if problems := checker.allow(posture):
@@ -75,30 +120,52 @@ def plan_path(
         return PathResult(status=root.status, reason=reason, nodes=root.nodes)
     metric = PostureMetric.of(checker.robot)
     problem = PostureProblem(checker, metric, start, goal, np.array(root.path))
-    found = find_path(problem, rng, options)
+    found = find_path(problem, rng, options, report)
     if found.status is SearchStatus.SOLVED:
         return _finish(problem, found, rng, options)
-    return PathResult(status=found.status, reason=found.reason, nodes=found.nodes)
+    beginning = _cut_where_illegal(problem, found.path)
+    partial = _finish(problem, replace(found, path=beginning), rng, options) if beginning else None
+    return PathResult(
+        status=found.status,
+        reason=found.reason,
+        nodes=found.nodes,
+        refined=found.refined,
+        beginning=partial and partial.trajectory,
+    )
 
 
 def find_path(
-    problem: PostureProblem, rng: np.random.Generator, options: PathOptions
-) -> SearchResult:
+    problem: PostureProblem,
+    rng: np.random.Generator,
+    options: PathOptions,
+    report: Report = lambda _: None,
+) -> FoundPath:
     """Search under the strict constraints; if that fails, refine from loose to strict."""
-    nodes = 0
+    last = problem.checker.checks + options.max_checks
+    limited = replace(options.search, is_over=lambda: problem.checker.checks >= last)
+    nodes, found = 0, None
     for problem.stride in options.strides:
-        found = search(problem, problem.start, problem.goal, rng, options.search)
+        found = search(problem, problem.start, problem.goal, rng, limited)
         nodes += found.nodes
         if found.status is SearchStatus.SOLVED:
-            return replace(found, nodes=nodes)
+            return FoundPath.of(found, nodes)
     problem.stride = 1.0
-    found = refine(problem, rng, replace(options.search, max_edges=options.refine_edges))
-    return replace(found, nodes=nodes + found.nodes)
+    if found is not None and not options.refines:
+        return FoundPath.of(found, nodes)
+    limited = replace(limited, max_edges=options.refine_edges)
+    found = refine(problem, rng, limited, options.refinement, report)
+    return FoundPath.of(found, nodes + found.nodes, refined=True)
+
+
+def _cut_where_illegal(problem: PostureProblem, path: list[Array]) -> list[Array]:
+    """Cut a path before its first collision; empty if nothing is left."""
+    free = list(itertools.takewhile(lambda edge: not problem.fails(*edge), pairwise(path)))
+    return [path[0], *(b for _, b in free)] if free else []
 
 
 def _finish(
     problem: PostureProblem,
-    found: SearchResult,
+    found: FoundPath,
     rng: np.random.Generator,
     options: PathOptions,
 ) -> PathResult:
@@ -112,13 +179,14 @@ def _finish(
             break
         problem.resolution *= 0.5
         repaired = repair(problem, path, rng, options.search)
-        path = shorten(problem, repaired.path or path, rng, options.shortcuts)
+        path = shorten(problem, repaired.path, rng, options.shortcuts)
         times, nodes, colliding = _smooth(problem, path, limits)
     if colliding:
         return PathResult(
             status=SearchStatus.BUDGET_SPENT,
             reason=f"{colliding} samples of the smoothed path still collide",
             nodes=found.nodes,
+            refined=found.refined,
         )
     configurations = problem.configurations(nodes)
     lift = np.array([problem.checker.lift(c) for c in configurations])
@@ -128,7 +196,12 @@ def _finish(
         orientation=nodes[:, :4],
         joint_pos=nodes[:, 4:],
     )
-    return PathResult(status=SearchStatus.SOLVED, trajectory=trajectory, nodes=found.nodes)
+    return PathResult(
+        status=SearchStatus.SOLVED,
+        trajectory=trajectory,
+        nodes=found.nodes,
+        refined=found.refined,
+    )
 
 
 def _smooth(

@@ -11,12 +11,12 @@ import math
 import numpy as np
 
 from humanoid_getup.motions.posture_metric import PostureMetric
-from humanoid_getup.planning.collision import CollisionChecker
+from humanoid_getup.planning.blossom import blossom
+from humanoid_getup.planning.collision import Collision, CollisionChecker
 from humanoid_getup.scenes.scene import Scene
 from robots import Posture, quaternion
 from robots.quaternion import Array
 
-SPAN = math.radians(15.0)  # of a blossom, in each degree of freedom [Lin12], section 4.2.1
 STEP_ORIENTATION = 0.4  # epsilon_q, in dis_Q
 STEP_JOINTS = 2.0  # epsilon_e, in dis_V
 STEP_POSITION = 0.05  # m
@@ -50,7 +50,7 @@ class PositionProblem:
         rng: np.random.Generator,
     ) -> Array:
         """Step straight to the target, and around that direction."""
-        return _blossom(near, target - near, STEP_POSITION, count, rng)
+        return blossom(near, target - near, STEP_POSITION, count, rng)
 
     def is_within_step(self, a: Array, b: Array) -> bool:
         """Return whether two positions are within a step."""
@@ -119,7 +119,7 @@ class PostureProblem:
         if np.array_equal(v, goal[4:]):
             steps[:, 4:] = v
         else:
-            scaled = _blossom(
+            scaled = blossom(
                 self.scale * v, self.scale * (target[4:] - v), self.stride * STEP_JOINTS, count, rng
             )
             steps[:, 4:] = np.clip(scaled / self.scale, self.lower, self.upper)
@@ -139,6 +139,11 @@ class PostureProblem:
             return True
         between = self.interpolate(a, b)[:-1]
         return any(not self.checker.is_free(c) for c in self.configurations(between))
+
+    def find_collisions(self, a: Array, b: Array) -> list[Collision]:
+        """Find what the robot collides with between ``a``, left out, and ``b``."""
+        between = self.configurations(self.interpolate(a, b))
+        return [found for c in between for found in self.checker.find_collisions(c)]
 
     def is_free(self, node: Array) -> bool:
         """Return whether the posture of a node collides with nothing."""
@@ -195,7 +200,7 @@ class PostureProblem:
         if distance <= SMALL:
             return np.tile(target, (count, 1))
         way = relative[1:] * math.copysign(distance / sine, relative[0])
-        turns = _blossom(np.zeros(3), way, self.stride * STEP_ORIENTATION, count, rng)
+        turns = blossom(np.zeros(3), way, self.stride * STEP_ORIENTATION, count, rng)
         steps = _exponential(turns) @ from_body.T
         if distance <= self.stride * STEP_ORIENTATION:
             steps[0] = target
@@ -222,14 +227,3 @@ def _exponential(half_turn: Array) -> Array:
     """Compute the unit quaternions of logarithms (..., 3)."""
     half = np.linalg.norm(half_turn, axis=-1, keepdims=True)
     return np.concatenate([np.cos(half), np.sinc(half / np.pi) * half_turn], axis=-1)
-
-
-def _blossom(origin: Array, way: Array, step: float, count: int, rng: np.random.Generator) -> Array:
-    """Step along ``way`` (d,), then at up to ±15 degrees to it in each dimension, (count, d)."""
-    length = float(np.linalg.norm(way))
-    if length == 0.0:
-        return np.tile(origin, (count, 1))
-    direction = np.tile(way / length, (count, 1))
-    direction[1:] += np.tan(rng.uniform(-SPAN, SPAN, size=(count - 1, len(way))))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    return origin + min(step, length) * direction

@@ -2,40 +2,85 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.planning.collision import Collision
+from humanoid_getup.planning.partial_body import PartialProblem
 from humanoid_getup.planning.posture_space import PostureProblem
-from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchResult, SearchStatus, search
+from humanoid_getup.planning.rrt_blossom import (
+    Problem,
+    SearchOptions,
+    SearchResult,
+    SearchStatus,
+    search,
+)
 from robots.quaternion import Array
 
 INCREMENT = 0.025  # of looseness [Lin12], section 4.2.3
+WIDEST, FINEST = 0.2, 0.00625  # increments that adapt to how hard a path is to repair
+LEVEL_EDGES = 800  # that may be tried before an increment is halved
 SPACING = 0.3  # rad between the postures at which a path may be cut
+FINE_SPACING = 0.06  # rad between postures of a segment in which only limbs were planned
 MARGIN = 2  # postures cut off on either side of an illegal segment
 MERGE = 3  # postures; illegal segments closer than this are replanned as one
+PARTIAL_SHARE = 0.3  # of the edges left, that a search for some limbs alone may try
+MOST_REPAIRS = 60  # segments replanned, at one level
+
+Report = Callable[[float], None]
+"""Called with the looseness at which a path is legal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementOptions:
+    """How constraints are tightened."""
+
+    increment: float | None = None
+    """Of looseness, in every step; ``None`` for one that adapts: it grows after a repair, and is
+    halved after one that failed."""
+    partial_body: bool = True
+    """Whether to plan only the limbs that collide, where they suffice."""
 
 
 def refine(
-    problem: PostureProblem, rng: np.random.Generator, options: SearchOptions
+    problem: PostureProblem,
+    rng: np.random.Generator,
+    options: SearchOptions,
+    how: RefinementOptions | None = None,
+    report: Report = lambda _: None,
 ) -> SearchResult:
     """Find a path by tightening the constraints step by step, [Lin12], section 4.2.3.
 
     Departure from the paper, which removes the ground and the obstacles at first: here the
-    robot may pass through itself as well, so that tangled limbs are refined in the same way,
-    and a segment is replanned for all joints, not for those of one limb.
+    robot may pass through itself as well, so that tangled limbs are refined in the same way.
+    If it fails, the path of the result is the one at the tightest constraints that it reached.
     """
-    path, nodes, left = [problem.start, problem.goal], 0, options.max_edges
+    how = how or RefinementOptions()
+    path, nodes, left, level = [problem.start, problem.goal], 0, options.max_edges, 1.0
+    increment = how.increment or WIDEST
     try:
-        for level in np.arange(1.0 - INCREMENT, -0.5 * INCREMENT, -INCREMENT):
-            problem.checker.loosen(max(float(level), 0.0))
-            repaired = repair(problem, path, rng, replace(options, max_edges=left))
-            path, nodes, left = repaired.path, nodes + repaired.nodes, left - repaired.edges
-            if repaired.status is not SearchStatus.SOLVED:
-                reason = f"{repaired.reason} at looseness {level:.3f}"
-                return replace(repaired, reason=reason, nodes=nodes, edges=options.max_edges - left)
+        while level > 0.0:
+            tighter = max(level - increment, 0.0)
+            problem.checker.loosen(tighter)
+            is_last = how.increment is not None or increment <= FINEST
+            edges = left if is_last else min(left, LEVEL_EDGES)
+            repaired = repair(problem, path, rng, replace(options, max_edges=edges), how)
+            nodes, left = nodes + repaired.nodes, left - repaired.edges
+            if repaired.status is SearchStatus.SOLVED:
+                path, level = repaired.path, tighter
+                report(level)
+                if how.increment is None:
+                    increment = min(2.0 * increment, WIDEST)
+            elif is_last or left <= 0 or options.is_over():
+                reason = f"{repaired.reason} at looseness {tighter:.3f}"
+                spent = options.max_edges - left
+                return replace(repaired, reason=reason, nodes=nodes, edges=spent, path=path)
+            else:
+                increment = max(0.5 * increment, FINEST)
     finally:
         problem.checker.loosen(0.0)
     edges = options.max_edges - left
@@ -43,35 +88,100 @@ def refine(
 
 
 def repair(
-    problem: PostureProblem, path: list[Array], rng: np.random.Generator, options: SearchOptions
+    problem: PostureProblem,
+    path: list[Array],
+    rng: np.random.Generator,
+    options: SearchOptions,
+    how: RefinementOptions | None = None,
 ) -> SearchResult:
     """Cut the illegal segments out of a path and plan new ones, [Lin12], section 4.2.4.
 
-    A segment that cannot be replanned is cut wider, up to the whole path.
+    Where only limbs collide, those are planned first, along the path of the rest; then the whole
+    body is. A segment that cannot be replanned is cut wider, up to the whole path.
     """
-    nodes, edges, margin = 0, 0, MARGIN
-    path = _subdivide(problem, path)
-    while segments := illegal_segments(problem, path, margin):
-        first, last = segments[0]
-        rest = replace(options, max_edges=options.max_edges - edges)
-        found = search(problem, path[first], path[last], rng, rest)
-        nodes, edges = nodes + found.nodes, edges + found.edges
-        if found.status is SearchStatus.SOLVED:
-            new = _subdivide(problem, found.path)
-            path, margin = [*path[:first], *new, *path[last + 1 :]], MARGIN
-        elif (first, last) == (0, len(path) - 1) or edges >= options.max_edges:
-            return replace(found, nodes=nodes, edges=edges)
-        else:
-            margin *= 2
-    return SearchResult(status=SearchStatus.SOLVED, nodes=nodes, edges=edges, path=path)
+    return _Repair(problem, path, rng, options, how or RefinementOptions()).run()
 
 
-def illegal_segments(
-    problem: PostureProblem, path: list[Array], margin: int
-) -> list[tuple[int, int]]:
-    """Find the segments of a path that collide, as first and last nodes, both legal."""
-    illegal = np.array([problem.fails(a, b) for a, b in pairwise(path)])
-    return merge(np.flatnonzero(illegal), margin, len(path))
+class _Repair:
+    """A path that is being repaired under the present constraints."""
+
+    def __init__(
+        self,
+        problem: PostureProblem,
+        path: list[Array],
+        rng: np.random.Generator,
+        options: SearchOptions,
+        how: RefinementOptions,
+    ) -> None:
+        self._problem, self._rng, self._options, self._how = problem, rng, options, how
+        self._path = _subdivide(problem, path)
+        self._is_illegal = find_illegal(problem, self._path)
+        self._nodes = self._edges = 0
+
+    def run(self) -> SearchResult:
+        """Replan segment by segment until all are legal, or the budget is spent."""
+        margin, repairs = MARGIN, 0
+        while segments := merge(np.flatnonzero(self._is_illegal), margin, len(self._path)):
+            first, last = segments[0]
+            new = self._replan(first, last)
+            repairs += 1
+            is_whole = (first, last) == (0, len(self._path) - 1)
+            if new:
+                self._splice(first, last, new)
+                margin = MARGIN
+            elif self._is_over() or is_whole:
+                return self._result(SearchStatus.BUDGET_SPENT)
+            else:
+                margin *= 2
+            if repairs == MOST_REPAIRS:
+                return self._result(SearchStatus.BUDGET_SPENT)
+        return self._result(SearchStatus.SOLVED)
+
+    def _replan(self, first: int, last: int) -> list[Array]:
+        """Plan a segment anew; empty if that fails."""
+        if self._how.partial_body and (new := self._replan_limbs(first, last)):
+            return new
+        return self._search(self._problem, self._path[first], self._path[last], 1.0)
+
+    def _replan_limbs(self, first: int, last: int) -> list[Array]:
+        """Plan only the limbs that collide in a segment; empty if more of the body does."""
+        segment = self._path[first : last + 1]
+        limbs = _find_limbs(self._problem, segment, self._is_illegal[first:last])
+        if limbs is None:
+            return []
+        joints = np.concatenate([self._problem.checker.find_joints(limb) for limb in limbs])
+        partial = PartialProblem(self._problem, segment, np.sort(joints))
+        path = self._search(partial, partial.start, partial.goal, PARTIAL_SHARE)
+        nodes = [
+            node for a, b in pairwise(path) for node in partial.interpolate(a, b, FINE_SPACING)
+        ]
+        return [segment[0], *nodes[:-1], segment[-1]] if path else []
+
+    def _search(self, problem: Problem, start: Array, goal: Array, share: float) -> list[Array]:
+        left = self._options.max_edges - self._edges
+        edges = max(1, round(share * left))
+        found = search(problem, start, goal, self._rng, replace(self._options, max_edges=edges))
+        self._nodes, self._edges = self._nodes + found.nodes, self._edges + found.edges
+        return found.path
+
+    def _splice(self, first: int, last: int, new: list[Array]) -> None:
+        new = _subdivide(self._problem, new)
+        self._path = [*self._path[:first], *new, *self._path[last + 1 :]]
+        between = find_illegal(self._problem, new)
+        self._is_illegal = np.concatenate(
+            [self._is_illegal[:first], between, self._is_illegal[last:]]
+        )
+
+    def _is_over(self) -> bool:
+        return self._edges >= self._options.max_edges or self._options.is_over()
+
+    def _result(self, status: SearchStatus) -> SearchResult:
+        reason = ""
+        if status is not SearchStatus.SOLVED:
+            reason = _explain(self._problem, self._path, self._is_illegal)
+        return SearchResult(
+            status=status, reason=reason, nodes=self._nodes, edges=self._edges, path=self._path
+        )
 
 
 def merge(illegal: NDArray[np.intp], margin: int, count: int) -> list[tuple[int, int]]:
@@ -84,6 +194,48 @@ def merge(illegal: NDArray[np.intp], margin: int, count: int) -> list[tuple[int,
         else:
             segments.append((first, last))
     return segments
+
+
+def find_illegal(problem: PostureProblem, path: list[Array]) -> NDArray[np.bool_]:
+    """Find the edges of a path that collide, (K - 1,)."""
+    return np.array([problem.fails(a, b) for a, b in pairwise(path)], bool)
+
+
+def _find_limbs(
+    problem: PostureProblem, path: list[Array], is_illegal: NDArray[np.bool_]
+) -> list[int] | None:
+    """Find the limbs that collide along a path; ``None`` if the torso does, or all limbs do."""
+    limbs = set[int]()
+    for collision in _find_collisions(problem, path, is_illegal):
+        checker = problem.checker
+        hit = {checker.find_limb(geom) for geom in collision.geoms} - checker.fixed
+        if not hit:
+            return None
+        limbs |= hit
+    if not limbs or len(limbs) == problem.checker.limb_count:
+        return None
+    return sorted(limbs)
+
+
+def _find_collisions(
+    problem: PostureProblem, path: list[Array], is_illegal: NDArray[np.bool_]
+) -> list[Collision]:
+    """Find the collisions along the illegal edges of a path, in order."""
+    found: list[Collision] = []
+    for edge in np.flatnonzero(is_illegal):
+        found += problem.find_collisions(path[edge], path[edge + 1])
+    return found
+
+
+def _explain(problem: PostureProblem, path: list[Array], is_illegal: NDArray[np.bool_]) -> str:
+    """Say what collides, and where on a path."""
+    where = np.flatnonzero(is_illegal)
+    found = _find_collisions(problem, path, is_illegal)
+    if not found:
+        return "the budget is spent"
+    deepest = max(found, key=lambda collision: collision.depth)
+    low, high = where[0] / len(is_illegal), (where[-1] + 1) / len(is_illegal)
+    return f"{deepest}, between {low:.0%} and {high:.0%} of the path"
 
 
 def _subdivide(problem: PostureProblem, path: list[Array]) -> list[Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
@@ -63,6 +64,8 @@ class SearchOptions:
     """Edges that a node may try in all its expansions."""
     goal_bias: float = 0.1
     """Share of the expansions that go to the root of the other tree."""
+    is_over: Callable[[], bool] = lambda: False
+    """Asked before every expansion: whether to stop without a path."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,6 +200,8 @@ class _Search:
         """Return why the search ends without a path; empty while it may continue."""
         if self.edges >= self.options.max_edges:
             return f"{self.edges} edges tried, the budget is {self.options.max_edges}"
+        if self.options.is_over():
+            return "the budget is spent"
         for tree, name in zip(self.trees, ("start", "goal"), strict=True):
             if not tree.is_viable:
                 return f"every edge around the {name} is dead"

@@ -10,6 +10,7 @@ import numpy as np
 
 from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
+from humanoid_getup.evaluation.torque import LONG_SATURATION
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.playback.ending import describe_end
@@ -26,7 +27,7 @@ FAR_TILT = math.radians(45.0)  # another side is 90 deg away
 # On the twin, the motions of the OP3's database and 24 planned rises are at the torque-speed
 # line for 0.7 s at a time and 1.2 s in total, at 12.0 to 10.2 V, and most still end standing. A
 # servo's overload protection trips within a few seconds near stall.
-LONG_SATURATION, ALL_SATURATION = 1.5, 1.0  # s
+ALL_SATURATION = 1.0  # s
 REFUSED_OVERLAP, TOUCHING_OVERLAP = 0.006, 0.002  # m; those motions touch by up to 1.6 mm
 # A robot that lies with its limbs folded overlaps itself by what its shapes are thicker than its
 # links: by up to 17 mm in 384 falls that settled on the meshes of OP3's links.

@@ -13,7 +13,7 @@ from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import Stand
-from humanoid_getup.evaluation.torque import split_torque
+from humanoid_getup.evaluation.torque import LongestRun, find_saturation, split_torque
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
@@ -26,7 +26,6 @@ from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
-SATURATED = 0.97  # share of the torque-speed line from which no reserve is left
 MOST_RISES = 100  # in a row, after which temperatures are steady
 OVERLAP_STRIDE = 3  # frames
 
@@ -85,9 +84,9 @@ def measure(
     deepest = np.maximum(rollout.overlap, _find_deepest(world, motion))
     stall = robot.max_torque * voltage / robot.supply_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
-    along = np.maximum(np.sign(rollout.torque) * rollout.velocity, 0.0)  # (T, n)
-    line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
-    saturated = np.abs(rollout.torque) >= np.maximum(SATURATED * line, 0.05 * stall)
+    saturated = find_saturation(robot, rollout.torque, rollout.velocity, voltage)
+    runs = LongestRun(robot.n)
+    runs.add(saturated)
     peak_torque = split_torque(rollout.torque, rollout.velocity).driving.max(axis=0, initial=0.0)
     period = robot.control_period
     end, rises = predict_heat(robot, rollout.torque, temperature)
@@ -102,7 +101,7 @@ def measure(
         rms_torque=np.sqrt(np.mean(rollout.torque**2, axis=0)),
         torque_use=peak_torque / limit,
         saturation=saturated.sum(axis=0) * period,
-        longest_saturation=_longest(saturated) * period,
+        longest_saturation=runs.longest * period,
         end_temperature=end,
         rises_in_a_row=rises,
         start_overlap=float(at_start.max()),
@@ -137,7 +136,7 @@ def _roll_out(
     limits = replace(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf
     )
-    judge = GroundTruthJudge(twin.simulation, torque_limit.value)
+    judge = GroundTruthJudge(twin.simulation, torque_limit.value, world.scene.support)
     velocity: list[Array] = []
     overlap = np.zeros((world.model.nbody, world.model.nbody))
 
@@ -185,12 +184,3 @@ def _find_deepest(world: World, motion: Motion) -> Array:
     data = mujoco.MjData(world.model)
     frames = range(0, len(motion.time), OVERLAP_STRIDE)
     return np.max([find_overlap(world, motion.posture(k), data) for k in frames], axis=0)
-
-
-def _longest(present: np.ndarray) -> Array:
-    """Return the longest run of each column of (T, n) flags, in rows."""
-    longest, now = np.zeros(present.shape[1]), np.zeros(present.shape[1])
-    for row in present:
-        now = np.where(row, now + 1, 0)
-        longest = np.maximum(longest, now)
-    return longest

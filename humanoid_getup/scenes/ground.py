@@ -21,6 +21,20 @@ BASE = 0.1  # m of a field under its lowest point
 class Ground(Protocol):
     """A surface that has one height at every place."""
 
+    @property
+    def is_plane(self) -> bool:
+        """Return whether it has the same tilt everywhere."""
+        ...
+
+    @property
+    def is_level(self) -> bool:
+        """Return whether it is a level plane."""
+        ...
+
+    def normal(self, x: Array, y: Array, reach: float, /) -> Array:
+        """Compute the upward normals (..., 3) at places x, y [m], averaged over a reach [m]."""
+        ...
+
     def height(self, x: Array, y: Array, /) -> Array:
         """Compute the height [m] at places x, y [m], all of one shape."""
         ...
@@ -43,6 +57,21 @@ class Slope:
                 f"slope is {math.degrees(self.angle):g}°, "
                 f"expected at most {math.degrees(STEEPEST):g}°"
             )
+
+    @property
+    def is_plane(self) -> bool:
+        """Return True."""
+        return True
+
+    @property
+    def is_level(self) -> bool:
+        """Return whether it is a level plane."""
+        return self.angle == 0.0
+
+    def normal(self, x: Array, _y: Array, _reach: float = 0.0, /) -> Array:
+        """Compute the upward normals (..., 3) at places x, y [m]."""
+        up = np.array([-math.sin(self.angle), 0.0, math.cos(self.angle)])
+        return np.broadcast_to(up, (*np.shape(x), 3))
 
     def height(self, x: Array, _y: Array, /) -> Array:
         """Compute the height [m] at places x, y [m], all of one shape."""
@@ -80,6 +109,23 @@ class HeightField:
             raise ValueError("heights are all the same, expected different ones: use a plane")
         if not self.cell > 0.0:
             raise ValueError(f"cell is {self.cell:g} m, expected above 0 m")
+
+    @property
+    def is_plane(self) -> bool:
+        """Return False."""
+        return False
+
+    @property
+    def is_level(self) -> bool:
+        """Return False."""
+        return False
+
+    def normal(self, x: Array, y: Array, reach: float, /) -> Array:
+        """Compute the upward normals (..., 3) at places x, y [m], averaged over a reach [m]."""
+        rise_x = self.height(x + reach, y) - self.height(x - reach, y)
+        rise_y = self.height(x, y + reach) - self.height(x, y - reach)
+        normal = np.stack([-rise_x, -rise_y, np.full_like(rise_x, 2.0 * reach)], axis=-1)
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
     def height(self, x: Array, y: Array, /) -> Array:
         """Compute the height [m] at places x, y [m], all of one shape; beyond the edge, its own."""

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from humanoid_getup.scenes.backdrop import add_backdrop
-from humanoid_getup.scenes.ground import FLAT, Ground, Slope
+from humanoid_getup.scenes.ground import FLAT, Ground
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.scenes.surface import Surface
@@ -57,8 +57,7 @@ class Scene:
     @property
     def is_flat(self) -> bool:
         """Return whether it is the same in every place and direction."""
-        is_level = isinstance(self.ground, Slope) and self.ground.angle == 0.0
-        return is_level and not self.obstacles and not self.starts
+        return self.ground.is_level and not self.obstacles and not self.starts
 
     def support(self, point: Array) -> Array:
         """Compute the height of what is under points (..., 3) [m]: ground or an obstacle, (...)."""

@@ -16,6 +16,7 @@ from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
+from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import plan_path
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
@@ -108,6 +109,7 @@ class PlannedRise:
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.planning, self.filtering, self.assistance = planning, filtering, assistance
         self.database = load_database(world.robot) if database is None else database
+        self._goals = GoalPlacement(world)
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
         self.filter = DynamicsFilter(world, torque_limit=self.torque_limit, prefer=prefer)
@@ -160,8 +162,11 @@ class PlannedRise:
         """Find a smooth path to a connecting posture."""
         if not self.planning:
             return self._straight(start, connection)
+        goal = self._goals.place(connection.posture, start)
+        if goal is None:
+            return None
         for checker in (self._checker, self._tangled_checker):
-            path = plan_path(start, connection.posture, checker, rng).trajectory
+            path = plan_path(start, goal, checker, rng).trajectory
             if path is not None:
                 return path
         return None

@@ -48,7 +48,7 @@ def test_the_ground_lifts_a_robot_as_far_as_it_is_too_deep(checker: CollisionChe
     tolerances = checker.tolerances
     for depth in (-0.1, 0.0, 0.002, 0.02, 0.09, 0.102, 0.104, 0.3):
         configuration = row(lying(depth))
-        expected = max(0.0, depth - tolerances.ground)
+        expected = max(0.0, depth - tolerances.world)
         assert checker.lift(configuration) == pytest.approx(expected, abs=1e-6)
         assert checker.is_free(configuration) == (expected <= tolerances.max_lift)
 

@@ -8,7 +8,8 @@ import pytest
 from humanoid_getup.planning.refinement import (
     MARGIN,
     MERGE,
-    illegal_segments,
+    RefinementOptions,
+    find_illegal,
     merge,
     refine,
     repair,
@@ -44,6 +45,9 @@ class Plane:
         crosses = (a[0] < 0.0) != (b[0] < 0.0)
         return bool(np.max(np.abs(b)) > 2.0 or (crosses and abs(a[1] + b[1]) / 2 < self.height))
 
+    def find_collisions(self, _a: Array, _b: Array) -> list:
+        return []
+
     def interpolate(self, a: Array, b: Array, _spacing: float) -> Array:
         count = max(1, int(np.ceil(np.linalg.norm(b - a) / SPACING - 1e-9)))
         return a + np.arange(1, count + 1)[:, None] / count * (b - a)
@@ -75,7 +79,8 @@ class Loosened(Plane):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
     problem, rng = Loosened(0.6), np.random.default_rng(seed)
-    found = refine(problem, rng, OPTIONS)  # type: ignore[arg-type]
+    paper = RefinementOptions(increment=0.025)
+    found = refine(problem, rng, OPTIONS, paper)  # type: ignore[arg-type]
     assert problem.levels == pytest.approx([*np.arange(39, -1, -1) / 40, 0.0], abs=1e-12)
     assert found.status is SearchStatus.SOLVED
     assert 0 < found.edges <= 4000 and found.nodes > 0
@@ -84,11 +89,23 @@ def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
     np.testing.assert_array_equal(found.path[-1], PATH[-1])
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_increment_that_adapts_needs_fewer_levels(seed: int):
+    problem, rng, told = Loosened(0.6), np.random.default_rng(seed), []
+    found = refine(problem, rng, OPTIONS, report=told.append)  # type: ignore[arg-type]
+    assert found.status is SearchStatus.SOLVED
+    assert len(problem.levels) < 20
+    assert told == sorted(told, reverse=True)
+    assert told[-1] == 0.0
+    assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
+
+
 def test_a_path_that_cannot_be_tightened_says_how_loose_it_was():
     """The wall of 5 m reaches the edge of the plane, 2 m away, at a looseness of 0.6."""
     problem = Loosened(5.0)
     options = SearchOptions(max_edges=2000, controls=6, edges_per_node=1000)
-    found = refine(problem, np.random.default_rng(0), options)  # type: ignore[arg-type]
+    paper = RefinementOptions(increment=0.025)
+    found = refine(problem, np.random.default_rng(0), options, paper)  # type: ignore[arg-type]
     assert found.status is SearchStatus.BUDGET_SPENT
     assert " at looseness 0." in found.reason
     assert float(found.reason.split()[-1]) >= 0.575
@@ -123,16 +140,19 @@ def test_a_wall_without_end_spends_the_budget_and_says_so():
     _, found = run(5.0, SearchOptions(max_edges=300, controls=6, edges_per_node=1000))
     assert found.status is SearchStatus.BUDGET_SPENT
     assert 300 <= found.edges < 306
-    assert found.path == []
+    problem = Plane(5.0)
+    assert any(problem.fails(a, b) for a, b in pairwise(found.path))
+    np.testing.assert_array_equal([found.path[0], found.path[-1]], PATH)
 
 
 def test_a_stretch_is_the_illegal_edges_and_a_margin():
     problem = Plane(0.2)
     path = [np.array([-0.95 + 0.1 * k, 0.0]) for k in range(20)]
     # Edge 9 leads from -0.05 to 0.05.
-    assert illegal_segments(problem, path, 2) == [(7, 12)]  # type: ignore[arg-type]
-    assert illegal_segments(problem, path, 0) == [(9, 10)]  # type: ignore[arg-type]
-    assert illegal_segments(problem, path, 50) == [(0, 19)]  # type: ignore[arg-type]
+    illegal = np.flatnonzero(find_illegal(problem, path))  # type: ignore[arg-type]
+    assert merge(illegal, 2, len(path)) == [(7, 12)]
+    assert merge(illegal, 0, len(path)) == [(9, 10)]
+    assert merge(illegal, 50, len(path)) == [(0, 19)]
 
 
 def test_stretches_are_merged_up_to_three_postures_apart():

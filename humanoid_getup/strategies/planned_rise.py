@@ -19,7 +19,9 @@ from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import plan_path
 from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.continuation import Continuation
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
@@ -43,7 +45,7 @@ SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
 MOST_FAILURES = 2  # searches without a path before the start counts as tangled
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
-REST = 0.6  # s after a failed rollout until the next path begins
+TRIES_AMONG_OBSTACLES = 6
 
 
 @dataclass
@@ -135,7 +137,7 @@ class PlannedRise:
         already, searched = self.filter.count, self.filter.searched
         self._round(progress, first)
         if not first:
-            self._round(progress, self._pull_free(progress, connections[:FIRST_CONNECTIONS]))
+            self._round(progress, self._pull_free(start, connections[:FIRST_CONNECTIONS]))
         elif not progress.is_done or self.filter.preference.is_demanding:
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
             self._round(progress, further + [replace(c, patience=PATIENT) for c in first + further])
@@ -144,9 +146,11 @@ class PlannedRise:
         if progress.tried and not progress.is_done:
             stubborn = [replace(c, patience=p) for p in OTHER_PATIENCE for c in first]
             self._round(progress, stubborn)
-        for _ in range(SECOND_TRIES):
+        places = self._find_standing_places(start)
+        continuation = Continuation(self.world, places)
+        for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
             if not progress.is_done:
-                self._try_again(progress)
+                self._try_again(progress, continuation)
         self._improve(progress)
         return self._conclude(
             progress,
@@ -196,12 +200,18 @@ class PlannedRise:
         progress.planned |= self.planning and before is None and bool(candidates)
         return candidates
 
-    def _pull_free(self, progress: _Progress, connections: list[Connection]) -> list[Candidate]:
+    def _pull_free(
+        self, start: Posture, connections: list[Connection], before: Array | None = None
+    ) -> list[Candidate]:
         """Move straight and slowly without a path: limbs may yield."""
         return [
-            Candidate(path=self._straight(progress.start, c), connection=c, tempo=SLOW)
+            Candidate(path=self._straight(start, c), connection=c, tempo=SLOW, before=before)
             for c in connections
         ]
+
+    def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
+        """Find where the robot has room to stand; ``None`` without obstacles."""
+        return StandingPlaces(self.world, start.position) if self.world.scene.obstacles else None
 
     def _check(self, progress: _Progress, rollout: CandidateRollout) -> None:
         """Check a rollout that stands, its touching limbs parted; keep it if it is the best."""
@@ -238,13 +248,13 @@ class PlannedRise:
                 if progress.is_done:
                     return
 
-    def _try_again(self, progress: _Progress) -> None:
+    def _try_again(self, progress: _Progress, continuation: Continuation) -> None:
         """Continue from the ends of failed rollouts."""
         candidates = []
-        for failed in _sample_ends(progress.tried, self.world):
-            end = read_posture(self.world.robot, self.world.model, failed.qpos[-1])
-            connections = self.database.select(end, SECOND_CONNECTIONS)
-            candidates += self._candidates(progress, end, connections, failed.target)
+        for end in continuation.pick(progress.tried):
+            connections = self.database.select(end.posture, SECOND_CONNECTIONS)
+            found = self._candidates(progress, end.posture, connections, end.target)
+            candidates += found or self._pull_free(end.posture, connections, end.target)
         self._round(progress, candidates)
 
     def _round(self, progress: _Progress, candidates: list[Candidate]) -> None:
@@ -349,19 +359,3 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
         joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
         provenance={"program": "getup rise", "connection": joined.name, "path_frames": count},
     )
-
-
-def _sample_ends(tried: list[CandidateRollout], world: World) -> list[CandidateRollout]:
-    """Pick up to three failed rollouts that ended in different attitudes, cut at rest."""
-    robot, model = world.robot, world.model
-    period = robot.control_period
-    ends: list[CandidateRollout] = []
-    gravity: list[Array] = []
-    for failed in (r for r in tried if not r.stood):
-        length = min(failed.moving + round(REST / period), len(failed.target))
-        cut = replace(failed, target=failed.target[:length], qpos=failed.qpos[:length])
-        direction = quaternion.gravity_in_body(read_posture(robot, model, cut.qpos[-1]).orientation)
-        if all(direction @ other < 0.8 for other in gravity):
-            ends.append(cut)
-            gravity.append(direction)
-    return ends[:3]

@@ -52,25 +52,15 @@ def bench_planner(
             maker = ProblemMaker(group.world)
             for fall in group.falls:
                 number, falls[scene] = falls[scene], falls[scene] + 1
-                connections = database.select(fall.posture, len(database.rising))
-                problem = maker.pose_nearest(
-                    fall.posture,
-                    (connection.posture for connection in connections),
-                    np.random.default_rng([seed, 1, number]),
-                )
+                goals = database.select(fall.posture, len(database.rising))
+                rng = np.random.default_rng([seed, 1, number])
+                problem = maker.pose_nearest(fall.posture, (g.posture for g in goals), rng)
                 label = {"case": scene, "fall": number, "start_class": fall.start_class}
-                new = (
-                    []
-                    if problem is None
-                    else [
-                        label
-                        | {"planner": name}
-                        | maker.attempt(
-                            problem, planner, draw_seed(seed, 2, number), budget
-                        ).record()
-                        for name, planner in planners.items()
-                    ]
-                )
+                own_seed, new = draw_seed(seed, 2, number), []
+                if problem is not None:
+                    for name, planner in planners.items():
+                        attempt = maker.attempt(problem, planner, own_seed, budget)
+                        new.append(label | {"planner": name} | attempt.record())
                 records += new
                 report(new)
     return {

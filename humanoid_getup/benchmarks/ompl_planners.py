@@ -16,7 +16,7 @@ from humanoid_getup.planning.posture_space import SMALL, SPREAD, PostureProblem
 from robots import quaternion
 from robots.quaternion import Array
 
-# Longest edge, in the metric. Of 1, 2, 4 and OMPL's own choice, it solves most problems.
+# Longest edge, in the metric. Of 1, 2, 4 and OMPL's own, RRTConnect solves most with this one.
 RANGE = 1.0
 OFF_ARC = 2.0 * SPREAD  # rad, half the largest rotation off the arc, about each axis
 

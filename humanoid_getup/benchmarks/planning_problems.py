@@ -56,6 +56,7 @@ class ProblemMaker:
 
     def __init__(self, world: World) -> None:
         self.world = world
+        # A robot at rest has sunk into what is soft, and may stay there.
         surfaces = [world.scene.surface, *(o.surface for o in world.scene.obstacles)]
         resting = Tolerances.resting + max(surface.sink for surface in surfaces)
         self.checker = LimitedChecker(world.robot, world.scene, Tolerances(resting=resting))

@@ -23,6 +23,7 @@ ARTEFACTS = (MOTION, STRIP, TORQUE, REPORT)
 STANDARD_OUTPUT = "-"
 SCRATCH = ".getup-"
 SMALL_FIGURE = 0.1  # below which two decimals are too few
+ROUNDING = 1e-9  # below which a figure is 0
 WIDTH = 120  # characters of a line that goes to no terminal
 
 
@@ -177,7 +178,8 @@ def format_figure(value: Any) -> str:
         return " to ".join(map(format_figure, value))
     if not isinstance(value, float):
         return str(value)
-    return f"{value:.2g}" if 0.0 < abs(value) < SMALL_FIGURE else f"{value:.2f}"
+    is_small = ROUNDING < abs(value) < SMALL_FIGURE
+    return f"{value:.2g}" if is_small else f"{value:.2f}"
 
 
 def to_json(record: Any) -> str:

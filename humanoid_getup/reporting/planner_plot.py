@@ -25,37 +25,34 @@ def save_planner_cost(result: dict[str, Any], path: Path) -> None:
     from matplotlib.figure import Figure
 
     cases: Cases = list(result["cases"].values())
-    figure = Figure(figsize=(9.0, 3.2), layout="constrained")
+    counts = sorted({case["obstacles"] for case in cases})
+    figure = Figure(figsize=(10.0, 3.2), layout="constrained")
     axes: list[Axes] = list(figure.subplots(1, 3))
-    for joints in sorted({case["joints"] for case in cases}):
-        ours = sorted(
-            (case for case in cases if case["joints"] == joints), key=lambda c: c["obstacles"]
-        )
-        obstacles = np.array([case["obstacles"] for case in ours])
-        _plot_times(axes[0], obstacles, ours, f"{joints} joints")
+    for number, joints in enumerate(sorted({case["joints"] for case in cases})):
+        ours = [case for case in cases if case["joints"] == joints]
+        at = np.array([counts.index(case["obstacles"]) for case in ours])
+        _plot_times(axes[0], at, ours, f"{joints} joints")
         found = [100.0 * case["found"] / case["n"] for case in ours]
-        axes[1].plot(obstacles, found, marker="o", markersize=3, linewidth=1.1)
+        axes[1].plot(at, found, marker="o", markersize=9 - 3 * number, linewidth=1.1)
         check, bare = ([case[key]["median"] for case in ours] for key in ("check_us", "bare_us"))
-        (line,) = axes[2].plot(obstacles, check, marker="o", markersize=3, linewidth=1.1)
-        axes[2].plot(obstacles, bare, color=line.get_color(), linestyle="--", linewidth=0.9)
+        (line,) = axes[2].plot(at, check, marker="o", markersize=3, linewidth=1.1)
+        axes[2].plot(at, bare, color=line.get_color(), linestyle="--", linewidth=0.9)
     axes[0].set(yscale="log", ylabel="planning time, median to p95 [ms]")
     axes[0].legend(fontsize=8, frameon=False)
-    axes[1].set(ylabel=f"problems solved, of {result['n']} each [%]", ylim=(0.0, 104.0))
+    axes[1].set(ylabel=f"problems solved, of {result['n']} each [%]", ylim=(-4.0, 106.0))
     axes[2].set(ylabel="check, MuJoCo alone -- [µs]", ylim=(0.0, None))
     for axis in axes:
-        axis.set_xscale("symlog", base=2, linthresh=1.0)
-        ticks = sorted({case["obstacles"] for case in cases})
-        axis.set_xticks(ticks, [str(tick) for tick in ticks])
+        axis.set_xticks(range(len(counts)), [str(count) for count in counts])
         axis.set_xlabel("obstacles")
         axis.spines[["top", "right"]].set_visible(False)
     with atomic_path(path) as partial:
         figure.savefig(partial, dpi=150, format="png")
 
 
-def _plot_times(axis: Axes, obstacles: np.ndarray, cases: Cases, label: str) -> None:
+def _plot_times(axis: Axes, at: np.ndarray, cases: Cases, label: str) -> None:
     median, p95 = (
         np.array([MILLISECONDS * case["time_s"][key] for case in cases])
         for key in ("median", "p95")
     )
-    (line,) = axis.plot(obstacles, median, marker="o", markersize=3, linewidth=1.1, label=label)
-    axis.fill_between(obstacles, median, p95, color=line.get_color(), alpha=0.12, linewidth=0)
+    (line,) = axis.plot(at, median, marker="o", markersize=3, linewidth=1.1, label=label)
+    axis.fill_between(at, median, p95, color=line.get_color(), alpha=0.12, linewidth=0)

@@ -27,6 +27,8 @@ from humanoid_getup.cli.options.bench import (
     BenchKill,
     BenchMethods,
     BenchMotions,
+    BenchPlanner,
+    BenchPlannerCost,
     BenchRise,
     BenchScenes,
     BenchSit,
@@ -57,6 +59,7 @@ from robots import Robot
 NEAREST, STRAIGHT = "nearest", "straight"
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
+SEARCH_FIGURES = ("n", "found", "found_interval_95", "time_s", "checks_median")
 FIGURES = {
     "rise": ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES, "self_collisions"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
@@ -65,6 +68,8 @@ FIGURES = {
     "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_succeeded"),
     "sit": ("n", "succeeded", "interval_95", "head_impact_max_m_s", "torso_impact_max_m_s"),
     "filter": ("n", "filter_over_bare_steps_per_s"),
+    "planner": (*SEARCH_FIGURES, "length_median", "both", "time_s_ratio"),
+    "planner-cost": (*SEARCH_FIGURES, "check_us", "check_over_bare"),
     "faults": SAFETY_FIGURES,
     "kill": SAFETY_FIGURES,
     "soak": (
@@ -96,6 +101,15 @@ HEADINGS = {
     "lowest_torque_limit_nm": "lowest limit [N·m]",
     "disturbed_succeeded": "disturbed",
     "filter_over_bare_steps_per_s": "over bare steps",
+    "found": "found",
+    "found_interval_95": "95 %",
+    "time_s": "time [s]",
+    "checks_median": "checks",
+    "length_median": "length",
+    "both": "both found",
+    "time_s_ratio": "time ratio",
+    "check_us": "check [µs]",
+    "check_over_bare": "check over bare",
     "endings": "endings",
     "safe_max_s": "safe after, max [s]",
     "beyond_limits": "beyond limits",
@@ -122,7 +136,7 @@ def bench_rise(command: BenchRise) -> int:
         search_budget=command.search_budget,
     )
     rises = len(rise.BENCH_CLASSES) * command.n
-    return _run(command, rise.bench_rise, planner, count=rises, of="rises")
+    return run_benchmark(command, rise.bench_rise, planner, count=rises, of="rises")
 
 
 def bench_methods(command: BenchMethods) -> int:
@@ -138,7 +152,7 @@ def bench_methods(command: BenchMethods) -> int:
 
     strategies = {name: make_strategy(name) for name in command.ways}
     rises = len(rise.BENCH_CLASSES) * command.n * len(strategies)
-    return _run(command, rise.bench_methods, strategies, count=rises, of="rises")
+    return run_benchmark(command, rise.bench_methods, strategies, count=rises, of="rises")
 
 
 def bench_disturbed(command: BenchDisturbed) -> int:
@@ -162,7 +176,7 @@ def bench_disturbed(command: BenchDisturbed) -> int:
     def bench(planner: PlannedRise, **options: Any) -> dict[str, Any]:
         return disturbed.bench_disturbed(planner, policies, disturbances=cases, **options)
 
-    return _run(command, bench, planner, count=rises, of="rises")
+    return run_benchmark(command, bench, planner, count=rises, of="rises")
 
 
 def bench_scenes(command: BenchScenes) -> int:
@@ -198,14 +212,14 @@ def bench_scenes(command: BenchScenes) -> int:
     def bench(robot: Robot, **options: Any) -> dict[str, Any]:
         return scenes.bench_scenes(robot, ways, scenes=names, **options)
 
-    return _run(command, bench, robot, count=count, of="rises")
+    return run_benchmark(command, bench, robot, count=count, of="rises")
 
 
 def bench_motions(command: BenchMotions) -> int:
     """Play every stored motion, undisturbed and disturbed."""
     world, database = _load(command)
     own = [m for m in database.motions if not m.name.endswith(MIRRORED_SUFFIX)]
-    return _run(command, motions.bench_motions, world, own, count=len(own), of="motions")
+    return run_benchmark(command, motions.bench_motions, world, own, count=len(own), of="motions")
 
 
 def bench_sit(command: BenchSit) -> int:
@@ -214,7 +228,7 @@ def bench_sit(command: BenchSit) -> int:
     with refusing():
         find_lying_down(world.robot)
     count = command.n * len(sit.LIMITS)
-    return _run(command, sit.bench_sit, world, count=count, of="stands")
+    return run_benchmark(command, sit.bench_sit, world, count=count, of="stands")
 
 
 def bench_filter(command: BenchFilter) -> int:
@@ -222,7 +236,7 @@ def bench_filter(command: BenchFilter) -> int:
     world, database = _load(command)
     with phase("filtering"):
         result = speed.bench_filter(world, database, seed=command.seed, repeats=command.n)
-    return _hand_over(result, command)
+    return hand_over(result, command)
 
 
 def bench_faults(command: BenchFaults) -> int:
@@ -230,14 +244,18 @@ def bench_faults(command: BenchFaults) -> int:
     world, cases = load_world(command), len(fault_injection.CASES)
     robot, is_stand = world.robot, command.motion == STANDING
     motion = make_stand(robot) if is_stand else find_motion(robot, command.motion)
-    return _run(command, fault_injection.bench_faults, world, motion, count=cases, of="cases")
+    return run_benchmark(
+        command, fault_injection.bench_faults, world, motion, count=cases, of="cases"
+    )
 
 
 def bench_kill(command: BenchKill) -> int:
     """Kill the program in the middle of a rise."""
     world = load_world(command)
     motion = find_motion(world.robot, command.motion)
-    return _run(command, fault_injection.bench_kill, world, motion, count=command.n, of="kills")
+    return run_benchmark(
+        command, fault_injection.bench_kill, world, motion, count=command.n, of="kills"
+    )
 
 
 def bench_soak(command: BenchSoak) -> int:
@@ -247,14 +265,16 @@ def bench_soak(command: BenchSoak) -> int:
         result = soak.bench_soak(
             planner, seed=command.seed, duration=command.duration, report=count
         )
-    return _hand_over(result, command)
+    return hand_over(result, command)
 
 
-def _run(
+def run_benchmark(
     command: BenchRise
     | BenchMethods
     | BenchDisturbed
     | BenchScenes
+    | BenchPlanner
+    | BenchPlannerCost
     | BenchMotions
     | BenchSit
     | BenchFaults
@@ -267,7 +287,7 @@ def _run(
     """Run a benchmark that reports each of a number of steps; return the exit code."""
     with counting(of, count) as advance:
         result = bench(*subjects, seed=command.seed, each=command.n, report=lambda _: advance(1))
-    return _hand_over(result, command)
+    return hand_over(result, command)
 
 
 def _load(command: WorldOptions) -> tuple[World, MotionDatabase]:
@@ -276,7 +296,7 @@ def _load(command: WorldOptions) -> tuple[World, MotionDatabase]:
         return world, load_database(world.robot)
 
 
-def _hand_over(result: dict[str, Any], command: JsonOption) -> int:
+def hand_over(result: dict[str, Any], command: JsonOption) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.

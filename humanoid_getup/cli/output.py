@@ -22,6 +22,8 @@ REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torqu
 ARTEFACTS = (MOTION, STRIP, TORQUE, REPORT)
 STANDARD_OUTPUT = "-"
 SCRATCH = ".getup-"
+SMALL_FIGURE = 0.1  # below which two decimals are too few
+ROUNDING = 1e-9  # below which a figure is 0
 WIDTH = 120  # characters of a line that goes to no terminal
 
 
@@ -174,7 +176,10 @@ def format_figure(value: Any) -> str:
         return f"{format_figure(value['median'])} (p95 {format_figure(value['p95'])})"
     if isinstance(value, list | tuple):
         return " to ".join(map(format_figure, value))
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    is_small = ROUNDING < abs(value) < SMALL_FIGURE
+    return f"{value:.2g}" if is_small else f"{value:.2f}"
 
 
 def to_json(record: Any) -> str:

@@ -107,3 +107,4 @@ def test_figures_intervals_medians_and_counts_are_written_for_people():
     assert format_figure({"median": 0.5, "p95": 1.25}) == "0.50 (p95 1.25)"
     assert format_figure({"done": 18, "fault": 2}) == "18 done, 2 fault"
     assert format_figure([0.94, 1.0]) == "0.94 to 1.00"
+    assert format_figure([3e-17, 0.0234, 0.1]) == "0.00 to 0.023 to 0.10"

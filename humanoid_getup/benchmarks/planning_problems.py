@@ -1,0 +1,162 @@
+"""Problems for path planners: two free postures in a scene, and a budget to join them.
+
+With the checker, the only file of the planner's benchmarks that calls the planner.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.benchmarks.limited_checker import Budget, BudgetSpentError, LimitedChecker
+from humanoid_getup.motions.posture_metric import PostureMetric, align
+from humanoid_getup.planning import path_planner, shortcut
+from humanoid_getup.planning.collision import Tolerances
+from humanoid_getup.planning.path_planner import PathOptions
+from humanoid_getup.planning.posture_space import PositionProblem, PostureProblem
+from humanoid_getup.planning.rrt_blossom import SearchStatus, search
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.world import World
+from robots import Posture
+from robots.kinematics import place
+from robots.quaternion import Array
+
+NodePath = list[Array]
+"""Nodes (4 + n,) from start to goal; empty if none was found."""
+Planner = Callable[[PostureProblem, int], NodePath]
+"""Searches a path, with a seed, and ends at the latest with a `BudgetSpentError`."""
+FARTHEST = 0.5  # of the standing neck height: the root of a goal is no further above a start
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """What a planner made of a problem."""
+
+    path: NodePath
+    time: float
+    """Processor time [s], which other programs do not lengthen."""
+    checks: int
+    """Postures checked for collisions."""
+    length: float | None
+    """Of the path, in the posture metric."""
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures."""
+        figures = {"time_s": self.time, "checks": self.checks, "length": self.length}
+        return {"found": bool(self.path), **figures}
+
+
+class ProblemMaker:
+    """Poses problems in one world, and lets planners try them."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        # A robot at rest has sunk into what is soft, and may stay there.
+        surfaces = [world.scene.surface, *(o.surface for o in world.scene.obstacles)]
+        resting = Tolerances.resting + max(surface.sink for surface in surfaces)
+        self.checker = LimitedChecker(world.robot, world.scene, Tolerances(resting=resting))
+        self._clearance = Clearance(world)
+
+    def pose_nearest(
+        self, start: Posture, goals: Iterable[Posture], rng: np.random.Generator
+    ) -> PostureProblem | None:
+        """Pose a problem with the first goal that is free where the start is; None without one.
+
+        A goal that would rest far above the start, such as on the table instead of under it, is
+        left out.
+
+        Args:
+            start: Lying posture in the scene.
+            goals: Postures anywhere on level ground.
+            rng: Of the search of the root's path.
+        """
+        farthest = FARTHEST * self.world.robot.standing_neck_height
+        for goal in goals:
+            placed = self.rest_at(start, goal)
+            if abs(float(placed.position[2] - start.position[2])) > farthest:
+                continue
+            problem = self.pose_problem(start, placed, rng)
+            if problem is not None:
+                return problem
+        return None
+
+    def pose_problem(
+        self, start: Posture, goal: Posture, rng: np.random.Generator
+    ) -> PostureProblem | None:
+        """Pose a problem between two postures in the scene.
+
+        None if one of them is not free, or if there is no path for the root alone.
+        """
+        checker = self.checker
+        checker.grant(None)
+        checker.reset()
+        if checker.allow(start) or checker.allow(goal):
+            return None
+        ends = start.position, goal.position
+        root = search(PositionProblem(checker.scene, *ends), *ends, rng)
+        if root.status is not SearchStatus.SOLVED:
+            return None
+        metric = PostureMetric.of(self.world.robot)
+        return PostureProblem(checker, metric, start, goal, np.array(root.path))
+
+    def rest_at(self, start: Posture, goal: Posture) -> Posture:
+        """Turn and move a goal to a start, and rest it on what is under it."""
+        robot, model = self.world.robot, self.world.model
+        goal = align(goal, start)
+        qpos = self._clearance.rest(place(robot, model, goal))
+        return replace(goal, position=qpos[robot.layout(model).root_position].copy())
+
+    def attempt(
+        self, problem: PostureProblem, planner: Planner, seed: int, budget: Budget
+    ) -> Attempt:
+        """Let a planner try a problem of this maker; a path that collides counts as none."""
+        self.checker.grant(budget)
+        began = time.thread_time()
+        try:
+            path = planner(problem, seed)
+        except BudgetSpentError:
+            path = []
+        took, checks = time.thread_time() - began, self.checker.spent
+        self.checker.grant(None)
+        if path and not is_free_path(problem, path):
+            path = []
+        length = shortcut.length(problem, path) if path else None
+        return Attempt(path=path, time=took, checks=checks, length=length)
+
+
+def search_refined(problem: PostureProblem, seed: int) -> NodePath:
+    """Search under the strict constraints, then from loose to strict, until a path is found."""
+    rng, options = np.random.default_rng(seed), PathOptions()
+    while True:
+        found = path_planner.find_path(problem, rng, options)
+        if found.status is SearchStatus.SOLVED:
+            return found.path
+
+
+def search_strict(problem: PostureProblem, seed: int) -> NodePath:
+    """Search under the strict constraints only, again and again, until a path is found."""
+    rng, options = np.random.default_rng(seed), PathOptions()
+    while True:
+        for problem.stride in options.strides:
+            found = search(problem, problem.start, problem.goal, rng, options.search)
+            if found.status is SearchStatus.SOLVED:
+                return found.path
+
+
+OWN_PLANNERS: dict[str, Planner] = {"refined": search_refined, "strict": search_strict}
+"""Planners of this package, by name."""
+
+
+def is_free_path(problem: PostureProblem, path: NodePath) -> bool:
+    """Return whether a path collides nowhere, at the resolution of the problem."""
+    return problem.is_free(path[0]) and not any(problem.fails(a, b) for a, b in pairwise(path))
+
+
+def draw_seed(*numbers: int) -> int:
+    """Draw the seed of a planner from the numbers of its problem, 32 bits."""
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])

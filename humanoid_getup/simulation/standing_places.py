@@ -56,19 +56,19 @@ class StandingPlaces:
         return any(self._fits_on(at, height) for height in {ground, under})
 
     def _fits_on(self, at: Array, height: float) -> bool:
-        """Return whether a robot can stand there in some heading."""
+        """Return whether a robot can stand there in any heading."""
         robot, model, data = self._world.robot, self._world.model, self._data
         raised = np.array([*at, height + robot.standing.position[2] + ABOVE])
-        for heading in np.arange(HEADINGS) * (0.5 * np.pi / HEADINGS):
+        for heading in np.arange(HEADINGS) * (np.pi / HEADINGS):
             turned = quaternion.multiply(quaternion.from_yaw(heading), robot.standing.orientation)
             posture = replace(robot.standing, position=raised, orientation=turned)
             data.qpos[:] = place(robot, model, posture)
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_collision(model, data)
-            if not np.any(self._is_obstacle[data.contact.geom]):
-                return True
-        return False
+            if np.any(self._is_obstacle[data.contact.geom]):
+                return False
+        return True
 
     @cached_property
     def _is_obstacle(self) -> Array:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from humanoid_getup.evaluation.preference import PreferenceName
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Patience
+from humanoid_getup.filtering.crawl import Crawl
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion import Motion, Trajectory
@@ -17,7 +19,7 @@ from humanoid_getup.motions.motion_database import Connection, MotionDatabase, l
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.goal_placement import GoalPlacement
-from humanoid_getup.planning.path_planner import plan_path
+from humanoid_getup.planning.path_planner import PathOptions, plan_path
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
@@ -45,7 +47,10 @@ SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
 MOST_FAILURES = 2  # searches without a path before the start counts as tangled
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
-TRIES_AMONG_OBSTACLES = 6
+TRIES_AMONG_OBSTACLES = 4
+MOST_MOVES = 6
+ROOM = 0.02  # m from a place to stand, from which a robot need not crawl to it
+PATHS = PathOptions(max_checks=40_000)
 
 
 @dataclass
@@ -138,7 +143,10 @@ class PlannedRise:
         self._round(progress, first)
         if not first:
             self._round(progress, self._pull_free(start, connections[:FIRST_CONNECTIONS]))
-        elif not progress.is_done or self.filter.preference.is_demanding:
+        places = self._find_standing_places(start)
+        if places is not None and not progress.is_done:
+            self._crawl(progress, places)
+        if first and (not progress.is_done or self.filter.preference.is_demanding):
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
             self._round(progress, further + [replace(c, patience=PATIENT) for c in first + further])
         if not progress.is_done:
@@ -146,7 +154,6 @@ class PlannedRise:
         if progress.tried and not progress.is_done:
             stubborn = [replace(c, patience=p) for p in OTHER_PATIENCE for c in first]
             self._round(progress, stubborn)
-        places = self._find_standing_places(start)
         continuation = Continuation(self.world, places)
         for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
             if not progress.is_done:
@@ -170,7 +177,7 @@ class PlannedRise:
         if goal is None:
             return None
         for checker in (self._checker, self._tangled_checker):
-            path = plan_path(start, goal, checker, rng).trajectory
+            path = plan_path(start, goal, checker, rng, PATHS).trajectory
             if path is not None:
                 return path
         return None
@@ -247,6 +254,24 @@ class PlannedRise:
                     self._check(progress, better)
                 if progress.is_done:
                     return
+
+    def _crawl(self, progress: _Progress, places: StandingPlaces) -> None:
+        """Crawl to where the robot has room to stand, and rise from there."""
+        posture, held, moves = progress.start, progress.start.joint_pos, []
+        while len(moves) < MOST_MOVES and places.distance(posture.position) > ROOM:
+            move = self._crawling.search(posture, held, places.distance, progress.rng)
+            posture, held = move.posture, move.target[-1]
+            moves.append(move.target)
+        if not moves:
+            return
+        before = np.concatenate(moves)
+        connections = self.database.select(posture, FIRST_CONNECTIONS + MORE_CONNECTIONS)
+        found = self._candidates(progress, posture, connections, before)
+        self._round(progress, found + [replace(c, patience=PATIENT) for c in found])
+
+    @cached_property
+    def _crawling(self) -> Crawl:
+        return Crawl(self.world, self.torque_limit)
 
     def _try_again(self, progress: _Progress, continuation: Continuation) -> None:
         """Continue from the ends of failed rollouts."""

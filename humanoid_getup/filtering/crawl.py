@@ -1,0 +1,102 @@
+"""Crawl: a search for targets that bring a lying robot to where it has more room."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.filtering.variation import limit_targets
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.vectorized_simulation import VecSim
+from humanoid_getup.simulation.world import World, count_substeps
+from robots import Posture, TorqueLimit
+from robots.kinematics import place, read_posture
+from robots.quaternion import Array
+
+SAMPLES, ELITES, GENERATIONS = 24, 6, 4
+KNOTS = 4  # postures of a move
+MOVE, REST = 2.4, 0.6  # s of a move, and of the rest after it
+SPREAD, LEAST_SPREAD = 0.8, 0.2  # rad, standard deviation of the first knots and of any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move:
+    """Targets of a move, and where it ended."""
+
+    target: Array
+    """[rad], (T, n)"""
+    posture: Posture
+    cost: float
+
+
+class Crawl:
+    """Samples moves of the whole body in simulation, by the cross-entropy method.
+
+    An addition to [Lin12]: a robot under a table has to leave its place before it can rise, and
+    how it can roll or crawl there is a matter of contacts, which no path of postures knows.
+    """
+
+    def __init__(self, world: World, torque_limit: TorqueLimit, *, threads: int = 0) -> None:
+        self._world, self._limit = world, torque_limit
+        self._sim = VecSim(world, SAMPLES, threads=threads)
+        self._steps = count_substeps(world.model, world.robot.control_period)
+        self.simulated = 0.0
+        """Time simulated so far [s]."""
+
+    def search(
+        self,
+        start: Posture,
+        held: Array,
+        cost: Callable[[Array], Array],
+        rng: np.random.Generator,
+    ) -> Move:
+        """Find the move from a posture at rest that costs least.
+
+        Args:
+            start: Where the robot lies.
+            held: Targets that hold it there [rad], (n,).
+            cost: Maps positions of the torso [m], (K, 3), to costs, (K,).
+            rng: Of the samples.
+        """
+        robot = self._world.robot
+        mean, spread = np.tile(held, (KNOTS, 1)), np.full((KNOTS, robot.n), SPREAD)
+        best: Move | None = None
+        for _ in range(GENERATIONS):
+            knots = mean + spread * rng.normal(size=(SAMPLES, KNOTS, robot.n))
+            knots = np.clip(knots, robot.lower, robot.upper)
+            targets = np.array([self._interpolate(held, one) for one in knots])
+            ends = self._play(start, targets)
+            costs = cost(ends[:, robot.layout(self._world.model).root_position])
+            costs = np.where(self._sim.diverged, np.inf, costs)
+            order = np.argsort(costs, kind="stable")
+            if best is None or costs[order[0]] < best.cost:
+                posture = read_posture(robot, self._world.model, ends[order[0]])
+                best = Move(target=targets[order[0]], posture=posture, cost=float(costs[order[0]]))
+            elite = knots[order[:ELITES]]
+            mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), LEAST_SPREAD)
+        assert best is not None
+        return best
+
+    def _interpolate(self, held: Array, knots: Array) -> Array:
+        """Compute the targets of a move through knots (KNOTS, n), then at rest, (T, n)."""
+        period = self._world.robot.control_period
+        at = np.arange(1, round((MOVE + REST) / period) + 1) * period
+        times = np.linspace(0.0, MOVE, KNOTS + 1)
+        rows = np.vstack([held, knots])
+        straight = np.stack([np.interp(at, times, column) for column in rows.T], axis=1)
+        return limit_targets(straight, held, self._world.robot)
+
+    def _play(self, start: Posture, targets: Array) -> Array:
+        """Play moves (K, T, n); return the MuJoCo positions at their ends, (K, nq)."""
+        sim, world = self._sim, self._world
+        sim.set_parameters(
+            sim.everyone,
+            DomainParameters.nominal(
+                world, sim.n, torque_limit=self._limit.value, limit_by=self._limit.mode
+            ),
+        )
+        sim.place(sim.everyone, np.tile(place(world.robot, world.model, start), (sim.n, 1)))
+        self.simulated += targets.shape[0] * targets.shape[1] * world.robot.control_period
+        return sim.advance(targets, self._steps, ("qpos",))["qpos"][:, -1]

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
+    BodyOption,
     CacheFolder,
     Count,
     JsonOption,
@@ -32,7 +33,7 @@ class ListRobots(JsonOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListScenes(JsonOption, RobotOption):
+class ListScenes(JsonOption, BodyOption):
     """List the scenes in which a robot may lie, or draw them."""
 
     scene: Positional[str] = ""
@@ -61,7 +62,7 @@ class ListPlanCache(JsonOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListMotions(JsonOption, RobotOption):
+class ListMotions(JsonOption, BodyOption):
     """List a robot's rising motions."""
 
 
@@ -81,7 +82,7 @@ class BuildMotions(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShowMotion(RobotOption):
+class ShowMotion(BodyOption):
     """Draw a rising motion as a film strip."""
 
     motion: Positional[MotionName]

@@ -11,6 +11,7 @@ from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
+from robots import Body, BodyError
 
 CacheFolder = Annotated[
     Path | None,
@@ -65,6 +66,28 @@ class RobotOption(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BodyOption(RobotOption):
+    """Which robot, and the lengths of its parts."""
+
+    body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
+    """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
+    such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
+
+    def find_faults(self) -> list[str]:
+        """Report a body that cannot be, too."""
+        faults = super().find_faults()
+        try:
+            Body.parse(self.body)
+        except BodyError as error:
+            faults.append(f"--{error}")
+        return faults
+
+    def refuse_body(self, reason: str) -> list[str]:
+        """Report a body where only the original one will do."""
+        return [f"--body is {self.body}, expected none: {reason}"] if self.body else []
+
+
+@dataclass(frozen=True, kw_only=True)
 class JsonOption(CommandOptions):
     """Where the results go."""
 
@@ -76,7 +99,7 @@ class JsonOption(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneOptions(RobotOption):
+class SceneOptions(BodyOption):
     """Robot, scene and seed."""
 
     scene: str = "flat"
@@ -135,6 +158,8 @@ class MoveOptions(TorqueOptions, WorldOptions):
             faults.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and not self.port:
             faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
+        if self.backend == "dynamixel":
+            faults += self.refuse_body("a real robot has the body that it has")
         if self.out is not None:
             faults += find_folder_faults(self.out)
         return faults

@@ -5,11 +5,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from robots.body import BodyError
 from robots.quaternion import Array
 from robots.skeleton import Link, Skeleton
 
 LONG = 0.5  # share of the longest link's length; shorter ones are brackets between two joints
 NEAR_AXIS = np.cos(np.radians(30.0))
+LEAST_LENGTH = 1e-6  # m
 WITH_AXES = (
     mujoco.mjtGeom.mjGEOM_BOX,
     mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -23,9 +25,14 @@ def find_directions(skeleton: Skeleton, limb: Link) -> dict[Link, Array]:
 
     It points from a link's joint to the next one. Brackets, which are too short for that, and
     feet follow the long link next to them, with all joints at zero.
+
+    Raises:
+        BodyError: if the limb has no length.
     """
-    reach = {link: _compute_reach(skeleton, link) for link in limb.walk()}
+    reach = {link: _compute_reach(skeleton, link, limb) for link in limb.walk()}
     length = {link: float(np.linalg.norm(vector)) for link, vector in reach.items()}
+    if max(length.values()) < LEAST_LENGTH:
+        raise BodyError(f"the limb '{limb.root.name}' has no length, expected a shape with mass")
     long = {link for link in reach if length[link] >= LONG * max(length.values())}
     directions: dict[Link, Array] = {}
     for link in limb.walk():
@@ -39,11 +46,14 @@ def find_directions(skeleton: Skeleton, limb: Link) -> dict[Link, Array]:
     return directions
 
 
-def _compute_reach(skeleton: Skeleton, link: Link) -> Array:
-    """Compute the vector from a link's joint to the next, or to the end of the last link, (3,)."""
-    if skeleton.has_sole(link):
-        return np.zeros(3)
+def _compute_reach(skeleton: Skeleton, link: Link, limb: Link) -> Array:
+    """Compute the vector from a link's joint to the next, or to the end of the last link, (3,).
+
+    A foot has none, unless it is the whole limb.
+    """
     start = skeleton.anchor(link)
+    if skeleton.has_sole(link):
+        return skeleton.sole(link) - start if link is limb else np.zeros(3)
     if link.joints:
         return np.mean([skeleton.anchor_in(end, link) for end in link.joints], axis=0) - start
     root = link.root.id  # of a last link, twice the way to the center of mass

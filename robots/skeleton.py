@@ -87,6 +87,12 @@ class Skeleton:
         """Return whether a link is a foot."""
         return bool(link.site_names & self._soles)
 
+    def sole(self, link: Link) -> Array:
+        """Return the middle of a foot's soles, in its frame [m], (3,)."""
+        names = link.site_names & self._soles
+        away = [self.data.site(n).xpos - self.data.xpos[link.root.id] for n in sorted(names)]
+        return self.axes(link).T @ np.mean(away, axis=0)
+
     def pose(self, body: mujoco.MjsBody, link: Link) -> tuple[Array, Array]:
         """Return position [m], (3,), and axes, (3, 3), of a body in a link's frame."""
         axes = self.axes(link)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.cli.errors import BadInputError, refusing
-from humanoid_getup.cli.options.shared import BodyOption, RobotOption, SceneOptions, TorqueOptions
+from humanoid_getup.cli.options.shared import RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.cli.output import phase
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.motion import Motion
@@ -16,15 +16,14 @@ from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.simulation.world import World
-from robots import ORIGINAL, Body, Robot, TorqueLimit, load_posture
+from robots import Body, Robot, TorqueLimit, load_posture
 from robots import load_robot as load_robot_by_name
 
 
 def load_robot(options: RobotOption) -> Robot:
     """Load the robot of a command."""
     with refusing():
-        body = Body.parse(options.body) if isinstance(options, BodyOption) else ORIGINAL
-        return load_robot_by_name(options.robot, body)
+        return load_robot_by_name(options.robot, Body.parse(options.body))
 
 
 def load_world(options: SceneOptions) -> World:

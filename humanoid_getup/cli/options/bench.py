@@ -9,11 +9,11 @@ from tyro.conf import arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
-    BodyOption,
     Count,
     JsonOption,
     MotionName,
     PreferenceOptions,
+    RobotOption,
     Seed,
     TorqueOptions,
     WorldOptions,
@@ -57,7 +57,7 @@ class BenchDisturbed(TorqueOptions, WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchScenes(TorqueOptions, JsonOption, BodyOption):
+class BenchScenes(TorqueOptions, JsonOption, RobotOption):
     """Get up in every scene by plans, policies, stored motions and straight interpolation."""
 
     n: Count = 20

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
-    BodyOption,
     CacheFolder,
     Count,
     JsonOption,
@@ -33,7 +32,7 @@ class ListRobots(JsonOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListScenes(JsonOption, BodyOption):
+class ListScenes(JsonOption, RobotOption):
     """List the scenes in which a robot may lie, or draw them."""
 
     scene: Positional[str] = ""
@@ -62,7 +61,7 @@ class ListPlanCache(JsonOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListMotions(JsonOption, BodyOption):
+class ListMotions(JsonOption, RobotOption):
     """List a robot's rising motions."""
 
 
@@ -79,10 +78,11 @@ class BuildMotions(RobotOption):
     """What a motion should be besides successful; default: what its keyframes say."""
     jobs: Count = 2
     """Motions that are built in parallel."""
+    only_original: ClassVar[str] = "motions are built for the original body, and retargeted"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShowMotion(BodyOption):
+class ShowMotion(RobotOption):
     """Draw a rising motion as a film strip."""
 
     motion: Positional[MotionName]

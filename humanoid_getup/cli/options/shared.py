@@ -57,21 +57,21 @@ class CommandOptions:
         return []
 
 
+A_REAL_ROBOT = "a real robot has the body that it has"
+A_POLICY = "a policy is made for the original body"
+
+
 @dataclass(frozen=True, kw_only=True)
 class RobotOption(CommandOptions):
-    """Which robot."""
+    """Which robot, and the lengths of its parts."""
 
     robot: str = "op3"
     """Name of a robot, or a folder with a robot.toml."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodyOption(RobotOption):
-    """Which robot, and the lengths of its parts."""
-
     body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
     """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
     such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
+    only_original: ClassVar[str] = ""
+    """Why a command takes no other body; empty if it does."""
 
     def find_faults(self) -> list[str]:
         """Report a body that cannot be, too."""
@@ -80,7 +80,7 @@ class BodyOption(RobotOption):
             Body.parse(self.body)
         except BodyError as error:
             faults.append(f"--{error}")
-        return faults
+        return faults + (self.refuse_body(self.only_original) if self.only_original else [])
 
     def refuse_body(self, reason: str) -> list[str]:
         """Report a body where only the original one will do."""
@@ -99,7 +99,7 @@ class JsonOption(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneOptions(BodyOption):
+class SceneOptions(RobotOption):
     """Robot, scene and seed."""
 
     scene: str = "flat"
@@ -159,7 +159,7 @@ class MoveOptions(TorqueOptions, WorldOptions):
         if self.backend == "dynamixel" and not self.port:
             faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
         if self.backend == "dynamixel":
-            faults += self.refuse_body("a real robot has the body that it has")
+            faults += self.refuse_body(A_REAL_ROBOT)
         if self.out is not None:
             faults += find_folder_faults(self.out)
         return faults

@@ -11,7 +11,6 @@ from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
-from robots import Body, BodyError
 
 CacheFolder = Annotated[
     Path | None,
@@ -76,6 +75,10 @@ class RobotOption(CommandOptions):
     def find_faults(self) -> list[str]:
         """Report a body that cannot be, too."""
         faults = super().find_faults()
+        if not self.body:
+            return faults
+        from robots import Body, BodyError  # imports numpy, which --help does without
+
         try:
             Body.parse(self.body)
         except BodyError as error:

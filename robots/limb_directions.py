@@ -41,7 +41,7 @@ def find_directions(skeleton: Skeleton, limb: Link) -> dict[Link, Array]:
             own = _snap(skeleton, below, reach[below] / length[below])
             directions[link] = skeleton.turn(own, below, link)
         else:
-            above = next(other for other in directions if link in other.joints)
+            above = next(other for other in directions if link in other.children)
             directions[link] = skeleton.turn(directions[above], above, link)
     return directions
 
@@ -54,8 +54,8 @@ def _compute_reach(skeleton: Skeleton, link: Link, limb: Link) -> Array:
     start = skeleton.anchor(link)
     if skeleton.has_sole(link):
         return skeleton.sole(link) - start if link is limb else np.zeros(3)
-    if link.joints:
-        return np.mean([skeleton.anchor_in(end, link) for end in link.joints], axis=0) - start
+    if link.children:
+        return np.mean([skeleton.anchor_in(end, link) for end in link.children], axis=0) - start
     root = link.root.id  # of a last link, twice the way to the center of mass
     to_center = skeleton.data.subtree_com[root] - skeleton.data.xpos[root]
     return 2.0 * (skeleton.axes(link).T @ to_center - start)

@@ -73,8 +73,10 @@ def reshape(robot: Robot, body: Body) -> Robot:
     reshaped = replace(robot, body=body)
     try:
         model = reshaped.spec().compile()
+    except BodyError:
+        raise
     except (ValueError, mujoco.FatalError) as error:
-        raise BodyError(_in_one_line(error)) from error
+        raise BodyError(f"body '{body}' of '{robot.name}': {_in_one_line(error)}") from error
     standing, neck_height = _compute_stance(
         model,
         robot.torso,

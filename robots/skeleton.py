@@ -18,7 +18,7 @@ class Link:
 
     bodies: list[mujoco.MjsBody]
     """The body with the joints first, parents before children."""
-    joints: list[Link] = field(default_factory=list)
+    children: list[Link] = field(default_factory=list)
     """Links that hang on it by a joint."""
 
     @property
@@ -29,7 +29,7 @@ class Link:
     def walk(self) -> Iterator[Link]:
         """Return this link and all below it, parents before children."""
         yield self
-        for link in self.joints:
+        for link in self.children:
             yield from link.walk()
 
     @cached_property
@@ -68,11 +68,11 @@ class Skeleton:
 
     def _sort(self, trunk: Link) -> None:
         self.trunk.append(trunk)
-        for link in trunk.joints:
+        for link in trunk.children:
             if any(part.site_names & self._soles for part in link.walk()):
                 self.legs.append((trunk, link))
             elif not self._is_head(link):
-                if len(link.joints) > 1:
+                if len(link.children) > 1:
                     self._sort(link)
                 else:
                     self.arms.append((trunk, link))
@@ -143,7 +143,7 @@ def _gather(root: mujoco.MjsBody) -> Link:
     for body in link.bodies:  # which grows
         for child in body.bodies:
             if child.joints:
-                link.joints.append(_gather(child))
+                link.children.append(_gather(child))
             else:
                 link.bodies.append(child)
     return link

@@ -184,8 +184,11 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --from supine --body arms=1.6 --method policy", "--body is arms=1.6", "policy"),
         case("run robust --from supine --body arms=1.6", "--body is arms=1.6, expected none"),
         case("eval robust --n 4 --body arms=1.6", "a policy is made for the original body"),
-        case("bench methods --body arms=1.6", "without policy 'robust'"),
-        case("bench scenes --scenes flat --body arms=1.6", "without policy 'robust'"),
+        case("bench methods --body arms=1.6", "body: made for the original, this is 'arms=1.6'"),
+        case(
+            "bench scenes --scenes flat --body arms=1.6",
+            "body: made for the original, this is 'arms=1.6'",
+        ),
         case("train --out mine --body arms=1.6", "a policy is made for the original body"),
         case("export folder --out policy.onnx --body arms=1.6", "--body is arms=1.6"),
         case("doctor --port none --body arms=1.6", "a real robot has the body that it has"),

@@ -1,6 +1,7 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
-from robots.loading import load_robot
+from robots.body import ORIGINAL, Body, BodyError
+from robots.loading import load_robot, reshape
 from robots.posture import Posture, load_posture
 from robots.robot import (
     BoardSettings,
@@ -15,7 +16,10 @@ from robots.torque_limit import FULL_TORQUE, TorqueLimit
 
 __all__ = [
     "FULL_TORQUE",
+    "ORIGINAL",
     "BoardSettings",
+    "Body",
+    "BodyError",
     "BusSettings",
     "Joint",
     "Posture",
@@ -27,4 +31,5 @@ __all__ = [
     "list_robots",
     "load_posture",
     "load_robot",
+    "reshape",
 ]

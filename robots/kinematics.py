@@ -10,27 +10,35 @@ from robots.quaternion import Array
 
 
 def lowest_point(model: mujoco.MjModel, qpos: Array) -> float:
-    """Measure the height of the robot's lowest point [m] at MuJoCo positions (nq,).
+    """Measure the height of the robot's lowest point [m] at MuJoCo positions (nq,)."""
+    return float(lowest_points(model, qpos[np.newaxis])[0])
+
+
+def lowest_points(model: mujoco.MjModel, qpos: Array) -> Array:
+    """Measure the height of the robot's lowest point [m], (T,), at MuJoCo positions (T, nq).
 
     Exact for boxes, spheres, capsules, cylinders and ellipsoids; a mesh counts as its box.
     """
     data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-    own = model.body_weldid[model.geom_bodyid] != 0
+    own = np.flatnonzero(model.body_weldid[model.geom_bodyid] != 0)
+    height, down = np.zeros((len(qpos), len(own))), np.zeros((len(qpos), len(own), 3))
+    for k, row in enumerate(qpos):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        height[k] = data.geom_xpos[own, 2]
+        down[k] = data.geom_xmat[own, 6:9]  # the world's z axis in each geom's frame
     kind, size = model.geom_type[own], model.geom_size[own]
-    down = data.geom_xmat[own][:, 6:9]  # the world's z axis in each geom's frame
-    along, radius = np.abs(down[:, 2]) * size[:, 1], size[:, 0]
+    along, radius = np.abs(down[..., 2]) * size[:, 1], size[:, 0]
     reaches = {
-        mujoco.mjtGeom.mjGEOM_SPHERE: radius,
+        mujoco.mjtGeom.mjGEOM_SPHERE: np.broadcast_to(radius, along.shape),
         mujoco.mjtGeom.mjGEOM_CAPSULE: radius + along,
-        mujoco.mjtGeom.mjGEOM_CYLINDER: radius * np.hypot(down[:, 0], down[:, 1]) + along,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID: np.linalg.norm(down * size, axis=1),
+        mujoco.mjtGeom.mjGEOM_CYLINDER: radius * np.hypot(down[..., 0], down[..., 1]) + along,
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID: np.linalg.norm(down * size, axis=-1),
     }
-    reach = np.sum(np.abs(down) * size, axis=1)  # of a box
+    reach = np.sum(np.abs(down) * size, axis=-1)  # of a box
     for shape, of_shape in reaches.items():
         reach = np.where(kind == shape, of_shape, reach)
-    return float(np.min(data.geom_xpos[own][:, 2] - reach))
+    return np.min(height - reach, axis=-1)
 
 
 def leg_length(robot: Robot) -> float:

@@ -1,10 +1,13 @@
 """Loading a robot from its folder: its robot.toml, its model, and its computed stance."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from robots.body import ORIGINAL, Body, BodyError
 from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.model_checks import find_model_problems
 from robots.posture import Posture
@@ -14,17 +17,24 @@ from robots.servo import LimitMode, Servo, servo_models
 from robots.validation import load_toml, shown
 
 
-def load_robot(name_or_folder: str | Path) -> Robot:
+def load_robot(name_or_folder: str | Path, body: Body = ORIGINAL) -> Robot:
     """Load a robot by name, or from a user's own folder that holds a robot.toml.
 
     A name of the package's own robots means them, whatever the present folder holds: ``./op3`` is
     a folder.
 
-    A calibration.toml in the folder replaces what the description says of zeros and signs.
+    A calibration.toml in the folder replaces what the description says of zeros and signs. Another
+    body than that of the model is made as `reshape` says.
 
     Raises:
         RobotError: if there is no such robot, or naming all that is wrong in its description.
+        BodyError: if the robot cannot have that body.
     """
+    robot = _load_original(name_or_folder)
+    return robot if body.is_original else reshape(robot, body)
+
+
+def _load_original(name_or_folder: str | Path) -> Robot:
     folder = _find_folder(name_or_folder)
     file = folder / "robot.toml"
     try:
@@ -49,6 +59,32 @@ def load_robot(name_or_folder: str | Path) -> Robot:
         raise RobotError(str(error)) from error
     except (ValueError, mujoco.FatalError) as error:
         raise RobotError(f"{file}: {_in_one_line(error)}") from error
+
+
+def reshape(robot: Robot, body: Body) -> Robot:
+    """Give a robot another body: link lengths, masses and inertias; servos and joints stay.
+
+    It stands with the same joint angles. The factors are on the lengths of the model, not on
+    those of a body that it was given before.
+
+    Raises:
+        BodyError: if the robot lacks a part of it, or its model cannot be stretched.
+    """
+    reshaped = replace(robot, body=body)
+    try:
+        model = reshaped.spec().compile()
+    except BodyError:
+        raise
+    except (ValueError, mujoco.FatalError) as error:
+        raise BodyError(f"body '{body}' of '{robot.name}': {_in_one_line(error)}") from error
+    standing, neck_height = _compute_stance(
+        model,
+        robot.torso,
+        robot.neck_site,
+        robot.sole_sites,
+        dict(zip(robot.joint_names, robot.standing.joint_pos.tolist(), strict=True)),
+    )
+    return replace(reshaped, standing=standing, standing_neck_height=neck_height)
 
 
 def _find_folder(name_or_folder: str | Path) -> Path:
@@ -81,7 +117,10 @@ def _in_one_line(error: Exception) -> str:
 
 def _build_robot(folder: Path, table: RobotTable, model: mujoco.MjModel) -> Robot:
     rows, names = table.joints, [row.name for row in table.joints]
-    standing, neck_height = _stand(table, model)
+    angles = {name: table.standing.get(name, 0.0) for name in names}
+    standing, neck_height = _compute_stance(
+        model, table.torso, table.neck_site, table.sole_sites, angles
+    )
     return Robot(
         name=table.name,
         folder=folder,
@@ -126,30 +165,39 @@ def _build_joint(row: JointRow, model: mujoco.MjModel) -> Joint:
     )
 
 
-def _stand(table: RobotTable, model: mujoco.MjModel) -> tuple[Posture, float]:
-    """Place the soles of the standing posture flat on the ground; return it and the neck height."""
-    data, soles = mujoco.MjData(model), table.sole_sites
-    for name, angle in table.standing.items():
+def _compute_stance(
+    model: mujoco.MjModel,
+    torso: str,
+    neck_site: str,
+    sole_sites: Sequence[str],
+    angles: Mapping[str, float],
+) -> tuple[Posture, float]:
+    """Place the soles flat on the ground; return the posture and the height of the neck [m].
+
+    The joint angles [rad] are in the robot's order.
+    """
+    data = mujoco.MjData(model)
+    for name, angle in angles.items():
         data.joint(name).qpos[0] = angle
     mujoco.mj_kinematics(model, data)
-    torso_from_sole = np.mean([data.site(sole).xmat.reshape(3, 3) for sole in soles], axis=0)
+    torso_from_sole = np.mean([data.site(sole).xmat.reshape(3, 3) for sole in sole_sites], axis=0)
     u, _, v = np.linalg.svd(torso_from_sole)
     orientation = np.zeros(4)
     mujoco.mju_mat2Quat(orientation, (u @ v).T.ravel())
-    torso = model.body(table.torso)
-    root = int(model.jnt_qposadr[torso.jntadr[0]])
+    root = int(model.jnt_qposadr[model.body(torso).jntadr[0]])
+    data.qpos[root : root + 3] = 0.0
     data.qpos[root + 3 : root + 7] = orientation
     mujoco.mj_kinematics(model, data)
-    sole_height = min(data.site(sole).xpos[2] for sole in soles)
-    neck_height = float(data.site(table.neck_site).xpos[2] - sole_height)
+    sole_height = min(data.site(sole).xpos[2] for sole in sole_sites)
+    neck_height = float(data.site(neck_site).xpos[2] - sole_height)
     if neck_height <= 0.0:
         raise RobotError(
-            f"standing: neck_site {shown(table.neck_site)} is {neck_height:+.3f} m over "
+            f"standing: neck_site {shown(neck_site)} is {neck_height:+.3f} m over "
             "the soles, expected above 0 m"
         )
     posture = Posture(
         position=np.array([0.0, 0.0, -sole_height]),
         orientation=orientation,
-        joint_pos=np.array([table.standing.get(row.name, 0.0) for row in table.joints]),
+        joint_pos=np.array(list(angles.values())),
     )
     return posture, neck_height

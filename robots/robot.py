@@ -11,8 +11,10 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
+from robots.body import ORIGINAL, Body
 from robots.posture import Posture
 from robots.quaternion import Array
+from robots.reshaping import reshape_model
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
 from robots.validation import Names, Sign, positive, whole
 
@@ -137,6 +139,8 @@ class Robot:
     """One joint of each pair that spreads limbs and comes home by itself."""
     limit_by: LimitMode = "pwm"
     """What a torque limit acts on, if nothing else is asked for: ``"current"`` or ``"pwm"``."""
+    body: Body = ORIGINAL
+    """Factors on the lengths of its model; see `robots.loading.reshape`."""
 
     @property
     def n(self) -> int:
@@ -202,6 +206,8 @@ class Robot:
         """Build the robot's model with one position servo a joint, in joint order."""
         spec = mujoco.MjSpec.from_file(str(self.model_file))
         spec.option.timestep = min(spec.option.timestep, 0.002)
+        if not self.body.is_original:
+            reshape_model(spec, self, self.body)
         for joint in self.joints:
             _add_servo(spec, joint)
         return spec

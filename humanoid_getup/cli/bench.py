@@ -34,7 +34,7 @@ from humanoid_getup.cli.options.bench import (
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.cli.options.shared import JsonOption, WorldOptions
+from humanoid_getup.cli.options.shared import WorldOptions
 from humanoid_getup.cli.output import (
     console_for,
     counting,
@@ -54,7 +54,7 @@ from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import NearestMotion
 from humanoid_getup.strategies.track_record import PLAN
-from robots import Robot
+from robots import Body, Robot
 
 NEAREST, STRAIGHT = "nearest", "straight"
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
@@ -301,7 +301,7 @@ def hand_over(result: dict[str, Any], command: JsonOption) -> int:
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.
     """
-    write_json(to_json(result), command.json)
+    write_json(to_json(result | {"body": str(Body.parse(command.body))}), command.json)
     cases = result.get("classes") or result["cases"]
     figures = FIGURES[result["name"]]
     headings = [HEADINGS[figure] for figure in figures]

@@ -16,14 +16,14 @@ from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.simulation.world import World
-from robots import Robot, TorqueLimit, load_posture
+from robots import Body, Robot, TorqueLimit, load_posture
 from robots import load_robot as load_robot_by_name
 
 
 def load_robot(options: RobotOption) -> Robot:
     """Load the robot of a command."""
     with refusing():
-        return load_robot_by_name(options.robot)
+        return load_robot_by_name(options.robot, Body.parse(options.body))
 
 
 def load_world(options: SceneOptions) -> World:

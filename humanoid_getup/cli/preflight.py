@@ -39,6 +39,7 @@ def preflight(command: Preflight) -> int:
         )
     about = {
         "robot": robot.name,
+        "body": str(robot.body),
         "motion": motion.name,
         "scene": command.scene,
         "torque_limit_nm": limit.value,

@@ -59,6 +59,7 @@ def make_log(
     if command.out is None:
         return None
     about |= {
+        "body": str(robot.body),
         "seed": command.seed,
         "scene": command.scene,
         "backend": command.backend,

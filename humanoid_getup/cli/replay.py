@@ -18,7 +18,7 @@ from humanoid_getup.reporting import plots
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
-from robots import load_robot
+from robots import Body, load_robot
 from robots.servo import LIMIT_MODES, LimitMode
 
 FIGURES, FLIGHT, DIFFERENCE = REPLAY_FILES
@@ -45,7 +45,8 @@ def replay_log(command: Replay) -> int:
 
 
 def _load_world(command: Replay, record: FlightRecord) -> World:
-    robot = load_robot(command.robot or record.robot)
+    body = Body.parse(str(record.about.get("body", "")))
+    robot = load_robot(command.robot or record.robot, body)
     record.check_robot(robot)
     scene = command.scene or str(record.about.get("scene", "flat"))
     seed = record.about.get("seed", 0)

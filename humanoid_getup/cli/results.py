@@ -50,6 +50,7 @@ def hand_over(
 ) -> int:
     """Write and print the result of a rise; return the exit code."""
     settings = {
+        "body": str(world.robot.body),
         "seed": options.seed,
         "start": start,
         "scene": options.scene,
@@ -80,6 +81,7 @@ def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> in
     """Write and print how a stand was kept and ended; return the exit code."""
     report: dict[str, Any] = {
         "robot": world.robot.name,
+        "body": str(world.robot.body),
         "seed": options.seed,
         "scene": options.scene,
         "backend": options.backend,

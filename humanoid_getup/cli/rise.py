@@ -108,7 +108,8 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
         strategies[StrategyId(PLAN)] = use_cache(command, planner)
     name = command.policy or DEFAULT_POLICY
     learned = StrategyId(POLICY, name)
-    if command.method == POLICY or records.knows(learned):
+    is_known = records.knows(learned) and robot.body.is_original
+    if command.method == POLICY or is_known:
         policy = load_policy(robot, name, command.torque_limit)
         strategies[learned] = LearnedRise(world, policy, torque_limit=limit, name=name)
     return StrategySelector(strategies, records)

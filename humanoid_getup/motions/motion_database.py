@@ -9,6 +9,7 @@ import numpy as np
 
 from humanoid_getup.motions.motion import STANDING, Motion
 from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.motions.retargeting import Retargeting, adapt
 from robots import Posture, Robot
 
 MOTION_FOLDER = "motions"
@@ -75,13 +76,16 @@ class MotionDatabase:
 def load_database(robot: Robot) -> MotionDatabase:
     """Load a robot's motions, and the mirror image of each that is not symmetric.
 
+    They are those of its original body, retargeted if it has another one.
+
     Raises:
         ValueError: if the robot has none, or a file is damaged or another robot's.
     """
     folder = robot.folder / MOTION_FOLDER
     motions: list[Motion] = []
+    retargeting = None if robot.body.is_original else Retargeting(robot)
     for path in sorted(folder.glob("*.npz")):
-        motion = _load_own(path, robot)
+        motion = adapt(_load_own(path, robot), robot, retargeting)
         motions.append(motion)
         mirrored = motion.mirrored(robot)
         if not _is_same(motion, mirrored):
@@ -118,7 +122,7 @@ def find_motion(robot: Robot, name: str) -> Motion:
             known = ", ".join(motions)
             raise ValueError(f"unknown motion '{name}', expected {known} or an .npz file")
         return motions[name]
-    return _load_own(Path(name), robot)
+    return adapt(_load_own(Path(name), robot), robot)
 
 
 def _load_own(path: Path, robot: Robot) -> Motion:

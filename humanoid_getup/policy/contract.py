@@ -85,6 +85,8 @@ class PolicyContract:
         problems = []
         if self.robot != robot.name:
             problems.append(f"robot: made for '{self.robot}', this is '{robot.name}'")
+        if not robot.body.is_original:
+            problems.append(f"body: made for the original, this is '{robot.body}'")
         if self.action.mode not in list(ActionMode):
             problems.append(f"action mode: '{self.action.mode}', expected {', '.join(ActionMode)}")
         problems += self._find_rate_mismatches(period)

@@ -17,6 +17,7 @@ from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions, plan_path
@@ -347,7 +348,7 @@ class PlannedRise:
             start_class=classify(start.orientation) or joined.start_class,
             strategy=joined.strategy,
             joint_target=rollout.target[:count],
-            provenance={"program": "getup rise", "connection": joined.name},
+            provenance={"program": "getup rise", "connection": joined.name} | name_body(robot),
         )
 
     def _chain_unfiltered(
@@ -382,5 +383,6 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
         orientation=turned,
         joint_pos=angles,
         joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
-        provenance={"program": "getup rise", "connection": joined.name, "path_frames": count},
+        provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}
+        | name_body(robot),
     )

@@ -52,7 +52,7 @@ def test_a_gl_is_chosen_before_mujoco_unless_the_user_did_or_there_is_a_display(
 
 
 def test_every_public_name_is_there_and_is_listed():
-    names = "load_robot World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall get_up"
+    names = "load_robot Body World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall get_up"
     names += (
         " keep_stand PlannedRise CachedRise PlanCache LearnedRise StoredMotion Motion OnnxPolicy"
     )

@@ -175,6 +175,38 @@ GROUPS: dict[str, list[Case]] = {
         case("bench methods --ways moonwalk", "unknown policy 'moonwalk'"),
         case("bench methods --ways plan empty.onnx", "empty.onnx"),
     ],
+    "bodies": [
+        case("rise --from supine --body tail=2", "--body 'tail=2': unknown part 'tail'", "arms"),
+        case("rise --from supine --body arms", "arms is '', expected a factor from 0.25 to 4"),
+        case("rise --from supine --body arms=0", "arms is '0', expected a factor from 0.25 to 4"),
+        case("rise --from supine --body arms=-1.6", "arms is '-1.6'"),
+        case("rise --from supine --body arms=nan", "arms is 'nan'"),
+        case("rise --from supine --body arms=long", "arms is 'long'"),
+        case("rise --from supine --body arms=9", "arms is '9', expected a factor from 0.25 to 4"),
+        case("rise --from supine --body arms=2,arms=3", "arms is given twice, expected once"),
+        case("rise --from supine --body arms=2,", "unknown part ''"),
+        case(
+            "rise --body arms=1.6 --backend dynamixel --port /dev/x",
+            "--body is arms=1.6, expected none: a real robot has the body that it has",
+        ),
+        case("rise --from supine --body arms=1.6 --method policy", "--body is arms=1.6", "policy"),
+        case("run robust --from supine --body arms=1.6", "--body is arms=1.6, expected none"),
+        case("eval robust --n 4 --body arms=1.6", "a policy is made for the original body"),
+        case("bench methods --body arms=1.6", "body: made for the original, this is 'arms=1.6'"),
+        case(
+            "bench scenes --scenes flat --body arms=1.6",
+            "body: made for the original, this is 'arms=1.6'",
+        ),
+        case("train --out mine --body arms=1.6", "a policy is made for the original body"),
+        case("export folder --out policy.onnx --body arms=1.6", "--body is arms=1.6"),
+        case("doctor --port none --body arms=1.6", "a real robot has the body that it has"),
+        case("motions build --body arms=1.6", "motions are built for the original body"),
+        case("motions list --body torso=0", "torso is '0'"),
+        case("scenes --body torso=0", "torso is '0'"),
+        case("preflight squat_to_stand --body torso=0", "torso is '0'"),
+        case("motions show long_arms.npz", "was made for the body 'arms=1.6', expected the orig"),
+        case("motions show long_arms.npz --body legs=1.2", "expected 'legs=1.2' or the original"),
+    ],
     "eval": [
         case("eval moonwalk", "unknown policy 'moonwalk'"),
         case("eval robust --n 5", "--n is 5, expected a multiple of 4, 4 or more"),
@@ -426,6 +458,7 @@ def _make_motions(folder: Path, robot: Robot) -> None:
     motion = Motion.load(file)
     fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
     Motion(**{**fields, "robot": "nao"}).save(folder / "other.npz")
+    Motion(**{**fields, "provenance": {"body": "arms=1.6"}}).save(folder / "long_arms.npz")
 
 
 def _make_plans(folder: Path, robot: Robot) -> None:

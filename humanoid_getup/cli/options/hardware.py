@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
+    A_REAL_ROBOT,
     PORT_EXAMPLE,
     JsonOption,
     Ports,
@@ -66,6 +67,7 @@ class ServiceOptions(JsonOption, RobotOption):
 
     port: Ports = ()
     """Serial port; of a robot with several, one NAME=PATH each."""
+    only_original: ClassVar[str] = A_REAL_ROBOT
 
     def find_faults(self) -> list[str]:
         """Report missing ports, too."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
@@ -78,6 +78,7 @@ class BuildMotions(RobotOption):
     """What a motion should be besides successful; default: what its keyframes say."""
     jobs: Count = 2
     """Motions that are built in parallel."""
+    only_original: ClassVar[str] = "motions are built for the original body, and retargeted"
 
 
 @dataclass(frozen=True, kw_only=True)

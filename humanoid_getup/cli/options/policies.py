@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import at_least, between
 from humanoid_getup.cli.options.shared import (
+    A_POLICY,
     PolicyName,
     RobotOption,
     Seed,
@@ -38,10 +39,11 @@ class Train(RobotOption):
     """Updates of the policy; default: the recipe's."""
     robots: Annotated[int | None, at_least(1)] = None
     """Robots that are simulated side by side; default: the recipe's."""
+    only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
-        """Report a folder that cannot be written."""
-        return find_folder_faults(self.out, ())
+        """Report a folder that cannot be written, too."""
+        return super().find_faults() + find_folder_faults(self.out, ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,10 +54,11 @@ class Export(RobotOption):
     """Folder of the training."""
     out: Annotated[Path, arg(metavar="FILE")]
     """ONNX file to write; an existing file is replaced."""
+    only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
-        """Report a file that cannot be written."""
-        return find_file_faults(self.out)
+        """Report a file that cannot be written, too."""
+        return super().find_faults() + find_file_faults(self.out)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +102,7 @@ class Evaluate(TorqueOptions, WorldOptions):
         | None
     ) = None
     """Model variant to evaluate in; default: the physics of training."""
+    only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
         """Report files that cannot be written."""

@@ -9,6 +9,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import positive
 from humanoid_getup.cli.options.shared import (
+    A_POLICY,
     CacheFolder,
     Count,
     MotionName,
@@ -59,6 +60,8 @@ class Rise(PreferenceOptions, RunOptions):
         named = " and ".join(name for name, is_given in given.items() if is_given)
         if named and self.method == "policy":
             faults.append(f"{named}: expected --method plan or auto with it")
+        if self.method == "policy":
+            faults += self.refuse_body(A_POLICY)
         if named and not self.filtering:
             faults.append(f"{named}: expected filtering, not --no-filtering")
         return faults
@@ -71,6 +74,7 @@ class RunPolicy(RunOptions):
     policy: Positional[PolicyName]
     longest: Annotated[float | None, positive("s"), arg(metavar="S")] = None
     """Time after which the run ends, standing or not [s]; default: 12."""
+    only_original: ClassVar[str] = A_POLICY
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,12 +56,38 @@ class CommandOptions:
         return []
 
 
+A_REAL_ROBOT = "a real robot has the body that it has"
+A_POLICY = "a policy is made for the original body"
+
+
 @dataclass(frozen=True, kw_only=True)
 class RobotOption(CommandOptions):
-    """Which robot."""
+    """Which robot, and the lengths of its parts."""
 
     robot: str = "op3"
     """Name of a robot, or a folder with a robot.toml."""
+    body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
+    """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
+    such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
+    only_original: ClassVar[str] = ""
+    """Why a command takes no other body; empty if it does."""
+
+    def find_faults(self) -> list[str]:
+        """Report a body that cannot be, too."""
+        faults = super().find_faults()
+        if not self.body:
+            return faults
+        from robots import Body, BodyError  # imports numpy, which --help does without
+
+        try:
+            Body.parse(self.body)
+        except BodyError as error:
+            faults.append(f"--{error}")
+        return faults + (self.refuse_body(self.only_original) if self.only_original else [])
+
+    def refuse_body(self, reason: str) -> list[str]:
+        """Report a body where only the original one will do."""
+        return [f"--body is {self.body}, expected none: {reason}"] if self.body else []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +161,8 @@ class MoveOptions(TorqueOptions, WorldOptions):
             faults.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and not self.port:
             faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
+        if self.backend == "dynamixel":
+            faults += self.refuse_body(A_REAL_ROBOT)
         if self.out is not None:
             faults += find_folder_faults(self.out)
         return faults

@@ -10,7 +10,7 @@ from tiny_policies import change
 from humanoid_getup.policy.action import ActionMode, build_action_spec
 from humanoid_getup.policy.contract import ContractError, PolicyContract
 from humanoid_getup.policy.observation import Term, list_terms
-from robots import load_robot
+from robots import Body, load_robot, reshape
 
 OP3 = load_robot("op3")
 ACTION = build_action_spec(OP3, OP3.rising_joints, ("l_knee",))
@@ -148,3 +148,8 @@ def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
         "provenance.log is [1, 2], expected a text or a number",
     ):
         assert told in str(refusal.value)
+
+
+def test_a_policy_knows_the_original_body_alone():
+    mismatches = CONTRACT.find_mismatches(reshape(OP3, Body(arms=1.6)), PERIOD)
+    assert mismatches == ["body: made for the original, this is 'arms=1.6'"]

@@ -30,7 +30,7 @@ from humanoid_getup.strategies.cached_rise import (
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_cache import PlanCache
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import Posture, TorqueLimit, quaternion
+from robots import Body, Posture, TorqueLimit, quaternion, reshape
 
 SEED = 0
 
@@ -197,8 +197,10 @@ def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner
         compute_fingerprint(PlannedRise(world, fewer)),
         compute_fingerprint(PlannedRise(world, database, planning=False)),
         compute_fingerprint(planner),
+        compute_fingerprint(PlannedRise(World(reshape(op3, Body(arms=1.6))), database)),
+        compute_fingerprint(PlannedRise(World(reshape(op3, Body(arms=1.7))), database)),
     }
-    assert len(known) == 4
+    assert len(known) == 6
     assert compute_fingerprint(PlannedRise(World(op3))) == compute_fingerprint(planner)
 
 

@@ -1,0 +1,81 @@
+"""Reshaping a model: its torso, shoulders, arms and legs become longer or shorter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from robots.body import Body, BodyError
+from robots.limb_directions import find_directions
+from robots.shoulders import stretch_shoulders
+from robots.skeleton import Link, Skeleton
+from robots.stretch import Stretch
+from robots.stretching import make_explicit, stretch_link
+
+if TYPE_CHECKING:
+    from robots.robot import Robot
+
+UPWARDS = np.array([0.0, 0.0, 1.0])
+
+
+def reshape_model(spec: mujoco.MjSpec, robot: Robot, body: Body) -> None:
+    """Give a robot's model, without servos, the lengths of a body.
+
+    Raises:
+        BodyError: if the robot lacks a part, or a part cannot be stretched.
+    """
+    make_explicit(spec)
+    for part, change in _CHANGES.items():
+        factor = getattr(body, part)
+        if factor == 1.0:
+            continue
+        skeleton = Skeleton(
+            spec,
+            torso=robot.torso,
+            sole_sites=robot.sole_sites,
+            head_joints=[joint.name for joint in robot.joints if joint.segment == "head"],
+        )
+        if part in ("shoulders", "arms") and not skeleton.arms:
+            raise BodyError(
+                f"body '{body}': robot '{robot.name}' has no arms, expected torso or legs alone"
+            )
+        change(skeleton, factor)
+
+
+def _stretch_torso(skeleton: Skeleton, factor: float) -> None:
+    """Stretch the trunk upwards; what is below the hips stays."""
+    torso = skeleton.torso
+    legs = [leg.root for _, leg in skeleton.legs]
+    hips = [skeleton.anchor_in(leg, torso) for owner, leg in skeleton.legs if owner is torso]
+    for link in skeleton.trunk:
+        up = skeleton.turn(UPWARDS, torso, link)
+        at_hips = link is torso and hips
+        origin = np.mean(hips, axis=0) if at_hips else skeleton.anchor(link)
+        stretch_link(skeleton, link, Stretch(origin, up, factor, beyond=True), kept=legs)
+
+
+def _stretch_arms(skeleton: Skeleton, factor: float) -> None:
+    for _, arm in skeleton.arms:
+        _stretch_limb(skeleton, arm, factor)
+
+
+def _stretch_legs(skeleton: Skeleton, factor: float) -> None:
+    for _, leg in skeleton.legs:
+        _stretch_limb(skeleton, leg, factor)
+
+
+def _stretch_limb(skeleton: Skeleton, limb: Link, factor: float) -> None:
+    for link, direction in find_directions(skeleton, limb).items():
+        stretch_link(skeleton, link, Stretch(skeleton.anchor(link), direction, factor))
+
+
+_CHANGES: dict[str, Callable[[Skeleton, float], None]] = {
+    "torso": _stretch_torso,
+    "shoulders": stretch_shoulders,
+    "arms": _stretch_arms,
+    "legs": _stretch_legs,
+}
+"""In this order: shoulders are as thick as the arms' first links are in the model."""

@@ -1,0 +1,108 @@
+"""Wider or narrower shoulders: arms, the trunk's mass at their height, and beams in the gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.quaternion import Array
+from robots.skeleton import Link, Skeleton
+from robots.stretch import Stretch
+from robots.stretching import stretch_geom, stretch_inertia, write_pose
+
+SIDEWAYS = np.array([0.0, 1.0, 0.0])
+CONTACT = ("contype", "conaffinity", "condim", "friction", "solref", "solimp", "group", "rgba")
+"""What a beam has from the trunk's first shape that touches anything."""
+
+
+def stretch_shoulders(skeleton: Skeleton, factor: float) -> None:
+    """Move the arms away from the midplane of the torso, or towards it.
+
+    The shoulders are the trunk at the height of the arms' first links: its mass there is stretched
+    sideways. A beam as thick as these links reaches from where each arm was to where it is; if
+    the shoulders become narrower, so do the shapes at their height.
+    """
+    for trunk in dict.fromkeys(trunk for trunk, _ in skeleton.arms):
+        _stretch_trunk(skeleton, trunk, factor)
+    beams = [_move_arm(skeleton, trunk, arm, factor) for trunk, arm in skeleton.arms]
+    for beam in beams:  # adding a shape changes the ids
+        if beam is not None and factor > 1.0:
+            beam.add()
+
+
+def _stretch_trunk(skeleton: Skeleton, trunk: Link, factor: float) -> None:
+    """Stretch a trunk's mass sideways at the height of its arms, and narrow its shapes there."""
+    boxes = [skeleton.bounds(arm, skeleton.torso) for owner, arm in skeleton.arms if owner is trunk]
+    heights = np.array([box[:, 2] for box in boxes if box is not None])
+    if len(heights) == 0:
+        return
+    low, high = float(heights.min()), float(heights.max())
+    for body in trunk.bodies:
+        position, axes = skeleton.pose(body, skeleton.torso)
+        stretch = Stretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)
+        base, up = float(position[2]), axes[2]
+        stretch_inertia(body, stretch, where=partial(_is_between, low - base, high - base, up))
+        for geom in body.geoms if factor < 1.0 else ():
+            bottom, top = skeleton.bounds_of(geom, skeleton.torso)[:, 2]
+            if bottom < high and top > low:
+                stretch_geom(skeleton, geom, stretch)
+
+
+def _is_between(low: float, high: float, up: Array, points: Array) -> NDArray[np.bool_]:
+    """Return which points (K, 3) are at heights [m] along a direction (3,), (K,)."""
+    height = points @ up
+    return (height >= low) & (height <= high)
+
+
+def _move_arm(skeleton: Skeleton, trunk: Link, arm: Link, factor: float) -> _Beam | None:
+    """Move an arm sideways; return the beam from where it was, if the arm's first link has shapes.
+
+    In the torso's axes, the beam is as long as the arm has moved and as thick as that link.
+    """
+    owner = next(body for body in trunk.bodies if arm.root in body.bodies)
+    position, axes = skeleton.pose(owner, skeleton.torso)
+    start = skeleton.model.body_pos[arm.root.id].copy()
+    end = Stretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)(start)
+    write_pose(arm.root, owner, end, skeleton.model.body_quat[arm.root.id])
+    box = skeleton.bounds(arm, skeleton.torso)
+    if box is None:
+        return None
+    box[:, 1] = np.sort((np.array([start, end]) @ axes.T + position)[:, 1])
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, axes.T.ravel())
+    return _Beam(
+        owner=owner,
+        like=next((geom for body in trunk.bodies for geom in body.geoms if geom.contype), None),
+        name=f"{arm.root.name}_shoulder",
+        center=axes.T @ (box.mean(axis=0) - position),
+        quat=quat,
+        size=0.5 * np.ptp(box, axis=0),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Beam:
+    """A box between the trunk and an arm."""
+
+    owner: mujoco.MjsBody
+    """Body of the trunk that it belongs to."""
+    like: mujoco.MjsGeom | None
+    """Shape that touches things as the beam shall."""
+    name: str
+    center: Array
+    """[m], in the body's frame, shape (3,)."""
+    quat: Array
+    """Orientation there, shape (4,)."""
+    size: Array
+    """Half edges [m], shape (3,)."""
+
+    def add(self) -> None:
+        """Add it to its body."""
+        beam = self.owner.add_geom(name=self.name, type=mujoco.mjtGeom.mjGEOM_BOX)
+        beam.pos, beam.quat, beam.size = self.center, self.quat, self.size
+        for key in CONTACT if self.like is not None else ():
+            setattr(beam, key, getattr(self.like, key))

@@ -1,0 +1,180 @@
+"""Stretching the parts of a model: poses, shapes, and how mass is distributed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.body import BodyError
+from robots.quaternion import Array
+from robots.skeleton import Link, Skeleton
+from robots.stretch import Inertia, Stretch
+
+LEAST_HALF = 1e-4  # m; a capsule as short as this is a ball
+QUATERNION = mujoco.mjtOrientation.mjORIENTATION_QUAT
+FREE = mujoco.mjtJoint.mjJNT_FREE
+SPHERE, CAPSULE, CYLINDER, BOX, ELLIPSOID, MESH = (
+    mujoco.mjtGeom.mjGEOM_SPHERE,
+    mujoco.mjtGeom.mjGEOM_CAPSULE,
+    mujoco.mjtGeom.mjGEOM_CYLINDER,
+    mujoco.mjtGeom.mjGEOM_BOX,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    mujoco.mjtGeom.mjGEOM_MESH,
+)
+
+
+def make_explicit(spec: mujoco.MjSpec) -> None:
+    """Write the masses and inertias that the compiler finds into the bodies."""
+    spec.compiler.fusestatic = False
+    spec.compiler.discardvisual = False
+    model = spec.compile()
+    for body in spec.bodies[1:]:
+        i = body.id
+        body.explicitinertial, body.fullinertia = True, np.full(6, np.nan)
+        body.mass, body.ipos = float(model.body_mass[i]), model.body_ipos[i]
+        body.inertia, body.iquat = model.body_inertia[i], model.body_iquat[i]
+        body.ialt.type = QUATERNION
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    spec.compiler.settotalmass = -1.0
+    for body in spec.bodies:
+        if body.frames:
+            body.add_frame()  # the last one: where it is put, a pose is one in the body
+
+
+def stretch_link(
+    skeleton: Skeleton, link: Link, stretch: Stretch, kept: Collection[mujoco.MjsBody] = ()
+) -> None:
+    """Stretch a link with all that is on it; the frame of its first body stays.
+
+    Args:
+        skeleton: Of the compiled model.
+        link: Link to stretch.
+        stretch: What is done to it, in its frame.
+        kept: Bodies on it that stay where they are.
+    """
+    model = skeleton.model
+    for body in link.bodies:
+        local = stretch.seen_from(*skeleton.pose(body, link))
+        shift = np.zeros(3) if body is link.root else local(np.zeros(3))
+        stretch_inertia(body, local, shift)
+        for geom in body.geoms:
+            stretch_geom(skeleton, geom, local, shift)
+        for site in body.sites:
+            site.fromto = np.full(6, np.nan)
+            at = local(model.site_pos[site.id]) - shift
+            write_pose(site, body, at, model.site_quat[site.id])
+        for camera in body.cameras:
+            at = local(model.cam_pos[camera.id]) - shift
+            write_pose(camera, body, at, model.cam_quat[camera.id])
+        for light in body.lights:
+            light.pos, light.dir = (
+                local(model.light_pos[light.id]) - shift,
+                model.light_dir[light.id],
+            )
+            _leave_frame(light, body)
+        for joint in body.joints:
+            if joint.type != FREE:
+                joint.pos = local(model.jnt_pos[joint.id]) - shift
+                joint.axis = model.jnt_axis[joint.id]
+                _leave_frame(joint, body)
+        for child in body.bodies:
+            at = model.body_pos[child.id]
+            at = (at if child in kept else local(at)) - shift
+            write_pose(child, body, at, model.body_quat[child.id])
+
+
+def stretch_inertia(
+    body: mujoco.MjsBody,
+    stretch: Stretch,
+    shift: Array | None = None,
+    where: Callable[[Array], NDArray[np.bool_]] | None = None,
+) -> None:
+    """Stretch a body's mass, in its frame, where there is one and as `Inertia.stretched` does."""
+    if body.mass <= 0.0:
+        return
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, body.iquat)
+    inertia = Inertia.from_principal(body.mass, body.ipos, axes.reshape(3, 3), body.inertia)
+    stretched = inertia.stretched(stretch, where)
+    body.mass, body.ipos = stretched.mass, stretched.center - (0.0 if shift is None else shift)
+    body.inertia, body.iquat = stretched.principal()
+
+
+def stretch_geom(
+    skeleton: Skeleton, geom: mujoco.MjsGeom, stretch: Stretch, shift: Array | None = None
+) -> None:
+    """Stretch a shape, in the frame of its body; what is round stays as thick as it was.
+
+    A box that lies obliquely stays a box: each of its edges becomes as long as it would.
+
+    Raises:
+        BodyError: if it is of a kind that cannot be stretched.
+    """
+    model, i = skeleton.model, geom.id
+    kind, size = mujoco.mjtGeom(int(model.geom_type[i])), model.geom_size[i].copy()
+    center, quat = model.geom_pos[i].copy(), model.geom_quat[i].copy()
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, quat)
+    axes = axes.reshape(3, 3)
+    if kind in (CAPSULE, CYLINDER):
+        cap = size[0] if kind == CAPSULE else 0.0
+        center, half = stretch.extend(center, axes[:, 2] * (size[1] + cap))
+        size[1] = max(float(np.linalg.norm(half)) - cap, LEAST_HALF)
+    elif kind in (BOX, ELLIPSOID):
+        ends = [stretch.extend(center, axes[:, k] * size[k]) for k in range(3)]
+        longest = int(np.argmax(np.abs(stretch.direction @ axes)))
+        center, size = ends[longest][0], np.linalg.norm([half for _, half in ends], axis=1)
+    elif kind == SPHERE:
+        center = stretch(center)
+    elif kind == MESH:
+        center, quat = _stretch_mesh(skeleton, geom, axes, stretch), np.array([1.0, 0.0, 0.0, 0.0])
+    else:
+        raise BodyError(
+            f"shape '{geom.name}' is of kind {kind.name.removeprefix('mjGEOM_').lower()}, "
+            "expected box, capsule, cylinder, ellipsoid, sphere or mesh to stretch it"
+        )
+    if kind != MESH:
+        geom.type, geom.meshname = kind, ""
+    geom.size, geom.fromto = size, np.full(6, np.nan)
+    write_pose(geom, geom.parent, center - (0.0 if shift is None else shift), quat)
+
+
+def _stretch_mesh(skeleton: Skeleton, geom: mujoco.MjsGeom, axes: Array, stretch: Stretch) -> Array:
+    """Give a geom a stretched copy of its mesh, in its body's frame; return where it is, (3,)."""
+    model, old = skeleton.model, skeleton.spec.mesh(geom.meshname)
+    mesh = model.mesh(int(model.geom_dataid[geom.id]))
+    first, face = int(mesh.vertadr[0]), int(mesh.faceadr[0])
+    points = model.mesh_vert[first : first + int(mesh.vertnum[0])] @ axes.T
+    points = stretch(points + model.geom_pos[geom.id])
+    faces = model.mesh_face[face : face + int(mesh.facenum[0])]
+    name = f"{old.name} of geom {geom.id}"
+    skeleton.spec.add_mesh(
+        name=name,
+        uservert=points.ravel().tolist(),
+        userface=faces.ravel().tolist(),
+        inertia=old.inertia,
+        maxhullvert=old.maxhullvert,
+    )
+    geom.meshname = name
+    return np.zeros(3)
+
+
+def write_pose(
+    element: mujoco.MjsBody | mujoco.MjsGeom | mujoco.MjsSite | mujoco.MjsCamera,
+    body: mujoco.MjsBody,
+    position: Array,
+    quat: Array,
+) -> None:
+    """Write the pose of an element on a body, in the body's frame."""
+    element.pos, element.quat, element.alt.type = position, quat, QUATERNION
+    _leave_frame(element, body)
+
+
+def _leave_frame(element: Any, body: mujoco.MjsBody) -> None:
+    """Take an element out of its frame, which its pose now contains."""
+    if element.frame is not None:
+        element.set_frame(body.frames[-1])

@@ -1,0 +1,103 @@
+"""Motions on another body: the same angles, as deep in the ground as before."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import find_motion, load_database
+from humanoid_getup.motions.retargeting import BODY, MOST_OVERLAP, Retargeting, adapt, name_body
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.world import World
+from robots import Body, Robot, reshape
+from robots.kinematics import lowest_point, lowest_points, place, place_postures
+
+
+@pytest.fixture(scope="module")
+def long(op3: Robot) -> Robot:
+    return reshape(op3, Body(arms=1.6))
+
+
+@pytest.fixture(scope="module")
+def squat(op3: Robot) -> Motion:
+    return find_motion(op3, "lateral_asymmetric_squat")
+
+
+def measure_lowest(robot: Robot, motion: Motion) -> np.ndarray:
+    model = World(robot).model
+    arrays = motion.position, motion.orientation, motion.joint_pos
+    return lowest_points(model, place_postures(robot, model, *arrays))
+
+
+@pytest.mark.parametrize("text", ["shoulders=2.0", "arms=1.6", "arms=1.6,torso=2.2", "legs=0.8"])
+def test_every_frame_reaches_as_deep_into_the_ground_as_before(op3, squat, text):
+    robot = reshape(op3, Body.parse(text))
+    found = Retargeting(robot).retarget(squat)
+    assert measure_lowest(robot, found) == pytest.approx(measure_lowest(op3, squat), abs=1e-9)
+    assert np.abs(found.position - squat.position)[:, 2].max() > 0.03
+    assert np.array_equal(found.position[:, :2], squat.position[:, :2])
+
+
+def test_angles_targets_and_times_stay(long: Robot, squat: Motion):
+    found = Retargeting(long).retarget(squat)
+    for key in ("time", "orientation", "joint_pos", "joint_target"):
+        assert np.array_equal(getattr(found, key), getattr(squat, key)), key
+    assert (found.name, found.robot) == (squat.name, "op3")
+
+
+def test_entries_in_which_the_body_reaches_into_itself_are_left_out(long: Robot, squat: Motion):
+    found = Retargeting(long).retarget(squat)
+    world = World(long)
+    clearance = Clearance(world)
+    depth = {
+        k: clearance.measure_self_overlap(place(long, world.model, squat.posture(k)))
+        for k in squat.entry_frames
+    }
+    assert set(found.entry_frames) == {k for k, d in depth.items() if d <= MOST_OVERLAP}
+    assert 0 < len(found.entry_frames) < len(squat.entry_frames)
+
+
+def test_a_motion_whose_entries_all_collide_keeps_them(long: Robot, squat: Motion):
+    model = World(long).model
+    clearance = Clearance(World(long))
+    worst = max(
+        squat.entry_frames,
+        key=lambda k: clearance.measure_self_overlap(place(long, model, squat.posture(k))),
+    )
+    alone = replace(squat, entry=np.arange(len(squat.time)) == worst)
+    assert np.array_equal(Retargeting(long).retarget(alone).entry, alone.entry)
+
+
+def test_the_database_of_another_body_has_all_motions(op3: Robot, long: Robot):
+    before, after = load_database(op3), load_database(long)
+    assert [m.name for m in after.motions] == [m.name for m in before.motions]
+    assert {m.provenance[BODY] for m in after.motions} == {"arms=1.6"}
+    # Ten entry postures reach too deep into the longer arms.
+    assert len(before) - len(after) == 10
+
+
+def test_a_motion_file_is_adapted_once(op3: Robot, long: Robot, squat: Motion, tmp_path):
+    adapted = adapt(squat, long)
+    adapted.save(tmp_path / "squat.npz")
+    again = find_motion(long, str(tmp_path / "squat.npz"))
+    assert np.array_equal(again.position, adapted.position)
+    assert name_body(op3) == {}
+    assert adapt(squat, op3) is squat
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("", "expected the original"), ("legs=1.2", "'legs=1.2' or the orig")]
+)
+def test_a_motion_of_a_third_body_is_refused(op3, long, squat, text, expected):
+    adapted = adapt(squat, long)
+    with pytest.raises(ValueError, match=f"was made for the body 'arms=1.6', .*{expected}"):
+        adapt(adapted, reshape(op3, Body.parse(text)))
+
+
+def test_lowest_points_of_many_postures_are_those_of_each(world: World, squat: Motion):
+    qpos = place_postures(
+        world.robot, world.model, squat.position, squat.orientation, squat.joint_pos
+    )[::50]
+    each = [lowest_point(world.model, row) for row in qpos]
+    assert np.array_equal(lowest_points(world.model, qpos), each)

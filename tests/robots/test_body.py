@@ -1,0 +1,58 @@
+"""A body as text: there and back again, and all that is wrong with it in one line."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.body import MAX_FACTOR, MIN_FACTOR, ORIGINAL, PARTS, Body, BodyError
+
+factors = st.floats(MIN_FACTOR, MAX_FACTOR)
+
+
+@given(st.fixed_dictionaries({}, optional=dict.fromkeys(PARTS, factors)))
+def test_a_body_survives_the_trip_through_text(chosen: dict[str, float]):
+    body = Body(**chosen)
+    assert Body.parse(str(body)) == body
+
+
+def test_the_text_is_what_a_person_writes():
+    assert Body.parse(" torso = 2.2 , arms=1.60") == Body(arms=1.6, torso=2.2)
+    assert str(Body(torso=2.2, arms=1.6)) == "arms=1.6,torso=2.2"
+
+
+@pytest.mark.parametrize("text", ["", " ", "arms=1", "arms=1,legs=1.0"])
+def test_a_body_without_other_factors_is_the_original(text: str):
+    assert Body.parse(text) == ORIGINAL
+    assert Body.parse(text).is_original
+    assert str(Body.parse(text)) == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("tail=2", "body 'tail=2': unknown part 'tail', expected shoulders, arms, torso, legs"),
+        ("arms", "arms is '', expected a factor from 0.25 to 4"),
+        ("arms=0", "arms is '0', expected a factor from 0.25 to 4"),
+        ("arms=-1.6", "arms is '-1.6'"),
+        ("arms=nan", "arms is 'nan'"),
+        ("arms=inf", "arms is 'inf'"),
+        ("arms=long", "arms is 'long'"),
+        ("arms=4.1", "arms is '4.1'"),
+        ("arms=0.2", "arms is '0.2'"),
+        ("arms=1.6,arms=1.7", "arms is given twice, expected once"),
+        ("arms=1.6,", "unknown part ''"),
+        ("arms=1.6;torso=2.2", "arms is '1.6;torso=2.2'"),
+        ("arms=0,tail=1", "arms is '0', expected a factor from 0.25 to 4; unknown part 'tail'"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(text: str, told: str):
+    with pytest.raises(BodyError) as error:
+        Body.parse(text)
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, float("nan"), 5.0])
+def test_a_wrong_body_cannot_be_built(factor: float):
+    with pytest.raises(BodyError, match="torso is"):
+        Body(torso=factor)

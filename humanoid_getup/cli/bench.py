@@ -27,14 +27,13 @@ from humanoid_getup.cli.options.bench import (
     BenchKill,
     BenchMethods,
     BenchMotions,
-    BenchPlanner,
     BenchPlannerCost,
     BenchRise,
     BenchScenes,
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.cli.options.shared import WorldOptions
+from humanoid_getup.cli.options.shared import RobotOption, WorldOptions
 from humanoid_getup.cli.output import (
     console_for,
     counting,
@@ -296,12 +295,14 @@ def _load(command: WorldOptions) -> tuple[World, MotionDatabase]:
         return world, load_database(world.robot)
 
 
-def hand_over(result: dict[str, Any], command: JsonOption) -> int:
+def hand_over(result: dict[str, Any], command: WorldOptions | BenchScenes | BenchPlanner) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.
     """
-    write_json(to_json(result | {"body": str(Body.parse(command.body))}), command.json)
+    if isinstance(command, RobotOption):
+        result |= {"body": str(Body.parse(command.body))}
+    write_json(to_json(result), command.json)
     cases = result.get("classes") or result["cases"]
     figures = FIGURES[result["name"]]
     headings = [HEADINGS[figure] for figure in figures]

@@ -9,13 +9,15 @@ import numpy as np
 
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from robots import Posture, TorqueLimit
 from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 
-SAMPLES, ELITES, GENERATIONS = 24, 6, 4
+SAMPLES, ELITES, GENERATIONS = 20, 5, 4
+WORLDS = 3  # in which each move is tried, the first one undisturbed
 KNOTS = 4  # postures of a move
 MOVE, REST = 2.4, 0.6  # s of a move, and of the rest after it
 SPREAD, LEAST_SPREAD = 0.8, 0.2  # rad, standard deviation of the first knots and of any
@@ -38,9 +40,17 @@ class Crawl:
     how it can roll or crawl there is a matter of contacts, which no path of postures knows.
     """
 
-    def __init__(self, world: World, torque_limit: TorqueLimit, *, threads: int = 0) -> None:
-        self._world, self._limit = world, torque_limit
-        self._sim = VecSim(world, SAMPLES, threads=threads)
+    def __init__(
+        self,
+        world: World,
+        torque_limit: TorqueLimit,
+        disturbance: RolloutRandomization,
+        *,
+        threads: int = 0,
+    ) -> None:
+        """Prepare for a world, and for disturbances that a move has to bear."""
+        self._world, self._limit, self._disturbance = world, torque_limit, disturbance
+        self._sim = VecSim(world, SAMPLES * WORLDS, threads=threads)
         self._steps = count_substeps(world.model, world.robot.control_period)
         self.simulated = 0.0
         """Time simulated so far [s]."""
@@ -52,27 +62,36 @@ class Crawl:
         cost: Callable[[Array], Array],
         rng: np.random.Generator,
     ) -> Move:
-        """Find the move from a posture at rest that costs least.
+        """Find the move from a posture at rest that costs least, in the worst of a few worlds.
 
         Args:
             start: Where the robot lies.
             held: Targets that hold it there [rad], (n,).
-            cost: Maps positions of the torso [m], (K, 3), to costs, (K,).
+            cost: Maps positions of the torso [m], (..., 3), to costs, (...).
             rng: Of the samples.
         """
         robot = self._world.robot
+        starts, parameters = randomize_rollouts(
+            self._world,
+            place(robot, self._world.model, start),
+            WORLDS,
+            self._disturbance,
+            self._limit,
+            rng,
+        )
         mean, spread = np.tile(held, (KNOTS, 1)), np.full((KNOTS, robot.n), SPREAD)
         best: Move | None = None
         for _ in range(GENERATIONS):
             knots = mean + spread * rng.normal(size=(SAMPLES, KNOTS, robot.n))
             knots = np.clip(knots, robot.lower, robot.upper)
             targets = np.array([self._interpolate(held, one) for one in knots])
-            ends = self._play(start, targets)
-            costs = cost(ends[:, robot.layout(self._world.model).root_position])
-            costs = np.where(self._sim.diverged, np.inf, costs)
+            ends = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, nq)
+            costs = cost(ends[..., robot.layout(self._world.model).root_position])
+            diverged = self._sim.diverged.reshape(SAMPLES, WORLDS)
+            costs = np.where(diverged, np.inf, costs).max(axis=1)
             order = np.argsort(costs, kind="stable")
             if best is None or costs[order[0]] < best.cost:
-                posture = read_posture(robot, self._world.model, ends[order[0]])
+                posture = read_posture(robot, self._world.model, ends[order[0], 0])
                 best = Move(target=targets[order[0]], posture=posture, cost=float(costs[order[0]]))
             elite = knots[order[:ELITES]]
             mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), LEAST_SPREAD)
@@ -88,15 +107,12 @@ class Crawl:
         straight = np.stack([np.interp(at, times, column) for column in rows.T], axis=1)
         return limit_targets(straight, held, self._world.robot)
 
-    def _play(self, start: Posture, targets: Array) -> Array:
-        """Play moves (K, T, n); return the MuJoCo positions at their ends, (K, nq)."""
-        sim, world = self._sim, self._world
-        sim.set_parameters(
-            sim.everyone,
-            DomainParameters.nominal(
-                world, sim.n, torque_limit=self._limit.value, limit_by=self._limit.mode
-            ),
-        )
-        sim.place(sim.everyone, np.tile(place(world.robot, world.model, start), (sim.n, 1)))
-        self.simulated += targets.shape[0] * targets.shape[1] * world.robot.control_period
-        return sim.advance(targets, self._steps, ("qpos",))["qpos"][:, -1]
+    def _play(self, starts: Array, parameters: DomainParameters, targets: Array) -> Array:
+        """Play moves (K, T, n) in W worlds; return the MuJoCo positions at the ends, (K, W, nq)."""
+        sim, count = self._sim, len(targets)
+        sim.set_parameters(sim.everyone, parameters.tile(count))
+        sim.place(sim.everyone, np.tile(starts, (count, 1)))
+        sent = np.repeat(targets, WORLDS, axis=0)
+        self.simulated += sent.shape[0] * sent.shape[1] * self._world.robot.control_period
+        ends = sim.advance(sent, self._steps, ("qpos",))["qpos"][:, -1]
+        return ends.reshape(count, WORLDS, -1)

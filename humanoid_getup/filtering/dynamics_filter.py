@@ -339,7 +339,8 @@ class _Tracker:
         rate = np.ones(len(self._phase))
         if self._is_patient:
             lag = np.abs(self._last - state.joint_pos).max(axis=1)
-            rate = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
+            slowed = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
+            rate = np.where(self._phase >= self._begins, slowed, 1.0)
         late = state.step >= LONGEST_STRETCH * self._count
         self._phase = np.where(late, self._phase, np.minimum(self._phase + rate, self._count))
         ended = late | (self._phase >= self._count)

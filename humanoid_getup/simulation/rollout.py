@@ -16,11 +16,16 @@ from robots import TorqueLimit, quaternion
 from robots.ground import GROUND_FRICTION
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
+from robots.robot import Layout
 
 Bools = NDArray[np.bool_]
 
 RECORDED = ("qpos", "site_xpos", "sensordata", "actuator_force")
 CHUNK = 50  # control periods that are simulated in one call
+
+
+ROOM_SHARES = (1.0, 0.5, 0.25)  # of a disturbance, tried in this order
+MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +184,7 @@ def randomize_rollouts(
     starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
     root = starts[:, layout.root_orientation]  # a view
     root[:] = quaternion.multiply(turn, root)
-    _rest_as(world, start, starts[1:])  # it must neither be lifted off the ground nor pressed in
+    _rest_as(world, start, starts[1:])
     voltage = supply * robot.supply_voltage
     return starts, DomainParameters.nominal(
         world,
@@ -192,12 +197,33 @@ def randomize_rollouts(
 
 
 def _rest_as(world: World, start: Array, others: Array) -> None:
-    """Put MuJoCo positions (N, nq) as high over what is under them as a start (nq,), in place."""
-    root = world.robot.layout(world.model).root_qpos + 2
+    """Put MuJoCo positions (N, nq) as high over what is under them as a start (nq,), in place.
+
+    They are neither lifted off the ground nor pressed into it. Where there is no room for one
+    under a table, for instance, it becomes more like the start, until there is.
+    """
+    layout = world.robot.layout(world.model)
+    root = layout.root_qpos + 2
     if world.scene.is_flat:
         rest = lowest_point(world.model, start)
         others[:, root] += [rest - lowest_point(world.model, row) for row in others]
         return
     clearance = Clearance(world)
     above = float(start[root] - clearance.rest(start)[root])
-    others[:, root] = [clearance.rest(row, above)[root] for row in others]
+    for row in others:
+        for share in ROOM_SHARES:
+            nearer = _blend(layout, start, row, share)
+            rested = clearance.rest(nearer, above)
+            if abs(rested[root] - start[root]) < MOST_RAISED:
+                row[:] = rested
+                break
+        else:
+            row[:] = start
+
+
+def _blend(layout: Layout, start: Array, other: Array, share: float) -> Array:
+    """Go a share of the way from one lying robot to another, MuJoCo positions (nq,)."""
+    blended = start + share * (other - start)
+    orientation = layout.root_orientation
+    blended[orientation] = quaternion.slerp(start[orientation], other[orientation], share)
+    return blended

@@ -17,11 +17,12 @@ from robots.quaternion import Array
 GRID = 0.25  # leg lengths between two places
 REACH = 5.0  # leg lengths around the center, as far as places are looked for
 HEADINGS = 4
+ROOM = 0.5  # leg lengths around a place in which the robot fits as well, where there is such a one
 ABOVE = 0.01  # m over its support at which a robot is checked
 
 
 class StandingPlaces:
-    """Looks for places around a point where a standing robot touches no obstacle."""
+    """Looks for places around a point where a standing robot touches no obstacle, with some room."""
 
     def __init__(self, world: World, center: Array) -> None:
         """Look around a point (3,) [m]: on the ground, and on what is under the point's height."""
@@ -47,7 +48,11 @@ class StandingPlaces:
         leg = leg_length(self._world.robot)
         steps = np.arange(-REACH, REACH + GRID, GRID) * leg
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) + self._center[:2]
-        return grid[[self._fits(at) for at in grid]]
+        fits = np.array([self._fits(at) for at in grid])
+        if fits.all() or not fits.any():
+            return grid[fits]
+        roomy = fits & (KDTree(grid[~fits]).query(grid)[0] > ROOM * leg)
+        return grid[roomy if roomy.any() else fits]
 
     def _fits(self, at: Array) -> bool:
         scene = self._world.scene

@@ -12,7 +12,7 @@ import numpy as np
 from humanoid_getup.evaluation.preference import PreferenceName
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Patience
 from humanoid_getup.filtering.crawl import Crawl
-from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
+from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
@@ -145,8 +145,8 @@ class PlannedRise:
         if not first:
             self._round(progress, self._pull_free(start, connections[:FIRST_CONNECTIONS]))
         places = self._find_standing_places(start)
-        if places is not None and not progress.is_done:
-            self._crawl(progress, places)
+        if places is not None and not progress.is_done and self._crawl(progress, places):
+            first = []
         if first and (not progress.is_done or self.filter.preference.is_demanding):
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
             self._round(progress, further + [replace(c, patience=PATIENT) for c in first + further])
@@ -256,23 +256,28 @@ class PlannedRise:
                 if progress.is_done:
                     return
 
-    def _crawl(self, progress: _Progress, places: StandingPlaces) -> None:
-        """Crawl to where the robot has room to stand, and rise from there."""
+    def _crawl(self, progress: _Progress, places: StandingPlaces) -> bool:
+        """Crawl to where the robot has room to stand, and rise from there.
+
+        Returns whether it had to.
+        """
         posture, held, moves = progress.start, progress.start.joint_pos, []
         while len(moves) < MOST_MOVES and places.distance(posture.position) > ROOM:
             move = self._crawling.search(posture, held, places.distance, progress.rng)
             posture, held = move.posture, move.target[-1]
             moves.append(move.target)
         if not moves:
-            return
+            return False
         before = np.concatenate(moves)
         connections = self.database.select(posture, FIRST_CONNECTIONS + MORE_CONNECTIONS)
         found = self._candidates(progress, posture, connections, before)
+        found = found or self._pull_free(posture, connections, before)
         self._round(progress, found + [replace(c, patience=PATIENT) for c in found])
+        return True
 
     @cached_property
     def _crawling(self) -> Crawl:
-        return Crawl(self.world, self.torque_limit)
+        return Crawl(self.world, self.torque_limit, CHECK_DISTURBANCE)
 
     def _try_again(self, progress: _Progress, continuation: Continuation) -> None:
         """Continue from the ends of failed rollouts."""

@@ -27,6 +27,7 @@ from humanoid_getup.cli.options.bench import (
     BenchKill,
     BenchMethods,
     BenchMotions,
+    BenchPlanner,
     BenchPlannerCost,
     BenchRise,
     BenchScenes,
@@ -295,7 +296,7 @@ def _load(command: WorldOptions) -> tuple[World, MotionDatabase]:
         return world, load_database(world.robot)
 
 
-def hand_over(result: dict[str, Any], command: WorldOptions | BenchScenes | BenchPlanner) -> int:
+def hand_over(result: dict[str, Any], command: JsonOption) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.

@@ -22,7 +22,7 @@ ABOVE = 0.01  # m over its support at which a robot is checked
 
 
 class StandingPlaces:
-    """Looks for places around a point where a standing robot touches no obstacle, with some room."""
+    """Looks for places around a point where a standing robot has room."""
 
     def __init__(self, world: World, center: Array) -> None:
         """Look around a point (3,) [m]: on the ground, and on what is under the point's height."""

@@ -22,6 +22,7 @@ from humanoid_getup.benchmarks.planning_problems import (
     search_refined,
 )
 from humanoid_getup.evaluation.statistics import summarize
+from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.falls import CLASSES
@@ -108,7 +109,7 @@ def _sample_ends(
     maker = ProblemMaker(world)
     while True:
         start, goal = (sample_lying(world, start_class, rng) for start_class in classes)
-        goal = maker.rest_at(start, goal)
+        goal = align(goal, start)
         if maker.pose_problem(start, goal, rng) is not None:
             return start, goal
 

@@ -7,30 +7,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from humanoid_getup.benchmarks.limited_checker import Budget, BudgetSpentError, LimitedChecker
-from humanoid_getup.motions.posture_metric import PostureMetric, align
+from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning import path_planner, shortcut
-from humanoid_getup.planning.collision import Tolerances
+from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.posture_space import PositionProblem, PostureProblem
 from humanoid_getup.planning.rrt_blossom import SearchStatus, search
-from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture
-from robots.kinematics import place
 from robots.quaternion import Array
 
 NodePath = list[Array]
 """Nodes (4 + n,) from start to goal; empty if none was found."""
 Planner = Callable[[PostureProblem, int], NodePath]
 """Searches a path, with a seed, and ends at the latest with a `BudgetSpentError`."""
-FARTHEST = 0.5  # of the standing neck height: the root of a goal is no further above a start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,29 +53,22 @@ class ProblemMaker:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        # A robot at rest has sunk into what is soft, and may stay there.
-        surfaces = [world.scene.surface, *(o.surface for o in world.scene.obstacles)]
-        resting = Tolerances.resting + max(surface.sink for surface in surfaces)
-        self.checker = LimitedChecker(world.robot, world.scene, Tolerances(resting=resting))
-        self._clearance = Clearance(world)
+        self.checker = LimitedChecker(world.robot, world.scene)
+        self._goals = GoalPlacement(world)
 
     def pose_nearest(
         self, start: Posture, goals: Iterable[Posture], rng: np.random.Generator
     ) -> PostureProblem | None:
-        """Pose a problem with the first goal that is free where the start is; None without one.
-
-        A goal that would rest far above the start, such as on the table instead of under it, is
-        left out.
+        """Pose a problem with the first goal that has a place at the start or beside it, if any.
 
         Args:
             start: Lying posture in the scene.
             goals: Postures anywhere on level ground.
             rng: Of the search of the root's path.
         """
-        farthest = FARTHEST * self.world.robot.standing_neck_height
         for goal in goals:
-            placed = self.rest_at(start, goal)
-            if abs(float(placed.position[2] - start.position[2])) > farthest:
+            placed = self._goals.place(goal, start)
+            if placed is None:
                 continue
             problem = self.pose_problem(start, placed, rng)
             if problem is not None:
@@ -103,13 +93,6 @@ class ProblemMaker:
             return None
         metric = PostureMetric.of(self.world.robot)
         return PostureProblem(checker, metric, start, goal, np.array(root.path))
-
-    def rest_at(self, start: Posture, goal: Posture) -> Posture:
-        """Turn and move a goal to a start, and rest it on what is under it."""
-        robot, model = self.world.robot, self.world.model
-        goal = align(goal, start)
-        qpos = self._clearance.rest(place(robot, model, goal))
-        return replace(goal, position=qpos[robot.layout(model).root_position].copy())
 
     def attempt(
         self, problem: PostureProblem, planner: Planner, seed: int, budget: Budget

@@ -34,7 +34,7 @@ from humanoid_getup.cli.options.bench import (
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.cli.options.shared import RobotOption, WorldOptions
+from humanoid_getup.cli.options.shared import JsonOption, RobotOption, WorldOptions
 from humanoid_getup.cli.output import (
     console_for,
     counting,

@@ -15,7 +15,7 @@ from robots.kinematics import leg_length, place
 from robots.quaternion import Array
 
 SUNK = 0.002  # m that a robot at rest sinks into what it lies on
-HIGHEST = 0.4  # leg lengths by which what is under a posture may raise it
+HIGHEST = 0.25  # leg lengths by which what is under a posture may raise it
 DISTANCES = (0.25, 0.5, 0.75, 1.0)  # leg lengths from the start to further places
 DIRECTIONS = 8
 UP = np.array([0.0, 0.0, 1.0])

@@ -7,16 +7,12 @@ import pytest
 
 from humanoid_getup.benchmarks.limited_checker import Budget, BudgetSpentError
 from humanoid_getup.benchmarks.ompl_planners import OMPL_PLANNERS
-from humanoid_getup.benchmarks.planner import ALL, bench_planner, compare
 from humanoid_getup.benchmarks.planning_problems import OWN_PLANNERS, ProblemMaker, is_free_path
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.posture_space import PostureProblem
-from humanoid_getup.scenes.start_region import lying
-from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot
-from robots.kinematics import place, read_posture
+from robots import Robot
 
 PLANNERS = OWN_PLANNERS | OMPL_PLANNERS
 SMALL = Budget(checks=3000)
@@ -84,59 +80,3 @@ def test_a_search_ends_after_its_time(pose: Pose, maker: ProblemMaker):
         problem.is_free(problem.start)
     maker.checker.grant(None)
     assert problem.is_free(problem.start)
-
-
-def test_a_goal_on_the_table_is_not_one_under_it(op3: Robot):
-    """A robot stands on the table, but not under it."""
-    world = World(op3, "table")
-    maker, flat = ProblemMaker(world), World(op3)
-    start = _lay(flat, op3.standing.joint_pos * 0.0)
-    rng = np.random.default_rng(0)
-    assert maker.rest_at(start, op3.standing).position[2] > op3.standing_neck_height
-    assert maker.pose_nearest(start, [op3.standing], rng) is None
-    assert maker.pose_nearest(start, [op3.standing, start], rng) is not None
-
-
-def _lay(world: World, joint_pos: np.ndarray) -> Posture:
-    robot = world.robot
-    posture = Posture(position=np.zeros(3), orientation=lying("supine"), joint_pos=joint_pos)
-    qpos = Clearance(world).rest(place(robot, world.model, posture))
-    return read_posture(robot, world.model, qpos)
-
-
-def test_all_planners_meet_the_same_problems(op3: Robot):
-    seen = []
-    options = {"seed": 2, "each": 2, "scenes": ["beam"], "budget": SMALL}
-    result = bench_planner(op3, PLANNERS, **options, report=seen.append)
-    again = bench_planner(op3, PLANNERS, **options)
-    assert len(seen) == 2
-    assert result["problems"] == [record for fall in seen for record in fall]
-    for record, same in zip(result["problems"], again["problems"], strict=True):
-        for key in ("fall", "found", "checks", "length"):
-            assert record[key] == same[key], record
-    for name in PLANNERS:
-        for scene in ("beam", ALL):
-            assert result["cases"][f"{scene}: {name}"]["n"] == 2 - result["skipped"]["beam"]
-
-
-def test_times_are_compared_where_both_planners_find_a_path():
-    def record(planner: str, fall: int, found: bool, time: float) -> dict:
-        figures = {"time_s": time, "checks": 10, "length": 2.0 if found else None}
-        return {"case": "beam", "planner": planner, "fall": fall, "found": found} | figures
-
-    records = [
-        record("RRTConnect", 0, True, 1.0),
-        record("strict", 0, True, 0.5),
-        record("RRTConnect", 1, True, 2.0),
-        record("strict", 1, False, 9.0),
-        record("RRTConnect", 2, False, 4.0),
-        record("strict", 2, True, 1.0),
-    ]
-    summary = compare(records, "beam", "strict")
-    assert (summary["n"], summary["found"], summary["both"]) == (3, 2, 1)
-    assert summary["time_s_ratio"] == 0.5
-    assert summary["time_s"]["median"] == 1.0  # of all three
-    assert summary["length_median"] == 2.0
-    assert compare(records, ALL, "RRTConnect")["time_s_ratio"] == 1.0
-    alone = compare(records[1::2], "beam", "strict")
-    assert (alone["both"], alone["time_s_ratio"]) == (0, None)

@@ -1,0 +1,82 @@
+"""Connecting postures rest on what is under them, where the robot lies or beside it."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.planning.collision import CollisionChecker
+from humanoid_getup.planning.goal_placement import DISTANCES, GoalPlacement
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, quaternion
+from robots.kinematics import leg_length, place
+
+SLOPE = np.radians(15.0)
+
+
+@pytest.fixture(scope="module")
+def database(op3: Robot) -> MotionDatabase:
+    return load_database(op3)
+
+
+def sample(world: World, start_class: str, count: int = 1) -> list[Posture]:
+    falls = sample_falls(world, {start_class: count}, np.random.default_rng(0))
+    return [fall.posture for fall in falls]
+
+
+def test_on_flat_ground_a_goal_is_only_turned_and_moved_to_the_start(
+    op3: Robot, database: MotionDatabase
+):
+    world = World(op3)
+    (start,) = sample(world, "prone")
+    goal = database.select(start)[0].posture
+    placed = GoalPlacement(world).place(goal, start)
+    assert placed is not None
+    np.testing.assert_array_equal(placed.position, align(goal, start).position)
+
+
+def test_on_a_slope_a_goal_tilts_with_the_ground_and_rests_on_it(
+    op3: Robot, database: MotionDatabase
+):
+    world = World(op3, "slope:15")
+    for start in sample(world, "supine", 3):
+        goal = database.select(start)[0].posture
+        placed = GoalPlacement(world).place(goal, start)
+        assert placed is not None
+        level = align(goal, start)
+        up = quaternion.rotate(quaternion.inverse(level.orientation), np.array([0.0, 0.0, 1.0]))
+        now = quaternion.rotate(placed.orientation, up)
+        normal = np.array([-np.sin(SLOPE), 0.0, np.cos(SLOPE)])
+        np.testing.assert_allclose(now, normal, atol=1e-9)
+        depth = Clearance(world).measure_overlap(place(op3, world.model, placed))
+        assert 0.0005 < depth < 0.0035
+
+
+@pytest.mark.parametrize("scene", ["table", "wall", "low-bed-a", "rough:hard"])
+def test_a_placed_goal_is_free_and_within_reach(op3: Robot, database: MotionDatabase, scene: str):
+    world = World(op3, scene)
+    start_class = str(world.scene.starts[0].start_class) if world.scene.starts else "prone"
+    checker, placement = CollisionChecker(op3, world.scene), GoalPlacement(world)
+    found = 0
+    for start in sample(world, start_class, 2):
+        for connection in database.select(start, 4):
+            placed = placement.place(connection.posture, start)
+            if placed is None:
+                continue
+            found += 1
+            checker.reset()
+            assert checker.allow(placed) == ""
+            apart = float(np.linalg.norm(placed.position[:2] - start.position[:2]))
+            assert apart <= DISTANCES[-1] * leg_length(op3) + 1e-9
+            assert abs(placed.position[2] - start.position[2]) < 0.6 * leg_length(op3)
+    assert found >= 4
+
+
+def test_a_goal_is_never_put_on_the_table_above_the_start(op3: Robot):
+    world = World(op3, "table")
+    (start,) = sample(world, "left")
+    placed = GoalPlacement(world).place(op3.standing, start)
+    raised = 0.0 if placed is None else placed.position[2] - op3.standing.position[2]
+    assert raised < 0.3 * leg_length(op3)

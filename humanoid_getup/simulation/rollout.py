@@ -24,7 +24,7 @@ RECORDED = ("qpos", "site_xpos", "sensordata", "actuator_force")
 CHUNK = 50  # control periods that are simulated in one call
 
 
-ROOM_SHARES = (1.0, 0.5, 0.25)  # of a disturbance, tried in this order
+ROOM_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a disturbance, tried in this order
 MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
 
 

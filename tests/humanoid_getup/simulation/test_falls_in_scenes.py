@@ -7,8 +7,13 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.drop import FallError
 from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.simulation.rollout import (
+    MOST_RAISED,
+    RolloutRandomization,
+    randomize_rollouts,
+)
 from humanoid_getup.simulation.world import World
-from robots import Robot, quaternion
+from robots import FULL_TORQUE, Robot, quaternion
 from robots.kinematics import leg_length, place
 
 
@@ -54,3 +59,20 @@ def test_a_class_that_a_scene_does_not_have_is_refused(op3: Robot):
     world = World(op3, load_scene("beam", op3))
     with pytest.raises(FallError, match="scene 'beam' has no start supine, expected prone"):
         sample_falls(world, {"supine": 1}, np.random.default_rng(0))
+
+
+def test_disturbed_starts_stay_under_the_table(op3: Robot):
+    world = World(op3, "table")
+    disturbance = RolloutRandomization(
+        joints=np.radians(5.0), root=np.radians(10.0), friction=(0.6, 1.1), supply=(0.9, 1.0)
+    )
+    rng = np.random.default_rng(0)
+    clearance, disturbed = Clearance(world), 0
+    for fall in sample_falls(world, {"left": 2, "right": 2}, rng):
+        start = place(op3, world.model, fall.posture)
+        starts, _ = randomize_rollouts(world, start, 8, disturbance, FULL_TORQUE, rng)
+        assert np.abs(starts[:, 2] - start[2]).max() <= MOST_RAISED
+        already = clearance.measure_overlap(start)
+        assert max(clearance.measure_overlap(row) for row in starts) < already + 0.002
+        disturbed += int(np.sum(np.abs(starts - start).max(axis=1) > 0.01))
+    assert disturbed > 8

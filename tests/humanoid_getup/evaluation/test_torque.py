@@ -1,0 +1,42 @@
+"""A servo is saturated on the torque-speed line of its supply; runs are counted across calls."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.evaluation.torque import LongestRun, find_saturation
+from robots import Robot
+
+
+@pytest.mark.parametrize("share", [1.0, 0.8])
+def test_the_line_falls_with_supply_and_speed(op3: Robot, share: float):
+    voltage = share * op3.supply_voltage
+    stall, speed = share * op3.max_torque, 0.5 * share * op3.max_velocity
+    zero = np.zeros(op3.n)
+    assert find_saturation(op3, 0.98 * stall, zero, voltage).all()
+    assert not find_saturation(op3, 0.96 * stall, zero, voltage).any()
+    half = stall - op3.torque_speed_slope * speed
+    assert find_saturation(op3, 0.98 * half, speed, voltage).all()
+    assert not find_saturation(op3, 0.96 * half, speed, voltage).any()
+    assert not find_saturation(op3, 0.98 * half, -speed, voltage).any(), "it brakes"
+
+
+def test_every_world_has_its_own_supply(op3: Robot):
+    torque = np.broadcast_to(0.9 * op3.max_torque, (2, 3, op3.n))
+    voltage = op3.supply_voltage * np.array([[1.0], [0.85]])
+    found = find_saturation(op3, torque, np.zeros_like(torque), voltage)
+    assert found.shape == (2, 3, op3.n)
+    assert not found[0].any()
+    assert found[1].all()
+
+
+@given(flags=st.lists(st.booleans(), max_size=40), cuts=st.lists(st.integers(0, 40), max_size=4))
+def test_a_run_is_counted_however_it_is_cut(flags: list[bool], cuts: list[int]):
+    runs = LongestRun(1)
+    for part in np.split(
+        np.array(flags, dtype=bool)[:, None], sorted(min(c, len(flags)) for c in cuts)
+    ):
+        runs.add(part)
+    text = "".join("x" if flag else " " for flag in flags)
+    assert runs.longest[0] == max(map(len, text.split()), default=0)

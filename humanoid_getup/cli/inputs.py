@@ -15,6 +15,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
+from humanoid_getup.simulation.standing_places import check_standing_place
 from humanoid_getup.simulation.world import World
 from robots import Body, Robot, TorqueLimit, load_posture
 from robots import load_robot as load_robot_by_name
@@ -43,7 +44,9 @@ def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
     """Sample a settled fall of a class, or load a posture file."""
     with refusing():
         if origin in CLASSES:
-            return sample_falls(world, {origin: 1}, rng)[0]
+            fall = sample_falls(world, {origin: 1}, rng)[0]
+            check_standing_place(world, fall.posture.position)
+            return fall
         path = Path(origin)
         if not path.exists():
             raise ValueError(
@@ -51,6 +54,7 @@ def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
             )
         posture = load_posture(path, world.robot)
         check_start(world, posture)
+        check_standing_place(world, posture.position)
     return Fall(posture=posture, start_class=classify(posture.orientation) or UNCLASSED)
 
 

@@ -80,3 +80,18 @@ class StandingPlaces:
         flags = np.zeros(self._world.model.ngeom, dtype=bool)
         flags[[self._world.model.geom(o.name).id for o in self._world.scene.obstacles]] = True
         return flags
+
+
+def check_standing_place(world: World, position: Array) -> None:
+    """Check that a robot at a position (3,) [m] could stand anywhere near.
+
+    Raises:
+        ValueError: if it could not.
+    """
+    if world.scene.obstacles and not StandingPlaces(world, position).exist:
+        reach = REACH * leg_length(world.robot)
+        raise ValueError(
+            f"scene '{world.scene.name}' has no place within {reach:.1f} m of the start where "
+            f"'{world.robot.name}' could stand, expected one that is free up to "
+            f"{world.robot.standing_neck_height:.2f} m and its head"
+        )

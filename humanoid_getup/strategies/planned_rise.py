@@ -219,7 +219,8 @@ class PlannedRise:
 
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find where the robot has room to stand; ``None`` without obstacles."""
-        return StandingPlaces(self.world, start.position) if self.world.scene.obstacles else None
+        places = StandingPlaces(self.world, start.position)
+        return places if self.world.scene.obstacles and places.exist else None
 
     def _check(self, progress: _Progress, rollout: CandidateRollout) -> None:
         """Check a rollout that stands, its touching limbs parted; keep it if it is the best."""

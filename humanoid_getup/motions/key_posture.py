@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,14 @@ class KeyPosture:
 
     name: str
     posture: Posture
+
+
+def name_keys(keys: Sequence[Posture | KeyPosture]) -> tuple[KeyPosture, ...]:
+    """Give each posture without a name its number, from 1."""
+    return tuple(
+        key if isinstance(key, KeyPosture) else KeyPosture(name=f"key {number}", posture=key)
+        for number, key in enumerate(keys, start=1)
+    )
 
 
 def load_key(text: str, robot: Robot) -> KeyPosture:

@@ -11,6 +11,7 @@ from humanoid_getup.cli.checks import positive
 from humanoid_getup.cli.options.shared import (
     CacheFolder,
     Count,
+    Keys,
     MotionName,
     PolicyName,
     PreferenceOptions,
@@ -33,6 +34,7 @@ class Rise(PreferenceOptions, RunOptions):
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True
     """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
+    key: Keys = ()
     plan_cache: bool = True
     """Begin with the plan of a solved rise whose start was near, and keep new ones."""
     cache_folder: CacheFolder = None
@@ -59,6 +61,8 @@ class Rise(PreferenceOptions, RunOptions):
         named = " and ".join(name for name, is_given in given.items() if is_given)
         if named and self.method == "policy":
             faults.append(f"{named}: expected --method plan or auto with it")
+        if self.key and not (self.method == "plan" and self.planning and self.filtering):
+            faults.append("--key: expected --method plan with it, planning and filtering")
         if named and not self.filtering:
             faults.append(f"{named}: expected filtering, not --no-filtering")
         return faults

@@ -22,7 +22,7 @@ from robots.kinematics import place
 # A position servo without load approaches its target with a time constant of its torque-speed
 # slope over its gain, 0.045 s on OP3: after 0.3 s, 0.1 % of the distance is left, the rest is load.
 REST = 0.3  # s for which a path rests at a key posture
-FLOATING = 0.005  # m over the ground, or in it, beyond which a posture does not rest there
+FLOATING = 0.003  # m over the ground, or in it, beyond which a posture does not rest there
 SAME_JOINTS = 1e-6  # rad; a goal that is no farther needs no path
 
 

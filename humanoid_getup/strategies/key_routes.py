@@ -48,8 +48,16 @@ class KeyRoutes:
             stretches = find_stretches(self._database, before, key.posture, STRETCHES)
             ways.append([None, *stretches])
             before = key.posture
-        joined = self._database.select(keys[-1].posture, CONNECTIONS)
-        combined = itertools.islice(itertools.product(joined, itertools.product(*ways)), MOST_WAYS)
+        near = self._database.select(keys[-1].posture, CONNECTIONS)
+        combined = itertools.product(near, itertools.product(*ways))
+        if rest == 0.0:  # first, what swings on as the motion does that led to the last key
+            swings = [
+                (Connection(way[-1].motion, way[-1].last, 0.0), way)
+                for way in itertools.product(*ways)
+                if way[-1] is not None
+            ]
+            combined = itertools.chain(swings, combined)
+        combined = itertools.islice(combined, MOST_WAYS)
         found = (self._plan_way(start, keys, way, last, rest) for last, way in combined)
         return [candidate for candidate in found if candidate is not None]
 

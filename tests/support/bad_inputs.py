@@ -204,6 +204,16 @@ GROUPS: dict[str, list[Case]] = {
         case("plan --from supine --robot no_motions", "robot 'op3' has no motions"),
         case("plan --from supine --out text.txt", "text.txt is not a folder"),
         case("plan --from supine --json folder", "output file folder: is a folder"),
+        case("rise --from supine --key none.json", "posture 'none.json': no such file"),
+        case("rise --from supine --key motions:moonwalk@1", "unknown motion 'moonwalk'"),
+        case(f"rise --from supine --key motions:{MOTION}@99", "99 s, expected 0 to 3.27 s"),
+        case("rise --from supine --key bent.json", "joint 'l_knee' is +9.000 rad"),
+        case("rise --from supine --key tangled.json", "posture tangled.json", "mm inside"),
+        case(
+            f"rise --from supine --method policy --key motions:{MOTION}@0",
+            "--key: expected --method plan with it, planning and filtering",
+        ),
+        case(f"rise --from supine --no-filtering --key motions:{MOTION}@0", "--key: expected"),
         case("play path.npz", "motion 'path' ends neither standing nor lying"),
     ],
     "eval": [

@@ -38,8 +38,10 @@ class KeyedRise:
     rounds: int = 0
     records: tuple[KeyRecord, ...]
     """What became of each key posture, in the order given."""
-    plan_s: float = 0.0
-    filter_s: float = 0.0
+    plan_s: float
+    """Wall time of planning [s]."""
+    filter_s: float
+    """Wall time of everything else [s]."""
 
 
 @dataclass
@@ -111,7 +113,12 @@ class KeyedSearch:
                     filter_s=time.perf_counter() - began - plan_s,
                 )
             reasons |= {id(key): self._explain(trial, n) for n, key in enumerate(keys)}
-        return KeyedRise(records=self._record([], [], reasons))
+        return KeyedRise(
+            rounds=rounds,
+            records=self._record([], [], reasons),
+            plan_s=plan_s,
+            filter_s=time.perf_counter() - began - plan_s,
+        )
 
     def _list_selections(self) -> list[tuple[KeyPosture, ...]]:
         """List all keys, then the selections with one key less, and so on, each in their order."""

@@ -147,7 +147,15 @@ class PlannedRise:
             search_budget=self.search_budget,
         ).plan(start, rng)
         if through.rollout is None:
-            return replace(self._plan_freely(start, rng), keys=through.records)
+            plan = self._plan_freely(start, rng)
+            return replace(
+                plan,
+                keys=through.records,
+                rollouts=self.filter.count - already,
+                rounds=through.rounds + plan.rounds,
+                plan_s=through.plan_s + plan.plan_s,
+                filter_s=through.filter_s + plan.filter_s,
+            )
         plan = self._conclude(
             _Progress(
                 start,

@@ -1,4 +1,4 @@
-"""`getup plan`: its files, figures and exit codes."""
+"""`getup plan`, and key postures of `getup rise`: files, figures and exit codes."""
 
 import json
 from pathlib import Path
@@ -97,3 +97,13 @@ def test_the_beginning_of_the_best_path_is_kept_on_request(tmp_path: Path):
 def test_without_refinement_less_is_tried(tmp_path: Path):
     code, record = run(*TABLE, "--no-refinement", file=tmp_path / "plan.json")
     assert (code, record["refined"]) == (1, False)
+
+
+def test_a_rise_reports_what_became_of_its_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    code, record = run("rise", "--from", "supine", "--key", KEY, file=tmp_path / "rise.json")
+    (key,) = record["keys"]
+    assert (code, record["stood"], record["plan_cache"]) == (0, True, None)
+    assert (key["name"], key["kept"], key["reason"]) == (KEY, True, "")
+    assert key["largest_joint_error_rad"] < 0.1
+    assert key["played_joint_error_rad"] < 0.1
+    assert f"{KEY} at {key['time_s']:.2f} s" in capsys.readouterr().out

@@ -13,7 +13,7 @@ from humanoid_getup.evaluation.judge import GroundTruthJudge, RunOutcome
 from humanoid_getup.evaluation.lying import measure_lying
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
 from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.motions.motion import STANDING, Motion
+from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
@@ -100,6 +100,8 @@ def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | Non
 
 def _judge_rollouts(world: World, motion: Motion, trace: Trace) -> np.ndarray:
     """Return which rollouts of a motion end as it should, (N,)."""
+    if motion.end_class == NO_END:
+        return np.ones(len(trace.diverged), dtype=bool)
     if motion.end_class != STANDING:
         return measure_lying(world, trace, motion.end_class).lies
     upright = is_upright(measure_stance(world, trace), world.robot)

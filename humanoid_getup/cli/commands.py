@@ -21,6 +21,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "rise": ("rise.Rise", "rise.rise", "Get up from a fall by a planned motion or a policy."),
     "play": ("rise.Play", "rise.play", "Play a rising motion and judge how it ends."),
     "run": ("rise.RunPolicy", "rise.run_policy", "Run a policy once and judge how it ends."),
+    "plan": ("plan.Plan", "plan.plan", "Plan a path only, without physics."),
     "sit": ("stand.Sit", "stand.sit", "Sit and lie down from a stand."),
     "hold": ("stand.Hold", "stand.hold", "Hold a robot in its stand until a key is pressed."),
     "train": ("policies.Train", "train.train", "Train a policy, or continue a training."),

@@ -11,7 +11,9 @@ from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.options.shared import RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.cli.output import phase
 from humanoid_getup.motions import motion_database
+from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
@@ -56,6 +58,14 @@ def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
         check_start(world, posture)
         check_standing_place(world, posture.position)
     return Fall(posture=posture, start_class=classify(posture.orientation) or UNCLASSED)
+
+
+def load_keys(world: World, names: Sequence[str]) -> list[KeyPosture]:
+    """Load postures from files or motions, and check that the robot can be in them."""
+    with refusing():
+        keys = [load_key(name, world.robot) for name in names]
+        check_keys(world.robot, keys)
+    return keys
 
 
 def find_motion(robot: Robot, name: str) -> Motion:

@@ -24,13 +24,13 @@ AGES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 
 
 def use_cache(command: Rise, planner: PlannedRise) -> Strategy:
-    """Give a planner the cache of a command.
+    """Give a planner the cache of a command; rises through key postures have none.
 
     Raises:
         BadInputError: if the command names a folder that holds damaged entries. Those of the
             user's own folder are ignored, with a line on standard error.
     """
-    if not (command.plan_cache and command.filtering):
+    if not (command.plan_cache and command.filtering) or command.key:
         return planner
     with refusing():
         cache = PlanCache(command.cache_folder)

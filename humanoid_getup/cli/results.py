@@ -32,6 +32,7 @@ from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.key_record import find_passes
 
 
 @contextmanager
@@ -60,6 +61,7 @@ def hand_over(
         "then": options.ending,
     }
     report = make_report(result, settings | extra)
+    report["keys"] = _measure_keys(result, world)
     files: list[str] = []
     if options.out is not None:
         with staging(options.out) as folder:
@@ -106,6 +108,18 @@ def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> in
     if result.succeeded:
         return DID_IT
     return HARDWARE_FAULT if result.by_fault else DID_NOT_STAND
+
+
+def _measure_keys(result: RiseResult, world: World) -> list[dict[str, Any]]:
+    """Return the records of the key postures, those that were kept with the error as played."""
+    outcome, kept = result.outcome, [key for key in result.plan.keys if key.kept]
+    played = dict[int, float]()
+    if outcome is not None and kept:
+        passes = find_passes(world, outcome.qpos, [key.posture for key in kept])
+        played = {id(key): one.largest for key, one in zip(kept, passes, strict=True)}
+    return [
+        key.record() | {"played_joint_error_rad": played.get(id(key))} for key in result.plan.keys
+    ]
 
 
 def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -> str | None:

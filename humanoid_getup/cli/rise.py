@@ -10,7 +10,13 @@ import numpy as np
 
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.inputs import find_motion, find_start, load_world, make_torque_limit
+from humanoid_getup.cli.inputs import (
+    find_motion,
+    find_start,
+    load_keys,
+    load_world,
+    make_torque_limit,
+)
 from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
@@ -104,6 +110,7 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
             torque_limit=limit,
             prefer=command.prefer,
             search_budget=command.search_budget,
+            keys=load_keys(world, command.key),
         )
         strategies[StrategyId(PLAN)] = use_cache(command, planner)
     name = command.policy or DEFAULT_POLICY

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -180,6 +181,16 @@ class DynamicsFilter:
                 if played.stood:
                     return played
         return rollout
+
+    def replay(
+        self, start: Posture, rollouts: list[CandidateRollout], targets: list[Array]
+    ) -> list[CandidateRollout]:
+        """Play other targets, each (T, n), for rollouts, in the undisturbed world."""
+        played = self._replay(start, rollouts[0].candidate, targets)
+        return [
+            replace(one, candidate=rollout.candidate)
+            for one, rollout in zip(played, rollouts, strict=True)
+        ]
 
     def _replay(
         self,

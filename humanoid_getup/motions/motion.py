@@ -21,8 +21,9 @@ Bools = NDArray[np.bool_]
 StartClass = Literal["supine", "prone", "left", "right", "squat", "standing"]
 START_CLASSES: tuple[StartClass, ...] = get_args(StartClass)
 EndClass = Literal["supine", "prone", "left", "right", "standing"]
-END_CLASSES: tuple[EndClass, ...] = get_args(EndClass)
 STANDING = "standing"
+NO_END = "other"
+END_CLASSES: tuple[str, ...] = (*get_args(EndClass), NO_END)
 MIRRORED_CLASS: dict[str, Any] = {"left": "right", "right": "left"}
 NAME = re.compile(r"[\w-][\w.-]{0,99}")
 """Names of motions: they name files too."""
@@ -72,8 +73,9 @@ class Motion(Trajectory):
     joint_target: Array
     """Target angles of the servos [rad], shape (T, n). They differ from ``joint_pos`` by the
     load on the joints: a position servo produces its torque from the difference."""
-    end_class: EndClass = STANDING
-    """What it ends in: a held stand, or the side on which the robot lies."""
+    end_class: EndClass | Literal["other"] = STANDING
+    """What it ends in: a held stand, or the side on which the robot lies; "other" for a motion
+    that is to be continued, such as a path to the beginning of another one."""
     entry: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Frames at which the motion may be entered at rest and still ends standing, (T,);
     empty or all False for frame 0 alone."""

@@ -8,10 +8,13 @@ import numpy as np
 
 from drivers import Command, DriverError, Fault, SafetyGuard, State
 from drivers.control_loop import Pacer
+from humanoid_getup.planning.collision import SINKS
+from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from robots import Posture
+from robots.ground import GROUND
 from robots.kinematics import place, torso_orientation
 
 REST_TIME = 0.8  # s without motion, torque off, before the posture is measured
@@ -35,25 +38,48 @@ class FaultedError(DriverError):
 
 
 def check_start(world: World, start: Posture) -> None:
-    """Check that a start neither reaches into the ground nor is high above it.
+    """Check that a start is neither in the ground or an obstacle, nor high above what is under it.
 
     Raises:
-        StartError: if it does; the message says how far.
+        StartError: if it is; the message says how far.
     """
-    qpos = place(world.robot, world.model, start)
-    resting = Clearance(world).rest(qpos)
+    qpos, clearance = place(world.robot, world.model, start), Clearance(world)
+    slack = 0.0
+    if not world.scene.is_flat:  # a robot that touches a wall is not to be put on top of it
+        allowed = _allow_intrusion(world.scene)
+        _check_intrusion(clearance.measure_overlaps(qpos), allowed)
+        slack = max(allowed.values())
+    resting = clearance.rest(qpos, -slack)
     root = world.robot.layout(world.model).root_qpos
-    lowest = float(qpos[root + 2] - resting[root + 2])
+    lowest = float(qpos[root + 2] - resting[root + 2]) - slack
     if lowest > MAX_DROP:
         raise StartError(
             f"start posture is {lowest:.3g} m above the ground, expected at most {MAX_DROP} m: "
             f"lower its position z by {lowest:.3g} m"
         )
-    if lowest < -MAX_INTRUSION:
+    if lowest < -MAX_INTRUSION and world.scene.is_flat:
         raise StartError(
             f"start posture reaches {-lowest * 1000:.1f} mm into the ground, expected at most "
             f"{MAX_INTRUSION * 1000:.0f} mm: raise its position z by {-lowest:.4f} m"
         )
+
+
+def _allow_intrusion(scene: Scene) -> dict[str, float]:
+    """Return how deep a start may reach into the ground and each obstacle [m]."""
+    sink = {obstacle.name: obstacle.surface.sink for obstacle in scene.obstacles}
+    sink[GROUND] = scene.surface.sink
+    return {name: MAX_INTRUSION + SINKS * depth for name, depth in sink.items()}
+
+
+def _check_intrusion(depths: dict[str, float], allowed: dict[str, float]) -> None:
+    told = [
+        f"{1000 * depth:.1f} mm into {'the ground' if name == GROUND else f'obstacle {name!r}'}, "
+        f"expected at most {1000 * allowed[name]:.0f} mm"
+        for name, depth in depths.items()
+        if depth > allowed[name]
+    ]
+    if told:
+        raise StartError(f"start posture reaches {'; '.join(told)}")
 
 
 def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:

@@ -60,6 +60,7 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
     for label, text in (
         ("start", f"{report['start_class']}, seed {report['seed']}"),
         ("motion", _describe_motion(report)),
+        ("keys", _describe_keys(report)),
         ("prefers", _describe_preference(report)),
         ("load", _describe_load(report)),
         ("impact", _describe_impact(report)),
@@ -97,6 +98,16 @@ def _describe_motion(report: dict[str, Any]) -> str:
     text += f", filtered in {report['filter_s']:.2f} s over {report['rollouts']} rollouts"
     robust = report["robust"]
     return text if robust is None else f"{text}, stands in {robust:.0%} of the disturbed ones"
+
+
+def _describe_keys(report: dict[str, Any]) -> str:
+    """Say what became of each key posture, one line each."""
+    return "\n".join(
+        f"{key['name']} at {key['time_s']:.2f} s, within {key['largest_joint_error_rad']:.3f} rad"
+        if key["kept"]
+        else f"{key['name']} dropped: {key['reason']}"
+        for key in report.get("keys") or ()
+    )
 
 
 def _describe_preference(report: dict[str, Any]) -> str:

@@ -33,11 +33,24 @@ class Clearance:
         """Measure how deep a robot reaches into itself [m], at MuJoCo positions (nq,)."""
         return self._measure(qpos, with_scene=False)
 
-    def _measure(self, qpos: Array, *, with_scene: bool) -> float:
+    def measure_overlaps(self, qpos: Array) -> dict[str, float]:
+        """Measure how deep a robot reaches into the ground and each obstacle it touches [m]."""
+        self._collide(qpos)
+        deepest: dict[str, float] = {}
+        for contact in self._data.contact[: self._data.ncon]:
+            for geom in contact.geom[self._is_world[contact.geom]]:
+                name = self._model.geom(geom).name
+                deepest[name] = max(deepest.get(name, 0.0), -float(contact.dist))
+        return deepest
+
+    def _collide(self, qpos: Array) -> None:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
+
+    def _measure(self, qpos: Array, *, with_scene: bool) -> float:
+        self._collide(qpos)
         contact = self._data.contact
         chosen = self._is_world[contact.geom].any(axis=1) == with_scene
         return float(np.max(-contact.dist[chosen], initial=0.0))

@@ -118,8 +118,11 @@ class CachedRise:
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest.
 
-        Without a usable plan in the cache, it is the planner's own for the same arguments.
+        Without a usable plan in the cache, it is the planner's own for the same arguments. Plans
+        through key postures are neither looked for nor kept.
         """
+        if self._planner.keys:
+            return self._planner.plan(start, rng)
         began = time.perf_counter()
         if (near := self._find_nearest(start)) is not None:
             # A generator of its own, so that a plan that fails does not change the next one.

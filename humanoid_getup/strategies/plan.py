@@ -17,6 +17,7 @@ from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.key_record import KeyRecord
 from humanoid_getup.strategies.search_record import NO_SEARCH, SearchRecord
 from robots import Posture, TorqueLimit
 
@@ -56,6 +57,8 @@ class RisePlan:
     """Wall time of everything after that [s]."""
     search: SearchRecord | None = None
     """How it was searched for; ``None`` where nothing is searched."""
+    keys: tuple[KeyRecord, ...] = ()
+    """What became of the key postures that were asked for."""
 
     def __str__(self) -> str:
         """Say in one line what is played, and how the planning ended."""
@@ -124,6 +127,7 @@ class RisePlan:
             "policy": None,
             "plan_cache": None,
             "balanced": None,
+            "keys": [key.record() for key in self.keys],
             **(self.search.record() if self.search else NO_SEARCH),
         }
 

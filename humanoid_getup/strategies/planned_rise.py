@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,17 +15,20 @@ from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Pati
 from humanoid_getup.filtering.crawl import Crawl
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
+from humanoid_getup.motions.key_posture import KeyPosture, name_keys
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.goal_placement import GoalPlacement
+from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.planning.path_planner import PathOptions, plan_path
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.continuation import Continuation
+from humanoid_getup.strategies.key_postures import KeyedSearch
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
@@ -88,6 +92,7 @@ class PlannedRise:
         torque_limit: TorqueLimit = FULL_TORQUE,
         prefer: PreferenceName = "time",
         search_budget: float = SEARCH_BUDGET,
+        keys: Sequence[Posture | KeyPosture] = (),
     ) -> None:
         """Prepare to plan.
 
@@ -100,9 +105,12 @@ class PlannedRise:
             torque_limit: Of the servos.
             prefer: What a rise should be besides successful.
             search_budget: Simulated time in which a search may vary a rollout's targets [s].
+            keys: Key postures to rise through, in order; what physics refuses is dropped. They
+                require planning and filtering.
 
         Raises:
-            ValueError: if the preference is unknown, or the budget or assistance out of range.
+            ValueError: if the preference is unknown, the budget or assistance out of range, or
+                the robot cannot be in a key posture.
         """
         if not 0.0 < search_budget <= MOST_BUDGET:
             raise ValueError(
@@ -121,9 +129,57 @@ class PlannedRise:
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
         self.filter = DynamicsFilter(world, torque_limit=self.torque_limit, prefer=prefer)
+        if keys and not (planning and filtering):
+            raise ValueError("keys are given, expected planning and filtering with them")
+        self.keys = name_keys(keys)
+        """Key postures, each with a name."""
+        check_keys(world.robot, self.keys)
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
+
+        With key postures, a rise that passes through them is searched for first.
+        """
+        if not self.keys:
+            return self._plan_freely(start, rng)
+        already, searched = self.filter.count, self.filter.searched
+        through = KeyedSearch(
+            self.world,
+            self.database,
+            self.filter,
+            self.keys,
+            patience=PATIENT,
+            assistance=self.assistance,
+            search_budget=self.search_budget,
+        ).plan(start, rng)
+        if through.rollout is None:
+            plan = self._plan_freely(start, rng)
+            return replace(
+                plan,
+                keys=through.records,
+                rollouts=self.filter.count - already,
+                rounds=through.rounds + plan.rounds,
+                plan_s=through.plan_s + plan.plan_s,
+                filter_s=through.filter_s + plan.filter_s,
+            )
+        plan = self._conclude(
+            _Progress(
+                start,
+                rng,
+                best=through.rollout,
+                robust=through.robust,
+                rounds=through.rounds,
+                planned=True,
+            ),
+            rollouts=self.filter.count - already,
+            searched=self.filter.searched - searched,
+            plan_s=through.plan_s,
+            filter_s=through.filter_s,
+        )
+        return replace(plan, keys=through.records)
+
+    def _plan_freely(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+        """Plan a rise without key postures.
 
         First the nearest connecting postures of a few motions are tried, and the cheapest rise
         that stands is taken; if none does, or it is not yet as preferred, further motions and
@@ -144,8 +200,8 @@ class PlannedRise:
         self._round(progress, first)
         if not first:
             self._round(progress, self._pull_free(start, connections[:FIRST_CONNECTIONS]))
-        places = self._find_standing_places(start)
-        if places is not None and not progress.is_done and self._crawl(progress, places):
+        places = None if progress.is_done else self._find_standing_places(start)
+        if places is not None and self._crawl(progress, places):
             first = []
         if first and (not progress.is_done or self.filter.preference.is_demanding):
             further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])

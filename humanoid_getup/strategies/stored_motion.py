@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import NO_END, Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, find_motion, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
@@ -37,13 +37,18 @@ class StoredMotion:
         self.motion = motion if is_loaded else find_motion(world.robot, str(motion))
         if not self.motion.rises:
             raise ValueError(
-                f"motion '{self.motion.name}' ends lying {self.motion.end_class}, expected one "
-                "that ends standing"
+                f"motion '{self.motion.name}' ends {_name_end(self.motion)}, expected one that "
+                "ends standing"
             )
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
         """Plan to play the motion."""
         return MotionPlan(status=RiseStatus.STORED, motion=self.motion)
+
+
+def _name_end(motion: Motion) -> str:
+    is_path = motion.end_class == NO_END
+    return "neither standing nor lying" if is_path else f"lying {motion.end_class}"
 
 
 class NearestMotion:

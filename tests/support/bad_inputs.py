@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache
 from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
 from robots import Robot, load_robot
@@ -54,6 +55,10 @@ GROUPS: dict[str, list[Case]] = {
             "rise --from prone --scene ball.toml",
             "unknown key ground.frictoin",
             "sphere 'ball': radius is -1, expected above 0",
+        ),
+        case(
+            "rise --from supine --scene cave.toml",
+            "scene 'cave' has no place within 1.4 m of the start where 'op3' could stand",
         ),
         case("rise --from supine --scene nowhere.toml", "nowhere.toml: No such file"),
         case("scenes moon", "unknown scene 'moon'"),
@@ -206,6 +211,46 @@ GROUPS: dict[str, list[Case]] = {
         case("preflight squat_to_stand --body torso=0", "torso is '0'"),
         case("motions show long_arms.npz", "was made for the body 'arms=1.6', expected the orig"),
         case("motions show long_arms.npz --body legs=1.2", "expected 'legs=1.2' or the original"),
+    ],
+    "plan": [
+        case("plan", "--from is missing", "supine, prone, left, right"),
+        case("plan --from upside", "unknown start 'upside'"),
+        case("plan --from supine --scene moon", "unknown scene 'moon'"),
+        case("plan --from supine --max-checks 0", "--max-checks is 0, expected 1 or more"),
+        case("plan --from supine --keep-partial", "--keep-partial: expected --out DIR"),
+        case("plan --from supine --to none.json", "posture 'none.json': no such file"),
+        case("plan --from supine --to motions:moonwalk@1", "unknown motion 'moonwalk'", MOTION),
+        case("plan --from supine --key none.json", "posture 'none.json': no such file"),
+        case("plan --from supine --key motions:moonwalk@1", "unknown motion 'moonwalk'"),
+        case(f"plan --from supine --key motions:{MOTION}", "expected motions:NAME@TIME"),
+        case(f"plan --from supine --key motions:{MOTION}@soon", "expected motions:NAME@TIME"),
+        case(f"plan --from supine --key motions:{MOTION}@99", "99 s, expected 0 to 3.27 s"),
+        case(f"plan --from supine --key motions:{MOTION}@-1", "-1 s, expected 0 to 3.27 s"),
+        case("plan --from supine --key bent.json", "joint 'l_knee' is +9.000 rad"),
+        case(
+            "plan --from supine --key tangled.json",
+            "posture tangled.json",
+            "mm inside",
+            "expected at most 6.0 mm",
+        ),
+        case(
+            "plan --from walled.json --scene wall", "mm into obstacle 'wall', expected at most 5 mm"
+        ),
+        case("rise --from walled.json --scene wall", "mm into obstacle 'wall'"),
+        case("plan --from supine --robot no_motions", "robot 'op3' has no motions"),
+        case("plan --from supine --out text.txt", "text.txt is not a folder"),
+        case("plan --from supine --json folder", "output file folder: is a folder"),
+        case("rise --from supine --key none.json", "posture 'none.json': no such file"),
+        case("rise --from supine --key motions:moonwalk@1", "unknown motion 'moonwalk'"),
+        case(f"rise --from supine --key motions:{MOTION}@99", "99 s, expected 0 to 3.27 s"),
+        case("rise --from supine --key bent.json", "joint 'l_knee' is +9.000 rad"),
+        case("rise --from supine --key tangled.json", "posture tangled.json", "mm inside"),
+        case(
+            f"rise --from supine --method policy --key motions:{MOTION}@0",
+            "--key: expected --method plan with it, planning and filtering",
+        ),
+        case(f"rise --from supine --no-filtering --key motions:{MOTION}@0", "--key: expected"),
+        case("play path.npz", "motion 'path' ends neither standing nor lying"),
     ],
     "eval": [
         case("eval moonwalk", "unknown policy 'moonwalk'"),
@@ -441,6 +486,11 @@ def _make_postures(folder: Path, robot: Robot) -> None:
     standing = json.loads(robot.standing.to_json(robot))
     standing["position"] = [x, y, z - 0.1]
     (folder / "sunk.json").write_text(json.dumps(standing))
+    (wall,) = load_scene("wall", robot).obstacles
+    save("walled.json", position=[x, float(wall.position[1]), z])
+    crossed = json.loads(robot.standing.to_json(robot))
+    crossed["joint_pos"]["l_hip_roll"] = 0.5
+    (folder / "tangled.json").write_text(json.dumps(crossed))
     (folder / "list.json").write_text("[]")
     (folder / "binary.json").write_bytes(b"\xff\xfe\x00")
     (folder / "deep.json").write_text("[" * 100_000)
@@ -459,6 +509,7 @@ def _make_motions(folder: Path, robot: Robot) -> None:
     fields = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
     Motion(**{**fields, "robot": "nao"}).save(folder / "other.npz")
     Motion(**{**fields, "provenance": {"body": "arms=1.6"}}).save(folder / "long_arms.npz")
+    Motion(**{**fields, "name": "path", "end_class": "other"}).save(folder / "path.npz")
 
 
 def _make_plans(folder: Path, robot: Robot) -> None:

@@ -12,6 +12,7 @@ from humanoid_getup.cli.options.shared import (
     A_POLICY,
     CacheFolder,
     Count,
+    Keys,
     MotionName,
     PolicyName,
     PreferenceOptions,
@@ -34,6 +35,7 @@ class Rise(PreferenceOptions, RunOptions):
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True
     """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
+    key: Keys = ()
     plan_cache: bool = True
     """Begin with the plan of a solved rise whose start was near, and keep new ones."""
     cache_folder: CacheFolder = None
@@ -62,6 +64,8 @@ class Rise(PreferenceOptions, RunOptions):
             faults.append(f"{named}: expected --method plan or auto with it")
         if self.method == "policy":
             faults += self.refuse_body(A_POLICY)
+        if self.key and not (self.method == "plan" and self.planning and self.filtering):
+            faults.append("--key: expected --method plan with it, planning and filtering")
         if named and not self.filtering:
             faults.append(f"{named}: expected filtering, not --no-filtering")
         return faults

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from tyro.conf import arg
+from tyro.conf import UseAppendAction, arg
 
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
@@ -21,6 +21,15 @@ JsonTarget = Annotated[
     str | None,
     arg(metavar="FILE|-", help="Write the results as JSON to a file; - prints JSON alone."),
 ]
+Keys = Annotated[
+    tuple[str, ...],
+    arg(
+        metavar="FILE|motions:NAME@TIME",
+        help="Posture to rise through: a posture file, or a frame of a motion by its time [s]; "
+        "repeat the option for several, in order.",
+    ),
+    UseAppendAction,
+]
 MotionName = Annotated[
     str,
     arg(metavar="MOTION", help="Name of a motion in the robot's database, or an .npz file."),
@@ -33,6 +42,7 @@ Origin = Annotated[
         help="Start of a simulated robot: class of a sampled fall, or a posture file.",
     ),
 ]
+NO_ORIGIN = "--from is missing, expected supine, prone, left, right or a posture file"
 Prefer = Literal["time", "torque", "impact", "robustness"]
 PolicyName = Annotated[
     str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
@@ -206,9 +216,7 @@ class RunOptions(MoveOptions):
             )
         is_simulated = self.backend != "dynamixel"
         if self.needs_origin and is_simulated and not self.is_real and self.origin is None:
-            faults.append(
-                "--from is missing, expected supine, prone, left, right or a posture file"
-            )
+            faults.append(NO_ORIGIN)
         return faults
 
     @property

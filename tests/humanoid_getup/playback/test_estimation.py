@@ -17,7 +17,7 @@ from humanoid_getup.playback.estimation import (
     estimate_posture,
     settle,
 )
-from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.falls import sample_falls, settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import read_posture
@@ -114,3 +114,22 @@ def test_a_start_in_the_air_or_in_the_ground_is_refused(
     moved = replace(lateral, position=lateral.position + np.array([0.0, 0.0, offset]))
     with pytest.raises(StartError, match=told):
         check_start(world, moved)
+
+
+def test_a_start_in_an_obstacle_is_refused_by_its_name(op3: Robot, lateral: Posture):
+    walled = World(op3, "wall")
+    (wall,) = walled.scene.obstacles
+    at = np.array([lateral.position[0], wall.position[1], lateral.position[2]])
+    with pytest.raises(StartError, match="mm into obstacle 'wall', expected at most 5 mm"):
+        check_start(walled, replace(lateral, position=at))
+
+
+@pytest.mark.parametrize("scene", ["soft-bed", "table", "wall"])
+def test_a_robot_that_rests_against_what_is_around_it_may_start(op3: Robot, scene: str):
+    """It sinks into a soft bed, and touches walls and table legs."""
+    world = World(op3, scene)
+    side = str(world.scene.starts[0].start_class)
+    falls = sample_falls(world, {side: 4}, np.random.default_rng(0))
+    assert len(falls) == 4
+    for fall in falls:
+        check_start(world, fall.posture)

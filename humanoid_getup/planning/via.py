@@ -1,0 +1,149 @@
+"""Paths through key postures: planned leg by leg, with a rest at each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from humanoid_getup.motions.motion import Trajectory, hold_last
+from humanoid_getup.planning.collision import CollisionChecker
+from humanoid_getup.planning.goal_placement import SUNK, GoalPlacement
+from humanoid_getup.planning.path_planner import PathOptions, PathResult, plan_path
+from humanoid_getup.planning.refinement import Report
+from humanoid_getup.planning.rrt_blossom import SearchStatus
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.world import World
+from robots import Posture
+from robots.kinematics import place
+
+# A position servo without load approaches its target with a time constant of its torque-speed
+# slope over its gain, 0.045 s on OP3: after 0.3 s, 0.1 % of the distance is left, the rest is load.
+REST = 0.3  # s for which a path rests at a key posture
+FLOATING = 0.003  # m over the ground, or in it, beyond which a posture does not rest there
+SAME_JOINTS = 1e-6  # rad; a goal that is no farther needs no path
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViaResult:
+    """Result of planning a path through key postures."""
+
+    status: SearchStatus
+    reason: str = ""
+    """Why there is no path, and on which leg; empty when solved."""
+    leg: int
+    """Number of the leg that failed, or of all legs when solved."""
+    trajectory: Trajectory | None = None
+    """From start to goal, at rest at each key posture; None unless solved."""
+    arrivals: tuple[int, ...] = ()
+    """Samples at which the rest at each key posture ends."""
+    nodes: int = 0
+    checks: int = 0
+    refined: bool = False
+    """Whether any leg was refined from loose to strict."""
+    beginning: Trajectory | None = None
+    """How far the best path leads without a collision; None if solved, or if it leads nowhere."""
+
+
+def place_stops(world: World, stops: Sequence[Posture], start: Posture) -> list[Posture | None]:
+    """Put each posture at the one before it, or beside that; ``None`` where there is no place.
+
+    One that floats or is sunk, as those of users may, is put on what is under it.
+    """
+    goals, clearance = GoalPlacement(world), Clearance(world)
+    root = world.robot.layout(world.model).root_position
+    placed: list[Posture | None] = []
+    for stop in stops:
+        goal = goals.place(stop, start)
+        if goal is not None:
+            rested = clearance.rest(place(world.robot, world.model, goal), -SUNK)[root]
+            if abs(rested[2] - goal.position[2]) > FLOATING:
+                goal = replace(goal, position=rested.copy())
+            start = goal
+        placed.append(goal)
+    return placed
+
+
+def plan_via(
+    start: Posture,
+    stops: Sequence[Posture],
+    checker: CollisionChecker,
+    rng: np.random.Generator,
+    options: PathOptions | None = None,
+    report: Report = lambda _: None,
+) -> ViaResult:
+    """Plan a smooth trajectory from a start through all stops, of which the last is the goal.
+
+    Every leg is planned by `plan_path`; a key posture given by the user may be far from any in the
+    database, [Lin12], section 5.1. The trajectory rests at each stop but the last.
+    """
+    plan = partial(plan_path, checker=checker, rng=rng, options=options, report=report)
+    period = checker.robot.control_period
+    path, legs, arrivals = _stay(start), list[PathResult](), list[int]()
+    for goal in stops:
+        if not _is_same(start, goal):
+            legs.append(plan(start, goal))
+            further = legs[-1].trajectory or legs[-1].beginning
+            path = path if further is None else _append(path, further, period)
+            if legs[-1].trajectory is None:
+                return _sum_up(legs, path, arrivals, leg=len(arrivals) + 1)
+        start = goal
+        if len(arrivals) < len(stops) - 1:
+            path = _rest(path, REST, period)
+            arrivals.append(len(path.time) - 1)
+    return _sum_up(legs, path, arrivals, leg=len(stops))
+
+
+def _sum_up(legs: list[PathResult], path: Trajectory, arrivals: list[int], leg: int) -> ViaResult:
+    last = legs[-1] if legs else PathResult(status=SearchStatus.SOLVED)
+    is_solved = last.status is SearchStatus.SOLVED
+    return ViaResult(
+        status=last.status,
+        reason=last.reason,
+        leg=leg,
+        trajectory=path if is_solved else None,
+        arrivals=tuple(arrivals),
+        nodes=sum(one.nodes for one in legs),
+        checks=sum(one.checks for one in legs),
+        refined=any(one.refined for one in legs),
+        beginning=path if not is_solved and len(path.time) > 1 else None,
+    )
+
+
+def _is_same(a: Posture, b: Posture) -> bool:
+    """Return whether two postures are the same, but for sinking into what is under them."""
+    turned = 1.0 - abs(float(a.orientation @ b.orientation))
+    return bool(np.abs(a.joint_pos - b.joint_pos).max() < SAME_JOINTS and turned < SAME_JOINTS)
+
+
+def _stay(posture: Posture) -> Trajectory:
+    return Trajectory(
+        time=np.zeros(1),
+        position=posture.position[None],
+        orientation=posture.orientation[None],
+        joint_pos=posture.joint_pos[None],
+    )
+
+
+def _rest(path: Trajectory, duration: float, period: float) -> Trajectory:
+    """Hold the last posture of a path for a time [s]."""
+    length = len(path.time) + round(duration / period)
+    return Trajectory(
+        time=np.arange(length, dtype=float) * period,
+        position=hold_last(path.position, length),
+        orientation=hold_last(path.orientation, length),
+        joint_pos=hold_last(path.joint_pos, length),
+    )
+
+
+def _append(path: Trajectory, further: Trajectory, period: float) -> Trajectory:
+    """Chain two paths, of which the second begins where the first ends."""
+    joint_pos = np.concatenate([path.joint_pos, further.joint_pos[1:]])
+    return Trajectory(
+        time=np.arange(len(joint_pos), dtype=float) * period,
+        position=np.concatenate([path.position, further.position[1:]]),
+        orientation=np.concatenate([path.orientation, further.orientation[1:]]),
+        joint_pos=joint_pos,
+    )

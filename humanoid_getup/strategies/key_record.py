@@ -1,0 +1,98 @@
+"""Key postures in a motion: when it passes through them, and how closely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.simulation.world import World
+from robots import Posture, quaternion
+from robots.quaternion import Array
+
+CLOSE_JOINT = 0.1  # rad; largest joint error of a key posture that counts as kept
+CLOSE_TILT = 0.35  # rad between the directions of gravity in the torso, likewise
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeyPass:
+    """The instant at which a robot comes closest to a key posture."""
+
+    frame: int
+    joint_error: Array
+    """Key posture minus joint angles [rad], (n,)."""
+    tilt: float
+    """Angle between the directions of gravity in the two torso frames [rad]."""
+
+    @property
+    def largest(self) -> float:
+        """Return the largest joint error [rad]."""
+        return float(np.abs(self.joint_error).max())
+
+    @property
+    def distance(self) -> float:
+        """Return how far the posture is from the key; up to 1 it is kept."""
+        return max(self.largest / CLOSE_JOINT, self.tilt / CLOSE_TILT)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeyRecord:
+    """What became of a key posture in a plan."""
+
+    name: str
+    posture: Posture
+    kept: bool
+    time: float | None = None
+    """When the motion passes through it [s]; ``None`` if it does not."""
+    joint_error: float | None = None
+    """Largest joint error at that instant of the undisturbed rollout [rad]."""
+    tilt_error: float | None = None
+    """Error of the torso's tilt at that instant [rad]."""
+    reason: str = ""
+    """Why it was dropped; empty if it was kept."""
+
+    def record(self) -> dict[str, Any]:
+        """Return it under report.json's keys."""
+        return {
+            "name": self.name,
+            "kept": self.kept,
+            "time_s": self.time,
+            "largest_joint_error_rad": self.joint_error,
+            "tilt_error_rad": self.tilt_error,
+            "reason": self.reason,
+        }
+
+
+def find_passes(world: World, qpos: Array, keys: Sequence[Posture]) -> list[KeyPass]:
+    """Find when a robot comes closest to each of several key postures, in their order.
+
+    Of all ordered instants those are taken whose distances have the least sum. MuJoCo positions
+    have the shape (T, nq), one row for each control period.
+    """
+    layout = world.robot.layout(world.model)
+    error = np.array([key.joint_pos - qpos[:, layout.qpos] for key in keys])  # (K, T, n)
+    gravity = quaternion.gravity_in_body(qpos[:, layout.root_orientation])
+    down = np.array([key.gravity_b for key in keys])
+    tilt = np.arccos(np.clip(down @ gravity.T, -1.0, 1.0))  # (K, T)
+    distance = np.maximum(np.abs(error).max(axis=2) / CLOSE_JOINT, tilt / CLOSE_TILT)
+    frames = _pick_in_order(distance)
+    return [
+        KeyPass(frame=frame, joint_error=error[k, frame], tilt=float(tilt[k, frame]))
+        for k, frame in enumerate(frames)
+    ]
+
+
+def _pick_in_order(distance: Array) -> list[int]:
+    """Pick a column in each row of (K, T), none before that of the row above, of least sum."""
+    total = np.zeros_like(distance)
+    before = np.zeros(distance.shape[1])
+    for k, row in enumerate(distance):
+        total[k] = row + before
+        before = np.minimum.accumulate(total[k])
+    frames, last = list[int](), distance.shape[1] - 1
+    for row in total[::-1]:
+        last = int(np.argmin(row[: last + 1]))
+        frames.append(last)
+    return frames[::-1]

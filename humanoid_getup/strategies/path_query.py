@@ -1,0 +1,165 @@
+"""A path query: where a path may end, and how the search for one went, without physics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.motions.key_posture import KeyPosture
+from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
+from humanoid_getup.motions.motion_database import Connection, MotionDatabase
+from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.planning.collision import CollisionChecker
+from humanoid_getup.planning.path_planner import PathOptions
+from humanoid_getup.planning.rrt_blossom import SearchStatus
+from humanoid_getup.planning.via import ViaResult, place_stops, plan_via
+from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.world import World
+from robots import Posture, quaternion
+
+CONNECTIONS = 6  # as many as a planned rise tries
+Progress = Callable[[str, float | None], None]
+"""Called with the name of the goal, and the looseness at which there is a path to it, if any."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """Where a path may end."""
+
+    name: str
+    posture: Posture
+    connection: Connection | None = None
+    """Motion that is joined there; ``None`` for a posture that was asked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathAnswer:
+    """Answer to a path query; if no path was found, of the goal that the best one leads to."""
+
+    goal: Goal
+    result: ViaResult
+    tried: tuple[tuple[str, str], ...]
+    """Each goal that was tried, and why there is no path to it; empty for the one with a path."""
+    nodes: int
+    """Of all searches."""
+    checks: int
+    """Of all searches."""
+    time: float
+    """Wall time [s]."""
+
+    @property
+    def found(self) -> bool:
+        """Return whether there is a path."""
+        return self.result.trajectory is not None
+
+    @property
+    def path(self) -> Trajectory | None:
+        """Return the path, or how far the best one leads; ``None`` for nothing."""
+        return self.result.trajectory or self.result.beginning
+
+
+def choose_goals(database: MotionDatabase, last: Posture) -> list[Goal]:
+    """Choose where stored motions may be joined, the nearest to a posture first."""
+    return [
+        Goal(name=c.motion.name, posture=c.posture, connection=c)
+        for c in database.select(last, CONNECTIONS)
+    ]
+
+
+def find_path(
+    world: World,
+    start: Posture,
+    keys: Sequence[KeyPosture],
+    goals: Sequence[Goal],
+    rng: np.random.Generator,
+    options: PathOptions,
+    report: Progress = lambda _goal, _looseness: None,
+) -> PathAnswer:
+    """Plan through the key postures to the first of the goals to which there is a path.
+
+    A start that is not valid has no path to any of them: the others are not tried.
+    """
+    began, checker = time.perf_counter(), CollisionChecker(world.robot, world.scene)
+    answers: list[tuple[Goal, ViaResult]] = []
+    for goal in goals:
+        report(goal.name, None)
+        result = _plan(world, start, keys, goal, checker, rng, options, report)
+        answers.append((goal, result))
+        if result.status in (SearchStatus.SOLVED, SearchStatus.START_INVALID):
+            break
+    metric = PostureMetric.of(world.robot)
+    chosen = answers[-1]
+    if chosen[1].trajectory is None:
+        chosen = max(answers, key=lambda one: (one[1].leg, _measure(metric, one[1].beginning)))
+    return PathAnswer(
+        goal=chosen[0],
+        result=chosen[1],
+        tried=tuple((goal.name, result.reason) for goal, result in answers),
+        nodes=sum(result.nodes for _, result in answers),
+        checks=checker.checks,
+        time=time.perf_counter() - began,
+    )
+
+
+def _plan(
+    world: World,
+    start: Posture,
+    keys: Sequence[KeyPosture],
+    goal: Goal,
+    checker: CollisionChecker,
+    rng: np.random.Generator,
+    options: PathOptions,
+    report: Progress,
+) -> ViaResult:
+    placed = place_stops(world, [*(key.posture for key in keys), goal.posture], start)
+    names = [*(key.name for key in keys), goal.name]
+    stops = list[Posture]()
+    for leg, stop in enumerate(placed):
+        if stop is None:
+            reason = f"there is no place for {names[leg]} at the robot or beside it"
+            return ViaResult(status=SearchStatus.GOAL_INVALID, reason=reason, leg=leg + 1)
+        stops.append(stop)
+    return plan_via(start, stops, checker, rng, options, lambda level: report(goal.name, level))
+
+
+def measure_length(metric: PostureMetric, path: Trajectory) -> float:
+    """Measure the length of a path in the posture metric, root and joints."""
+    q, v = path.orientation, path.joint_pos
+    turned = metric.root_weight * 0.5 * quaternion.angle_between(q[:-1], q[1:])
+    bent = np.sqrt(np.sum(metric.joint_weight * np.diff(v, axis=0) ** 2, axis=1))
+    return float(np.sum(turned + bent))
+
+
+def _measure(metric: PostureMetric, path: Trajectory | None) -> float:
+    return 0.0 if path is None else measure_length(metric, path)
+
+
+def to_motion(world: World, path: Trajectory, answer: PathAnswer, seed: int) -> Motion:
+    """Make a motion of a path: its targets are its angles, and it ends in no stand."""
+    joined = answer.goal.connection
+    made: dict[str, str | float | int] = {
+        "program": "getup plan",
+        "goal": answer.goal.name,
+        "scene": world.scene.name,
+        "seed": seed,
+        "complete": int(answer.found),
+    }
+    if joined is not None:
+        made |= {"frame": joined.frame, "frame_time_s": float(joined.motion.time[joined.frame])}
+    return Motion(
+        name="path",
+        robot=world.robot.name,
+        start_class=classify(path.orientation[0])
+        or (joined.motion.start_class if joined else "squat"),
+        end_class=NO_END,
+        strategy=f"path to {answer.goal.name}",
+        time=path.time,
+        position=path.position,
+        orientation=quaternion.normalize(path.orientation),
+        joint_pos=path.joint_pos,
+        joint_target=path.joint_pos,
+        provenance=made,
+    )

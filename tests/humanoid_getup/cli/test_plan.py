@@ -1,0 +1,109 @@
+"""`getup plan`, and key postures of `getup rise`: files, figures and exit codes."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from humanoid_getup.cli.main import main
+from humanoid_getup.motions.key_posture import load_key
+from humanoid_getup.motions.motion import Motion
+from robots import Robot
+
+KEY = "motions:supine_sit_up_gentle@1.2"
+TABLE = ["plan", "--from", "left", "--scene", "table", "--seed", "5", "--max-checks", "1500"]
+
+
+def run(*arguments: str, file: Path) -> tuple[int, dict[str, Any]]:
+    code = main([*arguments, "--json", str(file)])
+    return code, json.loads(file.read_text())
+
+
+def test_a_path_is_found_saved_and_described(tmp_path: Path, op3: Robot):
+    out = tmp_path / "out"
+    code, record = run("plan", "--from", "supine", "--out", str(out), file=tmp_path / "plan.json")
+    path = Motion.load(out / "path.npz")
+    assert code == 0
+    assert {file.name for file in out.iterdir()} >= {"path.npz"}
+    assert (record["strip_reason"] is None) == (out / "strip.png").exists()
+    assert record["found"]
+    assert (record["status"], record["reason"]) == ("reached the goal", "")
+    assert record["connection"]["motion"] == record["goal"] == record["tried"][-1]["goal"]
+    assert record["duration_s"] == pytest.approx(path.duration)
+    assert record["checks"] > 0
+    assert not record["refined"]
+    assert (path.end_class, path.rises) == ("other", False)
+    connection = record["connection"]
+    joined = load_key(f"motions:{connection['motion']}@{connection['time_s']}", op3)
+    np.testing.assert_allclose(path.joint_pos[-1], joined.posture.joint_pos, atol=1e-9)
+
+
+def test_the_saved_path_can_be_drawn_and_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", "--from", "prone", "--out", "out"]) == 0
+    assert main(["preflight", "out/path.npz"]) == 0
+    if Path("out/strip.png").exists():
+        assert main(["motions", "show", "out/path.npz", "--out", "shown.png"]) == 0
+
+
+def test_a_path_leads_through_keys_to_a_posture(tmp_path: Path, op3: Robot):
+    wanted = ["--key", KEY, "--to", "motions:squat_to_stand@0"]
+    code, record = run(
+        "plan", "--from", "prone", *wanted, "--out", str(tmp_path), file=tmp_path / "plan.json"
+    )
+    path = Motion.load(tmp_path / "path.npz")
+    (key,) = record["keys"]
+    assert code == 0
+    assert record["connection"] is None
+    assert record["goal"] == "motions:squat_to_stand@0"
+    at = int(np.argmin(np.abs(path.time - key["time_s"])))
+    np.testing.assert_allclose(path.joint_pos[at], load_key(KEY, op3).posture.joint_pos, atol=1e-9)
+
+
+def test_the_same_seed_gives_the_same_path(tmp_path: Path):
+    records = []
+    for file in ("one.json", "two.json"):
+        _, record = run("plan", "--from", "right", "--seed", "4", file=tmp_path / file)
+        del record["time_s"]
+        records.append(record)
+    assert records[0] == records[1]
+
+
+def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "out"
+    assert main([*TABLE, "--out", str(out)]) == 1
+    printed = capsys.readouterr().out
+    assert printed.count("\n") == 1
+    for part in ("no path to", "checks in", "mm inside", "% of the path", "at looseness"):
+        assert part in printed
+    assert not out.exists() or list(out.iterdir()) == []
+
+
+def test_the_beginning_of_the_best_path_is_kept_on_request(tmp_path: Path):
+    code, record = run(
+        *TABLE, "--keep-partial", "--out", str(tmp_path), file=tmp_path / "plan.json"
+    )
+    path = Motion.load(tmp_path / "path.npz")
+    assert (code, record["found"], record["refined"]) == (1, False, True)
+    assert len(record["tried"]) == 6
+    assert path.provenance["complete"] == 0
+    assert 0.0 < record["duration_s"] == pytest.approx(path.duration)
+
+
+def test_without_refinement_less_is_tried(tmp_path: Path):
+    code, record = run(*TABLE, "--no-refinement", file=tmp_path / "plan.json")
+    assert (code, record["refined"]) == (1, False)
+
+
+def test_a_rise_reports_what_became_of_its_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    code, record = run("rise", "--from", "supine", "--key", KEY, file=tmp_path / "rise.json")
+    (key,) = record["keys"]
+    assert (code, record["stood"], record["plan_cache"]) == (0, True, None)
+    assert (key["name"], key["kept"], key["reason"]) == (KEY, True, "")
+    assert key["largest_joint_error_rad"] < 0.1
+    assert key["played_joint_error_rad"] < 0.1
+    assert f"{KEY} at {key['time_s']:.2f} s" in capsys.readouterr().out

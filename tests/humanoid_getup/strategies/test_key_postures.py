@@ -1,0 +1,181 @@
+"""Key postures: kept where physics permits, dropped with a reason where it does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers import Twin
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.motions.key_posture import KeyPosture, load_key
+from humanoid_getup.motions.motion_database import find_motion, load_database
+from humanoid_getup.simulation.falls import sample_fall
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.cached_rise import CachedRise
+from humanoid_getup.strategies.key_record import CLOSE_JOINT, find_passes
+from humanoid_getup.strategies.key_route import Route, find_stretches
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan_cache import PlanCache
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots import Posture, Robot, quaternion
+from robots.kinematics import place, place_postures
+
+SITTING = "motions:supine_sit_up_gentle@1.2"
+
+
+@pytest.fixture(scope="module")
+def fall(world: World) -> Posture:
+    return sample_fall(world, "supine", seed=3).posture
+
+
+@pytest.fixture(scope="module")
+def sitting(op3: Robot) -> KeyPosture:
+    return load_key(SITTING, op3)
+
+
+@pytest.fixture(scope="module")
+def planner(world: World, sitting: KeyPosture) -> PlannedRise:
+    return PlannedRise(world, keys=[sitting])
+
+
+@pytest.fixture(scope="module")
+def plan(planner: PlannedRise, fall: Posture) -> RisePlan:
+    return planner.plan(fall, np.random.default_rng(0))
+
+
+def test_a_reachable_key_is_kept_and_the_robot_stands(plan: RisePlan):
+    (key,) = plan.keys
+    assert plan.status is RiseStatus.STOOD
+    assert plan.robust == 1.0
+    assert (key.name, key.kept, key.reason) == (SITTING, True, "")
+    assert key.joint_error is not None
+    assert key.joint_error < CLOSE_JOINT
+    assert key.time is not None
+    assert 0.3 < key.time < plan.stand_time
+    assert plan.record()["keys"] == [key.record()]
+
+
+def test_the_motion_passes_through_the_key_when_it_says(
+    plan: RisePlan, sitting: KeyPosture, op3: Robot
+):
+    assert isinstance(plan, MotionPlan)
+    (key,) = plan.keys
+    assert key.time is not None
+    at = round(key.time / op3.control_period)
+    off = np.abs(plan.motion.joint_pos[at] - sitting.posture.joint_pos).max()
+    assert off == pytest.approx(key.joint_error, abs=1e-6)
+
+
+def test_the_twin_passes_through_the_key_and_stands(
+    plan: RisePlan, planner: PlannedRise, sitting: KeyPosture, world: World, fall: Posture
+):
+    class Planned:
+        world, torque_limit = planner.world, planner.torque_limit
+
+        def plan(self, _start: Posture, _rng: np.random.Generator) -> RisePlan:
+            return plan
+
+    with Twin(world, fall) as twin:
+        result = get_up(twin, Planned())
+    assert result.stood
+    assert result.outcome is not None
+    (one,) = find_passes(world, result.outcome.qpos, [sitting.posture])
+    assert one.largest < CLOSE_JOINT
+
+
+def test_the_same_seed_gives_the_same_rise_and_none_is_cached(
+    plan: RisePlan, planner: PlannedRise, fall: Posture, plan_cache_folder
+):
+    assert isinstance(plan, MotionPlan)
+    cache = PlanCache(plan_cache_folder)
+    again = CachedRise(planner, cache).plan(fall, np.random.default_rng(0))
+    assert isinstance(again, MotionPlan)
+    np.testing.assert_array_equal(again.motion.joint_target, plan.motion.joint_target)
+    assert cache.read().entries == ()
+
+
+def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(
+    world: World, fall: Posture, op3: Robot
+):
+    over = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.pi)
+    headstand = replace(
+        op3.standing, orientation=quaternion.multiply(op3.standing.orientation, over)
+    )
+    plan = PlannedRise(world, keys=[headstand]).plan(fall, np.random.default_rng(0))
+    (key,) = plan.keys
+    assert plan.status is RiseStatus.STOOD
+    assert (key.name, key.kept, key.time) == ("key 1", False, None)
+    assert key.reason
+
+
+def test_keys_require_planning_and_filtering(world: World, sitting: KeyPosture):
+    with pytest.raises(ValueError, match="expected planning and filtering"):
+        PlannedRise(world, keys=[sitting], filtering=False)
+
+
+def test_a_key_that_collides_with_itself_is_refused(world: World, op3: Robot):
+    crossed = op3.standing.joint_pos.copy()
+    crossed[op3.joint_names.index("l_hip_roll")] = 0.5
+    with pytest.raises(ValueError, match=r"posture key 1: .* mm inside"):
+        PlannedRise(world, keys=[replace(op3.standing, joint_pos=crossed)])
+
+
+@settings(max_examples=10)
+@given(frames=st.lists(st.integers(0, 200), min_size=1, max_size=3))
+def test_a_motion_passes_through_its_own_frames_in_order(
+    world: World, op3: Robot, frames: list[int]
+):
+    motion = find_motion(op3, "supine_roll_over")
+    qpos = place_postures(op3, world.model, motion.position, motion.orientation, motion.joint_pos)
+    passes = find_passes(world, qpos, [motion.posture(frame) for frame in sorted(frames)])
+    assert [one.frame for one in passes] == sorted(one.frame for one in passes)
+    for one in passes:
+        assert one.distance < 1e-6
+    there_and_back = find_passes(world, qpos, [motion.posture(f) for f in (200, 0)])
+    assert there_and_back[0].frame <= there_and_back[1].frame
+    assert max(one.distance for one in there_and_back) > 1.0
+
+
+def test_a_key_upside_down_is_not_passed_by_its_joints_alone(world: World, op3: Robot):
+    over = quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.pi)
+    upside_down = replace(
+        op3.standing, orientation=quaternion.multiply(over, op3.standing.orientation)
+    )
+    qpos = place(op3, world.model, op3.standing)[None]
+    (one,) = find_passes(world, qpos, [upside_down])
+    assert one.largest == pytest.approx(0.0)
+    assert one.tilt == pytest.approx(np.pi)
+    assert one.distance > 1.0
+
+
+def test_the_stretch_that_leads_to_a_frame_of_a_motion_is_from_that_motion(op3: Robot):
+    database = load_database(op3)
+    motion = find_motion(op3, "prone_push_up_gentle")
+    frame = len(motion.time) // 2
+    best = find_stretches(database, motion.posture(0), motion.posture(frame), 3)[0]
+    assert (best.motion.name, best.first, best.last) == (motion.name, 0, frame)
+    assert best.distance == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_route_that_plays_a_whole_motion_is_that_motion(world: World, op3: Robot):
+    motion = find_motion(op3, "squat_to_stand")
+    route = Route(world, motion.posture(0))
+    route.play(motion, 0)
+    put_together = route.to_motion(motion)
+    np.testing.assert_allclose(put_together.joint_pos, motion.joint_pos, atol=1e-9)
+    np.testing.assert_allclose(put_together.position, motion.position, atol=1e-9)
+    np.testing.assert_allclose(put_together.joint_target[-1], motion.joint_target[-1])
+
+
+def test_a_rest_keeps_posture_and_load(world: World, op3: Robot):
+    motion = find_motion(op3, "squat_to_stand")
+    route = Route(world, motion.posture(0))
+    route.play(motion, 0, 60)
+    before = route.length
+    route.rest(0.2)
+    rested = route.to_motion(motion)
+    assert route.length == before + round(0.2 / op3.control_period)
+    for rows in (rested.joint_pos, rested.joint_target):
+        np.testing.assert_allclose(rows[before:], rows[[before - 1]].repeat(25, axis=0))

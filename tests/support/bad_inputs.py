@@ -458,6 +458,10 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "ball.toml").write_text(
         "[ground]\nfrictoin = 1\n[[spheres]]\nname = 'ball'\ncenter = [0, 0, 0]\nradius = -1\n"
     )
+    (folder / "cave.toml").write_text(
+        "[[boxes]]\nname = 'roof'\ncenter = [0, 0, 1]\nsize = [50, 50, 0.1]\n"
+        "[[starts]]\nlying = 'supine'\nz = [0, 0.8]\nsettled = true\n"
+    )
     (folder / "unreadable").write_text("{}")
     (folder / "unreadable").chmod(0)
     _make_postures(folder, robot)

@@ -136,7 +136,8 @@ def main(n: int = 20, impossible: int = 5, seed: int = 0, json: Path | None = No
             else:
                 key = draw_impossible(database, world.robot, number - n, rng)
             start = by_class[side][number // len(CLASSES)].posture
-            plan = PlannedRise(world, database, keys=[key]).plan(start, rng)
+            own = np.random.default_rng([seed, number])  # a search must not change the next key
+            plan = PlannedRise(world, database, keys=[key]).plan(start, own)
             cases[kind].append(describe(key, side, plan))
             advance(1)
     figures = {kind: summarize(rows) for kind, rows in cases.items() if rows}

@@ -22,7 +22,7 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, place_postures
 
-SITTING = "motions:supine_sit_up_gentle@1.2"
+PROPPED = "motions:supine_sit_up_gentle@1.2"
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +31,13 @@ def fall(world: World) -> Posture:
 
 
 @pytest.fixture(scope="module")
-def sitting(op3: Robot) -> KeyPosture:
-    return load_key(SITTING, op3)
+def propped(op3: Robot) -> KeyPosture:
+    return load_key(PROPPED, op3)
 
 
 @pytest.fixture(scope="module")
-def planner(world: World, sitting: KeyPosture) -> PlannedRise:
-    return PlannedRise(world, keys=[sitting])
+def planner(world: World, propped: KeyPosture) -> PlannedRise:
+    return PlannedRise(world, keys=[propped])
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_a_reachable_key_is_kept_and_the_robot_stands(plan: RisePlan):
     (key,) = plan.keys
     assert plan.status is RiseStatus.STOOD
     assert plan.robust == 1.0
-    assert (key.name, key.kept, key.reason) == (SITTING, True, "")
+    assert (key.name, key.kept, key.reason) == (PROPPED, True, "")
     assert key.joint_error is not None
     assert key.joint_error < CLOSE_JOINT
     assert key.time is not None
@@ -58,18 +58,18 @@ def test_a_reachable_key_is_kept_and_the_robot_stands(plan: RisePlan):
 
 
 def test_the_motion_passes_through_the_key_when_it_says(
-    plan: RisePlan, sitting: KeyPosture, op3: Robot
+    plan: RisePlan, propped: KeyPosture, op3: Robot
 ):
     assert isinstance(plan, MotionPlan)
     (key,) = plan.keys
     assert key.time is not None
     at = round(key.time / op3.control_period)
-    off = np.abs(plan.motion.joint_pos[at] - sitting.posture.joint_pos).max()
+    off = np.abs(plan.motion.joint_pos[at] - propped.posture.joint_pos).max()
     assert off == pytest.approx(key.joint_error, abs=1e-6)
 
 
 def test_the_twin_passes_through_the_key_and_stands(
-    plan: RisePlan, planner: PlannedRise, sitting: KeyPosture, world: World, fall: Posture
+    plan: RisePlan, planner: PlannedRise, propped: KeyPosture, world: World, fall: Posture
 ):
     class Planned:
         world, torque_limit = planner.world, planner.torque_limit
@@ -81,7 +81,7 @@ def test_the_twin_passes_through_the_key_and_stands(
         result = get_up(twin, Planned())
     assert result.stood
     assert result.outcome is not None
-    (one,) = find_passes(world, result.outcome.qpos, [sitting.posture])
+    (one,) = find_passes(world, result.outcome.qpos, [propped.posture])
     assert one.largest < CLOSE_JOINT
 
 
@@ -110,9 +110,9 @@ def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(
     assert key.reason
 
 
-def test_keys_require_planning_and_filtering(world: World, sitting: KeyPosture):
+def test_keys_require_planning_and_filtering(world: World, propped: KeyPosture):
     with pytest.raises(ValueError, match="expected planning and filtering"):
-        PlannedRise(world, keys=[sitting], filtering=False)
+        PlannedRise(world, keys=[propped], filtering=False)
 
 
 def test_a_key_that_collides_with_itself_is_refused(world: World, op3: Robot):

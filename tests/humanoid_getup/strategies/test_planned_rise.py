@@ -107,7 +107,7 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     world, database, plan, fall
 ):
     planner = PlannedRise(world, database, prefer="torque", search_budget=200.0)
-    gentle = planner.plan(fall, np.random.default_rng(0))
+    gentle = planner.plan(fall, np.random.default_rng(1))
     assert gentle.robust >= plan.robust
     assert gentle.search is not None
     assert gentle.search.simulated > 0.0

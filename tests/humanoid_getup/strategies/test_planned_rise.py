@@ -112,13 +112,14 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     assert gentle.search is not None
     assert gentle.search.simulated > 0.0
     assert gentle.search.before is not None
-    assert gentle.search.figures.rms_torque < gentle.search.before.rms_torque
+    weigh = Preference.of("torque").cost
+    assert weigh(gentle.search.figures) < weigh(gentle.search.before)
 
     start = place(world.robot, world.model, fall)[None]
     nominal = Worlds(starts=start, parameters=DomainParameters.nominal(world, 1))
     motions = [plan.motion.joint_target, gentle.motion.joint_target]
     outcome = DisturbedRollout(world, 2).play(nominal, motions)
-    quick, cheap = Preference.of("torque").cost(outcome)[:, 0]
+    quick, cheap = weigh(outcome)[:, 0]
     assert cheap < quick
 
 

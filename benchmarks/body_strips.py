@@ -13,14 +13,13 @@ from typing import Literal
 
 import numpy as np
 import tyro
+from strips import get_up
 
 import humanoid_getup as hg
 from humanoid_getup.reporting import film_strip
-from robots.quaternion import Array
 
 BODIES = ("", "shoulders=2.0", "arms=1.6", "arms=1.6,torso=2.2")
 FRAMES = film_strip.COLUMNS  # of each rise
-FALLS = 5  # that each body may try, with consecutive seeds
 VIEW = 0.95  # m, the height of a picture
 
 
@@ -44,7 +43,7 @@ def draw(
     captions: list[str] = []
     for text in bodies:
         name, world = text or "original", hg.World(hg.load_robot(robot, hg.Body.parse(text)))
-        qpos = _get_up(world, start, seed, name)
+        qpos = get_up(world, start, seed, name)
         if qpos is None:
             continue
         period, view = world.robot.control_period, VIEW / world.robot.standing_neck_height
@@ -54,19 +53,6 @@ def draw(
     if not pictures:
         raise SystemExit("nothing to draw: no body stood")
     film_strip.save_sheet(np.array(pictures), captions, out)
-
-
-def _get_up(world: hg.World, start: str, seed: int, name: str) -> Array | None:
-    """Return the states (T, nq) of a rise, from the first fall from which the robot stands."""
-    for number in range(seed, seed + FALLS):
-        fall = hg.sample_fall(world, start, number)
-        with hg.Twin(world, fall.posture) as twin:
-            result = hg.get_up(twin, hg.PlannedRise(world), seed=number, max_attempts=1)
-        print(f"{name}, seed {number}: {result}")
-        if result.stood and result.outcome is not None:
-            end = result.outcome.stand.start_time + film_strip.AFTERMATH
-            return result.outcome.qpos[: round(end / world.robot.control_period)]
-    return None
 
 
 if __name__ == "__main__":

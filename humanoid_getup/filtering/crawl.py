@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.evaluation.torque import LongestRun, find_saturation
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
@@ -20,6 +21,8 @@ SAMPLES, ELITES, GENERATIONS = 20, 5, 4
 WORLDS = 3  # in which each move is tried, the first one undisturbed
 KNOTS = 4  # postures of a move
 MOVE, REST = 2.4, 0.6  # s of a move, and of the rest after it
+MOST_STRAIN = 1.0  # s for which a servo may have all its torque without a break
+STRAIN_COST = 1.0  # of a move in which one has it for longer, in the unit of the cost
 SPREAD, LEAST_SPREAD = 0.8, 0.2  # rad, standard deviation of the first knots and of any
 
 
@@ -85,8 +88,9 @@ class Crawl:
             knots = mean + spread * rng.normal(size=(SAMPLES, KNOTS, robot.n))
             knots = np.clip(knots, robot.lower, robot.upper)
             targets = np.array([self._interpolate(held, one) for one in knots])
-            ends = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, nq)
+            ends, strain = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, ...)
             costs = cost(ends[..., robot.layout(self._world.model).root_position])
+            costs = costs + STRAIN_COST * (strain > MOST_STRAIN)
             diverged = self._sim.diverged.reshape(SAMPLES, WORLDS)
             costs = np.where(diverged, np.inf, costs).max(axis=1)
             order = np.argsort(costs, kind="stable")
@@ -107,12 +111,26 @@ class Crawl:
         straight = np.stack([np.interp(at, times, column) for column in rows.T], axis=1)
         return limit_targets(straight, held, self._world.robot)
 
-    def _play(self, starts: Array, parameters: DomainParameters, targets: Array) -> Array:
-        """Play moves (K, T, n) in W worlds; return the MuJoCo positions at the ends, (K, W, nq)."""
+    def _play(
+        self, starts: Array, parameters: DomainParameters, targets: Array
+    ) -> tuple[Array, Array]:
+        """Play moves (K, T, n) in W worlds.
+
+        Returns the MuJoCo positions at the ends, (K, W, nq), and for how long a servo had all the
+        torque of its supply without a break [s], (K, W).
+        """
         sim, count = self._sim, len(targets)
         sim.set_parameters(sim.everyone, parameters.tile(count))
         sim.place(sim.everyone, np.tile(starts, (count, 1)))
         sent = np.repeat(targets, WORLDS, axis=0)
         self.simulated += sent.shape[0] * sent.shape[1] * self._world.robot.control_period
-        ends = sim.advance(sent, self._steps, ("qpos",))["qpos"][:, -1]
-        return ends.reshape(count, WORLDS, -1)
+        record = sim.advance(sent, self._steps, ("qpos", "qvel", "actuator_force"))
+        robot = self._world.robot
+        runs = LongestRun(sim.n, robot.n)
+        speed = record["qvel"][..., robot.layout(self._world.model).dof]
+        voltage = sim.parameters.voltage[:, None]
+        saturated = find_saturation(robot, record["actuator_force"], speed, voltage)
+        runs.add(np.moveaxis(saturated, 1, 0))
+        strain = runs.longest.max(axis=1) * robot.control_period
+        ends = record["qpos"][:, -1]
+        return ends.reshape(count, WORLDS, -1), strain.reshape(count, WORLDS)

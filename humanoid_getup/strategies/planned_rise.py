@@ -14,30 +14,22 @@ from humanoid_getup.evaluation.preference import PreferenceName
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Patience
 from humanoid_getup.filtering.crawl import Crawl
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
-from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
-from humanoid_getup.motions.motion import Motion, Trajectory
+from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
-from humanoid_getup.motions.posture_metric import align
-from humanoid_getup.motions.retargeting import name_body
-from humanoid_getup.planning.collision import CollisionChecker, Tolerances
-from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.key_check import check_keys
-from humanoid_getup.planning.path_planner import PathOptions, plan_path
-from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.approach import Approach
 from humanoid_getup.strategies.continuation import Continuation
 from humanoid_getup.strategies.key_postures import KeyedSearch
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.rise_motion import chain, make_motion
 from humanoid_getup.strategies.search_record import SearchRecord
-from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
-from robots.kinematics import read_posture
+from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.quaternion import Array
 from robots.torque_limit import check_torque_limit
 
-STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
-SLOW = 0.6  # tempo at which a tangled robot is pulled free
 PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)
 OTHER_PATIENCE = (
     Patience(tolerance=0.25, band=0.15, slowest=0.2),
@@ -49,13 +41,10 @@ FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
 MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
 SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
-TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
-MOST_FAILURES = 2  # searches without a path before the start counts as tangled
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4
 MOST_MOVES = 6
 ROOM = 0.02  # m from a place to stand, from which a robot need not crawl to it
-PATHS = PathOptions(max_checks=40_000)
 
 
 @dataclass
@@ -125,9 +114,7 @@ class PlannedRise:
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.planning, self.filtering, self.assistance = planning, filtering, assistance
         self.database = load_database(world.robot) if database is None else database
-        self._goals = GoalPlacement(world)
-        self._checker = CollisionChecker(world.robot, world.scene)
-        self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
+        self._approach = Approach(world, planning=planning)
         self.filter = DynamicsFilter(world, torque_limit=self.torque_limit, prefer=prefer)
         if keys and not (planning and filtering):
             raise ValueError("keys are given, expected planning and filtering with them")
@@ -191,7 +178,7 @@ class PlannedRise:
         progress = _Progress(start, rng)
         connections = self.database.select(start, FIRST_CONNECTIONS + MORE_CONNECTIONS)
         if not self.filtering:
-            path = self._approach(start, connections[0], rng)
+            path = self._approach.path(start, connections[0], rng)
             return self._chain_unfiltered(connections[0], path, time.perf_counter() - began)
         first = self._candidates(progress, progress.start, connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
@@ -199,8 +186,8 @@ class PlannedRise:
         already, searched = self.filter.count, self.filter.searched
         self._round(progress, first)
         if not first:
-            self._round(progress, self._pull_free(start, connections[:FIRST_CONNECTIONS]))
-        places = None if progress.is_done else self._find_standing_places(start)
+            self._round(progress, self._approach.pull_free(start, connections[:FIRST_CONNECTIONS]))
+        places = None if progress.best else self._find_standing_places(start)
         if places is not None and self._crawl(progress, places):
             first = []
         if first and (not progress.is_done or self.filter.preference.is_demanding):
@@ -224,25 +211,6 @@ class PlannedRise:
             filter_s=time.perf_counter() - began,
         )
 
-    def _approach(
-        self, start: Posture, connection: Connection, rng: np.random.Generator
-    ) -> Trajectory | None:
-        """Find a smooth path to a connecting posture."""
-        if not self.planning:
-            return self._straight(start, connection)
-        goal = self._goals.place(connection.posture, start)
-        if goal is None:
-            return None
-        for checker in (self._checker, self._tangled_checker):
-            path = plan_path(start, goal, checker, rng, PATHS).trajectory
-            if path is not None:
-                return path
-        return None
-
-    def _straight(self, start: Posture, connection: Connection) -> Trajectory:
-        period = self.world.robot.control_period
-        return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)
-
     def _candidates(
         self,
         progress: _Progress,
@@ -250,28 +218,10 @@ class PlannedRise:
         connections: list[Connection],
         before: Array | None = None,
     ) -> list[Candidate]:
-        """Plan from a posture to connecting ones, and keep those with a path.
-
-        After two failures the start itself counts as blocked, and the others are not tried.
-        """
-        candidates: list[Candidate] = []
-        for tried, connection in enumerate(connections):
-            if tried == MOST_FAILURES and not candidates:
-                break
-            path = self._approach(start, connection, progress.rng)
-            if path is not None:
-                candidates.append(Candidate(path=path, connection=connection, before=before))
+        """Plan from a posture to connecting ones, and keep those with a path."""
+        candidates = self._approach.candidates(start, connections, progress.rng, before)
         progress.planned |= self.planning and before is None and bool(candidates)
         return candidates
-
-    def _pull_free(
-        self, start: Posture, connections: list[Connection], before: Array | None = None
-    ) -> list[Candidate]:
-        """Move straight and slowly without a path: limbs may yield."""
-        return [
-            Candidate(path=self._straight(start, c), connection=c, tempo=SLOW, before=before)
-            for c in connections
-        ]
 
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find where the robot has room to stand; ``None`` without obstacles."""
@@ -320,7 +270,9 @@ class PlannedRise:
         """
         posture, held, moves = progress.start, progress.start.joint_pos, []
         while len(moves) < MOST_MOVES and places.distance(posture.position) > ROOM:
+            already = self._crawling.simulated
             move = self._crawling.search(posture, held, places.distance, progress.rng)
+            self.filter.searched += self._crawling.simulated - already
             posture, held = move.posture, move.target[-1]
             moves.append(move.target)
         if not moves:
@@ -328,7 +280,7 @@ class PlannedRise:
         before = np.concatenate(moves)
         connections = self.database.select(posture, FIRST_CONNECTIONS + MORE_CONNECTIONS)
         found = self._candidates(progress, posture, connections, before)
-        found = found or self._pull_free(posture, connections, before)
+        found = found or self._approach.pull_free(posture, connections, before)
         self._round(progress, found + [replace(c, patience=PATIENT) for c in found])
         return True
 
@@ -342,7 +294,7 @@ class PlannedRise:
         for end in continuation.pick(progress.tried):
             connections = self.database.select(end.posture, SECOND_CONNECTIONS)
             found = self._candidates(progress, end.posture, connections, end.target)
-            candidates += found or self._pull_free(end.posture, connections, end.target)
+            candidates += found or self._approach.pull_free(end.posture, connections, end.target)
         self._round(progress, candidates)
 
     def _round(self, progress: _Progress, candidates: list[Candidate]) -> None:
@@ -386,7 +338,7 @@ class PlannedRise:
         if progress.best is not None:
             return MotionPlan(
                 status=RiseStatus.STOOD,
-                motion=self._to_motion(progress.start, progress.best),
+                motion=make_motion(self.world, progress.start, progress.best),
                 connection=progress.best.candidate.connection,
                 stand_time=progress.best.stand_time,
                 **figures,
@@ -397,21 +349,6 @@ class PlannedRise:
         share = highest / self.world.robot.standing_neck_height
         detail = f"{rollouts} tried, the best raised the neck to {share:.0%}"
         return RisePlan(status=RiseStatus.FELL, detail=detail, **figures)
-
-    def _to_motion(self, start: Posture, rollout: CandidateRollout) -> Motion:
-        """Make a motion of the postures and the targets of a rollout."""
-        robot, model, count = self.world.robot, self.world.model, rollout.moving
-        joined = rollout.candidate.connection.motion
-        return Motion.through(
-            [start, *(read_posture(robot, model, q) for q in rollout.qpos[: count - 1])],
-            robot.control_period,
-            name=f"rise_by_{joined.name}",
-            robot=robot.name,
-            start_class=classify(start.orientation) or joined.start_class,
-            strategy=joined.strategy,
-            joint_target=rollout.target[:count],
-            provenance={"program": "getup rise", "connection": joined.name} | name_body(robot),
-        )
 
     def _chain_unfiltered(
         self, connection: Connection, path: Trajectory | None, plan_s: float
@@ -427,24 +364,3 @@ class PlannedRise:
             planned=self.planning,
             plan_s=plan_s,
         )
-
-
-def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
-    """Chain a path's angles and the motion's own targets, unchanged."""
-    robot, joined, frame = world.robot, connection.motion, connection.frame
-    count = len(path.time)
-    turned = quaternion.normalize(np.concatenate([path.orientation, joined.orientation[frame:]]))
-    angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
-    return Motion(
-        name=f"path_to_{joined.name}",
-        robot=robot.name,
-        start_class=classify(path.orientation[0]) or joined.start_class,
-        strategy=joined.strategy,
-        time=np.arange(len(angles), dtype=float) * robot.control_period,
-        position=np.concatenate([path.position, joined.position[frame:]]),
-        orientation=turned,
-        joint_pos=angles,
-        joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
-        provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}
-        | name_body(robot),
-    )

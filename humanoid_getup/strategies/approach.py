@@ -1,0 +1,83 @@
+"""Approach: from a lying posture to where a stored motion is joined."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from humanoid_getup.filtering.candidate import Candidate
+from humanoid_getup.filtering.reference import straight_path
+from humanoid_getup.motions.motion import Trajectory
+from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.planning.collision import CollisionChecker, Tolerances
+from humanoid_getup.planning.goal_placement import GoalPlacement
+from humanoid_getup.planning.path_planner import PathOptions, plan_path
+from humanoid_getup.simulation.world import World
+from robots import Posture
+from robots.quaternion import Array
+
+STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
+SLOW = 0.6  # tempo at which a tangled robot is pulled free
+TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
+MOST_FAILURES = 2  # searches without a path before the start counts as tangled
+OPTIONS = PathOptions(max_checks=40_000)  # about a second: there are other motions to join
+
+
+class Approach:
+    """Finds paths to connecting postures in one scene."""
+
+    def __init__(self, world: World, *, planning: bool) -> None:
+        """Prepare to plan paths; without planning they are straight."""
+        self._world, self._planning = world, planning
+        self._goals = GoalPlacement(world)
+        self._checker = CollisionChecker(world.robot, world.scene)
+        self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
+
+    def path(
+        self, start: Posture, connection: Connection, rng: np.random.Generator
+    ) -> Trajectory | None:
+        """Find a smooth path to a connecting posture; ``None`` if there is none."""
+        if not self._planning:
+            return self._straight(start, connection)
+        goal = self._goals.place(connection.posture, start)
+        if goal is None:
+            return None
+        for checker in (self._checker, self._tangled_checker):
+            path = plan_path(start, goal, checker, rng, OPTIONS).trajectory
+            if path is not None:
+                return path
+        return None
+
+    def candidates(
+        self,
+        start: Posture,
+        connections: list[Connection],
+        rng: np.random.Generator,
+        before: Array | None = None,
+    ) -> list[Candidate]:
+        """Plan from a posture to connecting ones, and keep those with a path.
+
+        After two failures the start itself counts as blocked, and the others are not tried.
+        ``before`` are targets [rad], (T, n), that led to the start.
+        """
+        candidates: list[Candidate] = []
+        for tried, connection in enumerate(connections):
+            if tried == MOST_FAILURES and not candidates:
+                break
+            path = self.path(start, connection, rng)
+            if path is not None:
+                candidates.append(Candidate(path=path, connection=connection, before=before))
+        return candidates
+
+    def pull_free(
+        self, start: Posture, connections: list[Connection], before: Array | None = None
+    ) -> list[Candidate]:
+        """Move straight and slowly without a path: limbs may yield."""
+        return [
+            Candidate(path=self._straight(start, c), connection=c, tempo=SLOW, before=before)
+            for c in connections
+        ]
+
+    def _straight(self, start: Posture, connection: Connection) -> Trajectory:
+        period = self._world.robot.control_period
+        return straight_path(start, align(connection.posture, start), STRAIGHT_SPEED, period)

@@ -1,0 +1,51 @@
+"""Motions that a planned rise makes: of a rollout, or of a path and a stored motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from humanoid_getup.filtering.candidate import CandidateRollout
+from humanoid_getup.motions.motion import Motion, Trajectory
+from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.motions.retargeting import name_body
+from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.world import World
+from robots import Posture, quaternion
+from robots.kinematics import read_posture
+
+
+def make_motion(world: World, start: Posture, rollout: CandidateRollout) -> Motion:
+    """Make a motion of the postures and the targets of a rollout."""
+    robot, model, count = world.robot, world.model, rollout.moving
+    joined = rollout.candidate.connection.motion
+    return Motion.through(
+        [start, *(read_posture(robot, model, q) for q in rollout.qpos[: count - 1])],
+        robot.control_period,
+        name=f"rise_by_{joined.name}",
+        robot=robot.name,
+        start_class=classify(start.orientation) or joined.start_class,
+        strategy=joined.strategy,
+        joint_target=rollout.target[:count],
+        provenance={"program": "getup rise", "connection": joined.name} | name_body(robot),
+    )
+
+
+def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
+    """Chain a path's angles and the motion's own targets, unchanged."""
+    robot, joined, frame = world.robot, connection.motion, connection.frame
+    count = len(path.time)
+    turned = quaternion.normalize(np.concatenate([path.orientation, joined.orientation[frame:]]))
+    angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
+    return Motion(
+        name=f"path_to_{joined.name}",
+        robot=robot.name,
+        start_class=classify(path.orientation[0]) or joined.start_class,
+        strategy=joined.strategy,
+        time=np.arange(len(angles), dtype=float) * robot.control_period,
+        position=np.concatenate([path.position, joined.position[frame:]]),
+        orientation=turned,
+        joint_pos=angles,
+        joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
+        provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}
+        | name_body(robot),
+    )

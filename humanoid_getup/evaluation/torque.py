@@ -60,3 +60,16 @@ class LongestRun:
             now = np.where(row, now + 1, 0)
             longest = np.maximum(longest, now)
         self.now[rows], self.longest[rows] = now, longest
+
+
+def measure_saturation(
+    robot: Robot, torque: Array, velocity: Array, voltage: Array | float, period: float
+) -> Array:
+    """Measure for how long servos have all the torque of their supply without a break [s], (N,).
+
+    It is the longest time of any servo of each of N robots. Torques [N·m] and joint speeds [rad/s]
+    are sampled every ``period`` [s], (N, T, n); the supplies [V] are a number or (N, 1).
+    """
+    runs = LongestRun(len(torque), robot.n)
+    runs.add(np.moveaxis(find_saturation(robot, torque, velocity, voltage), 1, 0))
+    return runs.longest.max(axis=1) * period

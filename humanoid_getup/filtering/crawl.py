@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.evaluation.torque import LongestRun, find_saturation
+from humanoid_getup.evaluation.torque import measure_saturation
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
@@ -21,8 +21,8 @@ SAMPLES, ELITES, GENERATIONS = 20, 5, 4
 WORLDS = 3  # in which each move is tried, the first one undisturbed
 KNOTS = 4  # postures of a move
 MOVE, REST = 2.4, 0.6  # s of a move, and of the rest after it
-MOST_STRAIN = 1.0  # s for which a servo may have all its torque without a break
-STRAIN_COST = 1.0  # of a move in which one has it for longer, in the unit of the cost
+MOST_SATURATION = 1.0  # s for which a servo may have all its torque without a break
+SATURATION_COST = 1.0  # of a move in which one has it for longer, in the unit of the cost
 SPREAD, LEAST_SPREAD = 0.8, 0.2  # rad, standard deviation of the first knots and of any
 
 
@@ -34,6 +34,7 @@ class Move:
     """[rad], (T, n)"""
     posture: Posture
     cost: float
+    """In the worst of the worlds in which it was tried."""
 
 
 class Crawl:
@@ -67,6 +68,8 @@ class Crawl:
     ) -> Move:
         """Find the move from a posture at rest that costs least, in the worst of a few worlds.
 
+        If all diverge, it is none: it stays where it is, at infinite cost.
+
         Args:
             start: Where the robot lies.
             held: Targets that hold it there [rad], (n,).
@@ -83,23 +86,22 @@ class Crawl:
             rng,
         )
         mean, spread = np.tile(held, (KNOTS, 1)), np.full((KNOTS, robot.n), SPREAD)
-        best: Move | None = None
+        best = Move(target=held[None], posture=start, cost=np.inf)
         for _ in range(GENERATIONS):
             knots = mean + spread * rng.normal(size=(SAMPLES, KNOTS, robot.n))
             knots = np.clip(knots, robot.lower, robot.upper)
             targets = np.array([self._interpolate(held, one) for one in knots])
-            ends, strain = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, ...)
+            ends, saturation = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, ...)
             costs = cost(ends[..., robot.layout(self._world.model).root_position])
-            costs = costs + STRAIN_COST * (strain > MOST_STRAIN)
+            costs = costs + SATURATION_COST * (saturation > MOST_SATURATION)
             diverged = self._sim.diverged.reshape(SAMPLES, WORLDS)
             costs = np.where(diverged, np.inf, costs).max(axis=1)
             order = np.argsort(costs, kind="stable")
-            if best is None or costs[order[0]] < best.cost:
+            if costs[order[0]] < best.cost:
                 posture = read_posture(robot, self._world.model, ends[order[0], 0])
                 best = Move(target=targets[order[0]], posture=posture, cost=float(costs[order[0]]))
             elite = knots[order[:ELITES]]
             mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), LEAST_SPREAD)
-        assert best is not None
         return best
 
     def _interpolate(self, held: Array, knots: Array) -> Array:
@@ -126,11 +128,12 @@ class Crawl:
         self.simulated += sent.shape[0] * sent.shape[1] * self._world.robot.control_period
         record = sim.advance(sent, self._steps, ("qpos", "qvel", "actuator_force"))
         robot = self._world.robot
-        runs = LongestRun(sim.n, robot.n)
-        speed = record["qvel"][..., robot.layout(self._world.model).dof]
-        voltage = sim.parameters.voltage[:, None]
-        saturated = find_saturation(robot, record["actuator_force"], speed, voltage)
-        runs.add(np.moveaxis(saturated, 1, 0))
-        strain = runs.longest.max(axis=1) * robot.control_period
+        saturation = measure_saturation(
+            robot,
+            record["actuator_force"],
+            record["qvel"][..., robot.layout(self._world.model).dof],
+            sim.parameters.voltage[:, None],
+            robot.control_period,
+        )
         ends = record["qpos"][:, -1]
-        return ends.reshape(count, WORLDS, -1), strain.reshape(count, WORLDS)
+        return ends.reshape(count, WORLDS, -1), saturation.reshape(count, WORLDS)

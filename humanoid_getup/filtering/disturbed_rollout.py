@@ -150,13 +150,13 @@ class _Tally:
         neck = stance.neck_height[:, -1] / self._world.robot.standing_neck_height
         down = (neck < DOWN_NECK) | (stance.tilt[:, -1] > DOWN_TILT)
         late = (since - self._length[going]) * self._period > LAST_CALL
-        strained = self._find_strained(going, record)
-        stood &= ~strained
-        failed = ~stood & ((down & (past > DOWN_TIME)) | late | diverged | strained)
+        overloaded = self._find_overloaded(going, record)
+        stood &= ~overloaded
+        failed = ~stood & ((down & (past > DOWN_TIME)) | late | diverged | overloaded)
         self._stood[going], self.failed[going] = stood, failed
         self.going[going] = ~(stood | failed)
 
-    def _find_strained(self, going: NDArray[np.int_], record: dict[str, Array]) -> Bools:
+    def _find_overloaded(self, going: NDArray[np.int_], record: dict[str, Array]) -> Bools:
         """Find the worlds in which a servo's overload protection may have tripped by now."""
         torque, speed = record["actuator_force"], record["qvel"][..., self._dof]
         voltage = self._voltage[going, None]

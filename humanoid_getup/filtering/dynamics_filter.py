@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.evaluation.preference import Preference, PreferenceName
 from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
-from humanoid_getup.evaluation.torque import LONG_SATURATION, LongestRun, find_saturation
+from humanoid_getup.evaluation.torque import LONG_SATURATION, measure_saturation
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
 from humanoid_getup.filtering.disturbed_rollout import LAST_CALL, Worlds
 from humanoid_getup.filtering.ground_fit import GroundFit
@@ -246,14 +246,14 @@ class DynamicsFilter:
         stance = measure_stance(self.world, trace)
         upright = is_upright(stance, self.world.robot)
         stands = [judge(one, trace.period, hold_time=FIRST_HOLD - 0.1) for one in upright]
-        strained = self._find_strained(trace)
+        overloaded = self._find_overloaded(trace)
         stand_time = np.array([stand.start_time for stand in stands])
         figures = RiseFigures.of_trace(trace, self.world, stand_time)
         cost = self.preference.cost(figures)
         return [
             CandidateRollout(
                 candidate=candidate,
-                stood=stands[i].stood and not strained[i],
+                stood=stands[i].stood and not overloaded[i],
                 stand_time=stands[i].start_time,
                 figures=figures.take(i),
                 cost=float(cost[i]),
@@ -266,15 +266,15 @@ class DynamicsFilter:
             for i, candidate in enumerate(candidates)
         ]
 
-    def _find_strained(self, trace: Trace) -> NDArray[np.bool_]:
+    def _find_overloaded(self, trace: Trace) -> NDArray[np.bool_]:
         """Find the rollouts in which a servo's overload protection may trip, (N,)."""
         robot = self.world.robot
         angle = trace.qpos[..., robot.layout(self.world.model).qpos]
         velocity = np.gradient(angle, trace.period, axis=1)
-        runs = LongestRun(len(angle), robot.n)
-        saturated = find_saturation(robot, trace.torque, velocity, robot.supply_voltage)
-        runs.add(np.moveaxis(saturated, 1, 0))
-        return runs.longest.max(axis=1) * trace.period > LONG_SATURATION
+        saturation = measure_saturation(
+            robot, trace.torque, velocity, robot.supply_voltage, trace.period
+        )
+        return saturation > LONG_SATURATION
 
 
 class _Check(NamedTuple):

@@ -49,12 +49,7 @@ class PartialProblem:
         return rng.uniform(self._lower, self._upper)
 
     def steer(
-        self,
-        near: Array,
-        target: Array,
-        goal: Array,  # noqa: ARG002
-        count: int,
-        rng: np.random.Generator,
+        self, near: Array, target: Array, _goal: Array, count: int, rng: np.random.Generator, /
     ) -> Array:
         """Step straight to the target, and around that direction."""
         way = (target - near) * self._scale

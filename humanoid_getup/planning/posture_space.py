@@ -42,12 +42,7 @@ class PositionProblem:
         return rng.uniform(self._low, self._high)
 
     def steer(
-        self,
-        near: Array,
-        target: Array,
-        goal: Array,  # noqa: ARG002
-        count: int,
-        rng: np.random.Generator,
+        self, near: Array, target: Array, _goal: Array, count: int, rng: np.random.Generator, /
     ) -> Array:
         """Step straight to the target, and around that direction."""
         return blossom(near, target - near, STEP_POSITION, count, rng)
@@ -56,7 +51,7 @@ class PositionProblem:
         """Return whether two positions are within a step."""
         return bool(np.linalg.norm(a - b) <= STEP_POSITION)
 
-    def fails(self, a: Array, b: Array) -> bool:  # noqa: ARG002
+    def fails(self, _a: Array, b: Array, /) -> bool:
         """Return whether the root would be in the ground or in an obstacle."""
         is_under = b[2] < self.scene.ground.height(b[0], b[1])
         return bool(is_under) or any(o.contains(b) for o in self.scene.obstacles)

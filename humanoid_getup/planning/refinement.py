@@ -138,7 +138,7 @@ class _Repair:
         return self._result(SearchStatus.SOLVED)
 
     def _replan(self, first: int, last: int) -> list[Array]:
-        """Plan a segment anew; empty if that fails."""
+        """Plan a segment again; empty if that fails."""
         if self._how.partial_body and (new := self._replan_limbs(first, last)):
             return new
         return self._search(self._problem, self._path[first], self._path[last], 1.0)

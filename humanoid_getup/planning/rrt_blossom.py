@@ -34,7 +34,7 @@ class Problem(Protocol):
         ...
 
     def steer(
-        self, near: Array, target: Array, goal: Array, count: int, rng: np.random.Generator
+        self, near: Array, target: Array, goal: Array, count: int, rng: np.random.Generator, /
     ) -> Array:
         """Take ``count`` steps from a node, SIM, shape (count, d).
 
@@ -47,7 +47,7 @@ class Problem(Protocol):
         """Return whether one step leads from ``a`` to ``b``."""
         ...
 
-    def fails(self, a: Array, b: Array) -> bool:
+    def fails(self, a: Array, b: Array, /) -> bool:
         """Return whether the edge from ``a``, which is free, to ``b`` violates a constraint."""
         ...
 

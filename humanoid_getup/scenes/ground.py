@@ -68,7 +68,7 @@ class Slope:
         """Return whether it is a level plane."""
         return self.angle == 0.0
 
-    def normal(self, x: Array, _y: Array, _reach: float = 0.0, /) -> Array:
+    def normal(self, x: Array, _y: Array, _reach: float, /) -> Array:
         """Compute the upward normals (..., 3) at places x, y [m]."""
         up = np.array([-math.sin(self.angle), 0.0, math.cos(self.angle)])
         return np.broadcast_to(up, (*np.shape(x), 3))

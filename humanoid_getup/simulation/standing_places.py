@@ -92,6 +92,6 @@ def check_standing_place(world: World, position: Array) -> None:
         reach = REACH * leg_length(world.robot)
         raise ValueError(
             f"scene '{world.scene.name}' has no place within {reach:.1f} m of the start where "
-            f"'{world.robot.name}' could stand, expected one that is free up to "
-            f"{world.robot.standing_neck_height:.2f} m and its head"
+            f"'{world.robot.name}' could stand, expected room for it, its neck at a height of "
+            f"{world.robot.standing_neck_height:.2f} m"
         )

@@ -28,7 +28,7 @@ class End:
 
 
 class Continuation:
-    """Picks the ends of failed rollouts that are worth to go on from."""
+    """Picks the ends of failed rollouts from which another rise is tried."""
 
     def __init__(self, world: World, places: StandingPlaces | None) -> None:
         """Prepare for a world; ``places`` if it has any obstacles."""
@@ -36,7 +36,8 @@ class Continuation:
         self._waiting: list[End] = []
 
     def pick(self, tried: list[CandidateRollout]) -> list[End]:
-        """Pick up to three ends of different attitudes; where there are obstacles, the freest.
+        """Pick up to three ends of different attitudes; where there are obstacles, those with most
+        room first.
 
         Among obstacles, ends that were not picked wait for the next time.
         """

@@ -129,7 +129,7 @@ class PlannedRise:
         """
         if not self.keys:
             return self._plan_freely(start, rng)
-        already, searched = self.filter.count, self.filter.searched
+        already, searched = self.filter.count, self._searched
         through = KeyedSearch(
             self.world,
             self.database,
@@ -159,7 +159,7 @@ class PlannedRise:
                 planned=True,
             ),
             rollouts=self.filter.count - already,
-            searched=self.filter.searched - searched,
+            searched=self._searched - searched,
             plan_s=through.plan_s,
             filter_s=through.filter_s,
         )
@@ -183,7 +183,7 @@ class PlannedRise:
         first = self._candidates(progress, progress.start, connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
-        already, searched = self.filter.count, self.filter.searched
+        already, searched = self.filter.count, self._searched
         self._round(progress, first)
         if not first:
             self._round(progress, self._approach.pull_free(start, connections[:FIRST_CONNECTIONS]))
@@ -206,7 +206,7 @@ class PlannedRise:
         return self._conclude(
             progress,
             rollouts=self.filter.count - already,
-            searched=self.filter.searched - searched,
+            searched=self._searched - searched,
             plan_s=plan_s,
             filter_s=time.perf_counter() - began,
         )
@@ -270,9 +270,9 @@ class PlannedRise:
         """
         posture, held, moves = progress.start, progress.start.joint_pos, []
         while len(moves) < MOST_MOVES and places.distance(posture.position) > ROOM:
-            already = self._crawling.simulated
             move = self._crawling.search(posture, held, places.distance, progress.rng)
-            self.filter.searched += self._crawling.simulated - already
+            if move.cost >= places.distance(posture.position):
+                break
             posture, held = move.posture, move.target[-1]
             moves.append(move.target)
         if not moves:
@@ -283,6 +283,11 @@ class PlannedRise:
         found = found or self._approach.pull_free(posture, connections, before)
         self._round(progress, found + [replace(c, patience=PATIENT) for c in found])
         return True
+
+    @property
+    def _searched(self) -> float:
+        """Return the time that searches have simulated so far [s]."""
+        return self.filter.searched + self._crawling.simulated
 
     @cached_property
     def _crawling(self) -> Crawl:

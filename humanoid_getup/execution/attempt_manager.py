@@ -14,31 +14,37 @@ from humanoid_getup.execution.result import Attempt, AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
+from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.play import play_engaged
 from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.falls import UNCLASSED, classify
-from humanoid_getup.strategies.plan import RisePlan
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import Posture
 
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
+MOST_MOVES = 6  # to where there is room to rise, in one attempt
+MOST_PLANS = 3  # that fall in the preflight, one after the other
+MISSED = {AbortKind.TILT, AbortKind.FELL, AbortKind.STUCK}  # a move ends elsewhere, no more
 
 
 class AttemptManager:
     """Gets a robot up, on any backend.
 
     Each attempt waits, torque off, until the robot is still, classifies how it lies, plans,
-    runs the preflight, plays under supervision and judges. After a failed attempt the robot
-    rests until every servo is cool; then the next one begins, up to a maximum. After that, or at
-    a fault that rest does not clear, the robot needs help. A stop ends everything at once:
-    nothing moves until the guard is cleared and a new rise is started. A robot that stands is
-    kept standing, lies down, goes limp or is handed over, as the session says.
+    runs the preflight, plays under supervision and judges. A plan that falls in the preflight is
+    made again; after a move to where there is room, the robot settles and is planned for again.
+    After a failed attempt it rests until every servo is cool; then the next one begins, up to a
+    maximum. After that, or at a fault that rest does not clear, the robot needs help. A stop ends
+    everything at once: nothing moves until the guard is cleared and a new rise is started. A robot
+    that stands is kept standing, lies down, goes limp or is handed over, as the session says.
     """
 
     def __init__(self, session: RiseSession) -> None:
         self._session, self._guard = session, session.guard
         self._keeper = StandKeeper(session.stand)
         self._number = 1
+        self._has_moved = False
         self._recovery = Recovery(
             session.guard,
             cooling=session.cooling,
@@ -92,33 +98,68 @@ class AttemptManager:
         return AttemptStatus.NEEDS_HELP, f"{most} attempts failed: {reasons}"
 
     def _attempt(self, rng: np.random.Generator) -> Attempt:
-        session = self._session
+        """Plan and play, after moves to where there is room to rise if need be."""
+        moves: tuple[RisePlan, ...] = ()
+        while True:
+            attempt, controller = self._prepare(rng)
+            attempt = replace(attempt, moves=moves)
+            plan = attempt.plan
+            if plan is None or controller is None:
+                return attempt
+            is_move = plan.status is RiseStatus.MOVES
+            if is_move and len(moves) == MOST_MOVES:
+                return replace(attempt, refusal=f"no room to rise after {MOST_MOVES} moves")
+            self._report(Phase.PLAYING, plan.title)
+            attempt = self._play(attempt, controller)
+            if not (is_move and _has_moved(attempt)):
+                return attempt
+            moves = (*moves, plan)
+            self._has_moved = True
+            self._session.moved(plan)
+
+    def _prepare(self, rng: np.random.Generator) -> tuple[Attempt, Supervisor | None]:
+        """Settle and plan; return what controls the robot, ``None`` if nothing may be played.
+
+        A plan that was searched for and falls in the preflight has moved no robot: another is made.
+        """
         try:
             state = self._settle()
         except StartError as error:
-            return Attempt(number=self._number, refusal=str(error))
+            return Attempt(number=self._number, refusal=str(error)), None
         posture = self._estimate(state)
         side = classify(posture.orientation) or UNCLASSED
-        self._report(Phase.PLANNING, f"the robot lies {side}")
-        plan = session.strategy.plan(posture, rng)
+        refused: tuple[RisePlan, ...] = ()
+        while True:
+            self._report(Phase.PLANNING, f"the robot lies {side}")
+            plan = self._session.strategy.plan(posture, rng)
+            attempt, controller = self._judge(plan, state)
+            attempt = replace(attempt, start_class=side, refused=refused)
+            verdict = attempt.verdict
+            may_replan = plan.status is RiseStatus.STOOD and len(refused) + 1 < MOST_PLANS
+            if controller is not None or verdict is None or not (verdict.falls and may_replan):
+                return attempt, controller
+            plan.forget()
+            refused = (*refused, plan)
+
+    def _judge(self, plan: RisePlan, state: State) -> tuple[Attempt, Supervisor | None]:
+        """Run the preflight of a plan, and that of the way down after its stand."""
+        session = self._session
         if not session.balance:
             plan = plan.open_loop() or plan
-        attempt = Attempt(number=self._number, start_class=side, plan=plan)
+        attempt = Attempt(number=self._number, plan=plan)
         controller = plan.controller(session.strategy)
-        if controller is None:
-            return attempt
-        if session.preflight:
-            self._report(Phase.PREFLIGHT, plan.title)
-            plan, verdict = self._preflight(plan, state)
-            attempt = replace(attempt, plan=plan, verdict=verdict)
-            controller = plan.controller(session.strategy)
-            if controller is None or not verdict.passed:
-                return replace(attempt, refusal=str(verdict))
-            down = self._keeper.preflight(state)
-            if not down.passed:
-                return replace(attempt, refusal=f"the way down after the stand: {down}")
-        self._report(Phase.PLAYING, plan.title)
-        return self._play(attempt, controller)
+        if controller is None or not session.preflight:
+            return attempt, controller
+        self._report(Phase.PREFLIGHT, plan.title)
+        plan, verdict = self._preflight(plan, state)
+        attempt = replace(attempt, plan=plan, verdict=verdict)
+        controller = plan.controller(session.strategy)
+        if controller is None or not verdict.passed:
+            return replace(attempt, refusal=str(verdict)), None
+        down = self._keeper.preflight(state)
+        if not down.passed:
+            return replace(attempt, refusal=f"the way down after the stand: {down}"), None
+        return attempt, controller
 
     def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
         """Judge a plan, and without its feedback if it falls with it; return which is played."""
@@ -135,7 +176,7 @@ class AttemptManager:
         """Wait until the robot is still, and recover from faults meanwhile."""
         for _ in range(MOST_REMEDIES):
             self._report(Phase.SETTLING, Phase.SETTLING.value)
-            if not self._session.settle:
+            if not (self._session.settle or self._has_moved):
                 return self._measure()
             pacer = Pacer(self._guard.period) if self._session.realtime else None
             try:
@@ -200,6 +241,13 @@ class AttemptManager:
 
     def _report(self, phase: Phase, detail: str) -> None:
         self._session.on_phase(PhaseChange(phase, self._number, detail))
+
+
+def _has_moved(attempt: Attempt) -> bool:
+    """Return whether a move was played, even if it did not go as planned."""
+    if attempt.run is None or attempt.run.ending is not Ending.DONE:
+        return False
+    return attempt.abort is None or attempt.abort.kind in MISSED
 
 
 def _is_plan_to_blame(attempt: Attempt) -> bool:

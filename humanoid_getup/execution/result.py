@@ -45,6 +45,15 @@ class Attempt:
     """Why it was not played."""
     after: AfterStand | None = None
     """What followed its stand; None without one."""
+    moves: tuple[RisePlan, ...] = ()
+    """Moves that were played before, to where there is room to rise."""
+    refused: tuple[RisePlan, ...] = ()
+    """Plans that fell in the preflight, after which another was made."""
+
+    @property
+    def plans(self) -> tuple[RisePlan, ...]:
+        """Return all plans that were made, the last one last."""
+        return (*self.moves, *self.refused, *([self.plan] if self.plan else []))
 
     @property
     def stood(self) -> bool:
@@ -127,6 +136,7 @@ class RiseResult:
     def record(self) -> dict[str, Any]:
         """Return the figures of the rise under report.json's keys."""
         run, outcome = self.run, self.outcome
+        plans = self.attempts[-1].plans if self.attempts else ()
         record: dict[str, Any] = {
             "start_class": self.start_class,
             "stood": self.stood,
@@ -134,6 +144,10 @@ class RiseResult:
             "stand_time_s": outcome.stand.start_time if outcome and self.stood else None,
             "hold_s": outcome.stand.hold_time if outcome else 0.0,
             **self.plan.record(),
+            "plan_s": sum(plan.plan_s for plan in plans),
+            "filter_s": sum(plan.filter_s for plan in plans),
+            "moves": sum(len(attempt.moves) for attempt in self.attempts),
+            "refused_plans": sum(len(attempt.refused) for attempt in self.attempts),
             "attempts": self.times_played,
             "period_s": run.period if run else None,
             "overruns": run.overruns if run else 0,

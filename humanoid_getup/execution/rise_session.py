@@ -14,7 +14,7 @@ from humanoid_getup.execution.stand_session import StandSession, Then, guard_rob
 from humanoid_getup.playback.play import Judge
 from humanoid_getup.scenes.scene import Support
 from humanoid_getup.simulation.placement import Placement
-from humanoid_getup.strategies.plan import Strategy
+from humanoid_getup.strategies.plan import RisePlan, Strategy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +47,8 @@ class RiseSession:
     """Ground on which a simulated robot is; None for that of the world that was planned in."""
     locate: Callable[[], Placement] | None = None
     """Tells where in its scene the robot lies; needed unless the scene is flat."""
+    moved: Callable[[RisePlan], None] = lambda _: None
+    """Called after a move to where there is room, for a `locate` that cannot look."""
     services: RebootsServos | None = None
     """Reboots servos; None where the backend cannot."""
     on_phase: Callable[[PhaseChange], None] = lambda _: None

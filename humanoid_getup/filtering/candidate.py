@@ -45,6 +45,9 @@ class Candidate:
     before: Array | None = None
     """Targets to send first [rad], (T, n): those of an earlier rollout, at whose end the path
     begins."""
+    seen: Array | None = None
+    """Positions and orientations (K, 7) of the root in an earlier rollout, from where the motion
+    is joined: where the legs fit the ground."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +73,8 @@ class CandidateRollout:
     """Greatest neck height reached [m]."""
     moving: int
     """Cycles before the targets stand still."""
+    joined: int
+    """Cycle at which the motion was joined."""
 
     @property
     def collides(self) -> bool:

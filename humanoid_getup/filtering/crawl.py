@@ -14,7 +14,7 @@ from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_ro
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from robots import Posture, TorqueLimit
-from robots.kinematics import place, read_posture
+from robots.kinematics import place
 from robots.quaternion import Array
 
 SAMPLES, ELITES, GENERATIONS = 20, 5, 4
@@ -28,11 +28,12 @@ SPREAD, LEAST_SPREAD = 0.8, 0.2  # rad, standard deviation of the first knots an
 
 @dataclass(frozen=True, kw_only=True)
 class Move:
-    """Targets of a move, and where it ended."""
+    """Targets of a move, and where they bring the robot."""
 
     target: Array
     """[rad], (T, n)"""
-    posture: Posture
+    qpos: Array
+    """MuJoCo positions after each target, in the undisturbed world, (T, nq)."""
     cost: float
     """In the worst of the worlds in which it was tried."""
 
@@ -62,17 +63,15 @@ class Crawl:
     def search(
         self,
         start: Posture,
-        held: Array,
         cost: Callable[[Array], Array],
         rng: np.random.Generator,
-    ) -> Move:
+    ) -> Move | None:
         """Find the move from a posture at rest that costs least, in the worst of a few worlds.
 
-        If all diverge, it is none: it stays where it is, at infinite cost.
+        If all diverge, there is none.
 
         Args:
             start: Where the robot lies.
-            held: Targets that hold it there [rad], (n,).
             cost: Maps positions of the torso [m], (..., 3), to costs, (...).
             rng: Of the samples.
         """
@@ -85,21 +84,27 @@ class Crawl:
             self._limit,
             rng,
         )
+        held = start.joint_pos
         mean, spread = np.tile(held, (KNOTS, 1)), np.full((KNOTS, robot.n), SPREAD)
-        best = Move(target=held[None], posture=start, cost=np.inf)
+        best: Move | None = None
         for _ in range(GENERATIONS):
             knots = mean + spread * rng.normal(size=(SAMPLES, KNOTS, robot.n))
             knots = np.clip(knots, robot.lower, robot.upper)
             targets = np.array([self._interpolate(held, one) for one in knots])
-            ends, saturation = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, ...)
+            qpos, saturation = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, ...)
+            ends = qpos[:, :, -1]
             costs = cost(ends[..., robot.layout(self._world.model).root_position])
             costs = costs + SATURATION_COST * (saturation > MOST_SATURATION)
             diverged = self._sim.diverged.reshape(SAMPLES, WORLDS)
             costs = np.where(diverged, np.inf, costs).max(axis=1)
             order = np.argsort(costs, kind="stable")
-            if costs[order[0]] < best.cost:
-                posture = read_posture(robot, self._world.model, ends[order[0], 0])
-                best = Move(target=targets[order[0]], posture=posture, cost=float(costs[order[0]]))
+            cheapest = order[0]
+            if costs[cheapest] < (best.cost if best else np.inf):
+                best = Move(
+                    target=targets[cheapest],
+                    qpos=qpos[cheapest, 0].copy(),
+                    cost=float(costs[cheapest]),
+                )
             elite = knots[order[:ELITES]]
             mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), LEAST_SPREAD)
         return best
@@ -118,8 +123,8 @@ class Crawl:
     ) -> tuple[Array, Array]:
         """Play moves (K, T, n) in W worlds.
 
-        Returns the MuJoCo positions at the ends, (K, W, nq), and for how long a servo had all the
-        torque of its supply without a break [s], (K, W).
+        Returns the MuJoCo positions, (K, W, T, nq), and for how long a servo had all the torque of
+        its supply without a break [s], (K, W).
         """
         sim, count = self._sim, len(targets)
         sim.set_parameters(sim.everyone, parameters.tile(count))
@@ -135,5 +140,5 @@ class Crawl:
             sim.parameters.voltage[:, None],
             robot.control_period,
         )
-        ends = record["qpos"][:, -1]
-        return ends.reshape(count, WORLDS, -1), saturation.reshape(count, WORLDS)
+        qpos = record["qpos"]
+        return qpos.reshape(count, WORLDS, *qpos.shape[1:]), saturation.reshape(count, WORLDS)

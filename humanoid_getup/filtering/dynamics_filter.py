@@ -74,6 +74,7 @@ class DynamicsFilter:
         """Time that searches have simulated so far [s]."""
         self._threads = threads
         self._limbs = LimbMap.of(world)
+        self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)
         self._simulations: dict[int, Rollout] = {}
         self._search = TargetSearch(
@@ -90,12 +91,24 @@ class DynamicsFilter:
         starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
         n = len(candidates)
         trace = self._simulate(n).track(starts, tracker, self._nominal(n))
-        return self._read(trace, candidates, tracker.moving)
+        return self._read(trace, candidates, tracker.moving, tracker.joined)
+
+    def follow(self, rollout: CandidateRollout) -> Candidate:
+        """Make a candidate whose legs fit the ground where a rollout of it came.
+
+        Beyond the moment at which its root was highest the robot is taken to have stayed there.
+        """
+        candidate = rollout.candidate
+        if candidate.patience is not None:  # its cycles are not those of the reference
+            return candidate
+        root = rollout.qpos[rollout.joined :, self._root : self._root + 7]
+        height = root[:, 2] - self.world.scene.ground.height(root[:, 0], root[:, 1])
+        return replace(candidate, seen=root[: int(height.argmax()) + 1])
 
     def _refer(self, c: Candidate) -> Reference:
         connection = c.connection
         reference = compose(
-            self.world, c.path, connection.motion, connection.frame, c.tempo, self._fit
+            self.world, c.path, connection.motion, connection.frame, c.tempo, self._fit, c.seen
         )
         return reference if c.before is None else reference.after(c.before)
 
@@ -206,7 +219,7 @@ class DynamicsFilter:
         longer = np.array([hold_last(target, length) for target in targets])
         starts = np.tile(place(robot, world.model, start), (n, 1))
         trace = self._simulate(n).play(starts, longer, self._nominal(n))
-        return self._read(trace, [candidate] * n, moving)
+        return self._read(trace, [candidate] * n, moving, np.zeros(n, dtype=int))
 
     def _disturb(
         self,
@@ -240,9 +253,16 @@ class DynamicsFilter:
         return self._simulations[n]
 
     def _read(
-        self, trace: Trace, candidates: list[Candidate], moving: np.ndarray
+        self,
+        trace: Trace,
+        candidates: list[Candidate],
+        moving: NDArray[np.int_],
+        joined: NDArray[np.int_],
     ) -> list[CandidateRollout]:
-        """Judge the rollouts of candidates whose targets stand still after so many cycles."""
+        """Judge the rollouts of candidates.
+
+        Their motions are joined and their targets stand still after so many cycles, (N,).
+        """
         stance = measure_stance(self.world, trace)
         upright = is_upright(stance, self.world.robot)
         stands = [judge(one, trace.period, hold_time=FIRST_HOLD - 0.1) for one in upright]
@@ -262,6 +282,7 @@ class DynamicsFilter:
                 qpos=trace.qpos[i],
                 peak_neck=float(stance.neck_height[i].max()),
                 moving=int(moving[i]),
+                joined=int(joined[i]),
             )
             for i, candidate in enumerate(candidates)
         ]
@@ -328,6 +349,8 @@ class _Tracker:
         self._shift = np.zeros((len(references), 3))
         self.moving = np.zeros(len(references), dtype=int)
         """Cycles before the targets of each rollout stand still; 0 while they move, (N,)."""
+        self.joined = self._joined.copy()
+        """Cycles before the motion of each rollout is joined, (N,)."""
 
     def __call__(self, state: Feedback) -> Array | None:
         if state.step > 0:

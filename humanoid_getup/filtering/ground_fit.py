@@ -6,28 +6,32 @@ import mujoco
 import numpy as np
 
 from humanoid_getup.simulation.world import World
+from robots import quaternion
 from robots.kinematics import leg_length, place_postures
 from robots.quaternion import Array
 
 FLAT_FROM, FLAT_AT = 0.7, 0.95  # vertical part of a sole's normal: not on the ground, on it
-SLIDE_COST = 5.0  # of moving a sole by 1 m, beside missing its tilt by 1 rad
+PLACE_COST = 5.0  # of a sole that misses its place by 1 m, beside its tilt by 1 rad
 EFFORT_COST = 0.05  # of turning a joint by 1 rad
+STEPS = 3  # of Gauss and Newton
+LOWER = 0.5  # share of the way from the mean height of the soles' ground to the lowest
 EVERY = 5  # control periods between two postures that are fitted
+UP = np.array([0.0, 0.0, 1.0])
 FOOT_REACH = 0.15  # leg lengths over which the ground's tilt under a foot is averaged
 
 
 class GroundFit:
-    """Tilts soles that are flat on level ground in a motion by the tilt of the scene's ground.
+    """Puts soles that are flat on level ground in a motion flat on the scene's ground.
 
     An addition to [Lin12], whose slope is left to the dynamics filter: the body stays as upright
-    as in the motion, and mostly ankles adapt.
+    as in the motion, ankles take up the tilt, and legs the difference in height.
     """
 
     def __init__(self, world: World) -> None:
         self._world, self._reach = world, FOOT_REACH * leg_length(world.robot)
         self._data = mujoco.MjData(world.model)
         layout = world.robot.layout(world.model)
-        self._dof = layout.dof
+        self._dof, self._qpos = layout.dof, layout.qpos
         self._soles = [world.model.site(name).id for name in world.robot.sole_sites]
 
     def shift(self, position: Array, orientation: Array, joint_pos: Array) -> Array:
@@ -49,36 +53,64 @@ class GroundFit:
         model, data = self._world.model, self._data
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
+        position, matrix = data.site_xpos[self._soles], data.site_xmat[self._soles]
+        share = _smooth((matrix[:, 8] - FLAT_FROM) / (FLAT_AT - FLAT_FROM))
         shift = np.zeros(len(self._dof))
+        if not share.any():
+            return shift
+        wanted_position = position.copy()
+        wanted_position[:, 2] += self._rise(position, share)
+        wanted_normal = self._tilt(position, matrix[:, [2, 5, 8]], share)
         slide, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        for sole in self._soles:
-            mujoco.mj_jacSite(model, data, slide, turn, sole)
-            wanted = self._tilt(data.site_xpos[sole], data.site_xmat[sole][8])
-            shift += _solve(slide[:, self._dof], turn[:2, self._dof], wanted)
+        for _ in range(STEPS):
+            mujoco.mj_comPos(model, data)
+            step = np.zeros(len(self._dof))
+            for i, sole in enumerate(self._soles):
+                mujoco.mj_jacSite(model, data, slide, turn, sole)
+                off = np.cross(data.site_xmat[sole][[2, 5, 8]], wanted_normal[i]).astype(float)
+                miss = wanted_position[i] - data.site_xpos[sole]
+                step += _solve(slide[:, self._dof], turn[:2, self._dof], off[:2], miss, shift)
+            shift += step
+            data.qpos[self._qpos] += step
+            mujoco.mj_kinematics(model, data)
         return shift
 
-    def _tilt(self, at: Array, upward: float) -> Array:
-        """Compute the turn about the world's x and y [rad] that a sole needs, (2,)."""
-        share = np.clip((upward - FLAT_FROM) / (FLAT_AT - FLAT_FROM), 0.0, 1.0)
-        normal = self._world.scene.ground.normal(at[0], at[1], self._reach)
-        angle = float(np.arctan2(np.hypot(normal[0], normal[1]), normal[2]))
-        axis = np.array([-normal[1], normal[0]])  # z cross normal
-        length = float(np.linalg.norm(axis))
-        if share == 0.0 or length < 1e-9:
-            return np.zeros(2)
-        return share * share * (3.0 - 2.0 * share) * angle * axis / length
+    def _rise(self, position: Array, share: Array) -> Array:
+        """Compute by how much soles (2, 3) come up to their ground, from that of the robot, (2,).
+
+        The robot comes to stand between the mean height of the ground under the soles that are on
+        it, and the lowest: a leg bends further more easily than it stretches.
+        """
+        height = self._world.scene.ground.height(position[:, 0], position[:, 1])
+        mean = float(share @ height / share.sum())
+        lowest = float(np.min(share * (height - mean))) + mean
+        return share * (height - mean - LOWER * (lowest - mean))
+
+    def _tilt(self, position: Array, normal: Array, share: Array) -> Array:
+        """Turn the normals (2, 3) of soles as much as the ground is tilted under them."""
+        ground = self._world.scene.ground.normal(position[:, 0], position[:, 1], self._reach)
+        axis = np.cross(UP, ground)
+        sine = np.linalg.norm(axis, axis=1)
+        axis /= np.maximum(sine, 1e-9)[:, None]
+        turn = quaternion.from_axis_angle(axis, share * np.arctan2(sine, ground[:, 2]))
+        return quaternion.rotate(turn, normal)
 
 
-def _solve(slide: Array, turn: Array, wanted: Array) -> Array:
-    """Find the joint turns (n,) that tilt a sole and hardly move it.
+def _smooth(share: Array) -> Array:
+    """Smooth a share, from 0 to 1."""
+    share = np.clip(share, 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
 
-    ``slide`` (3, n) and ``turn`` (2, n) are the sole's Jacobians, ``wanted`` (2,) its turn.
+
+def _solve(slide: Array, turn: Array, off: Array, miss: Array, shift: Array) -> Array:
+    """Find the step (n,) of joints that bring a sole to its place and tilt.
+
+    ``slide`` (3, n) and ``turn`` (2, n) are the sole's Jacobians, ``miss`` (3,) and ``off`` (2,)
+    what it lacks, ``shift`` (n,) how far the joints have come.
     """
     moving = np.any(turn != 0.0, axis=0) | np.any(slide != 0.0, axis=0)
-    rows = np.concatenate([turn, SLIDE_COST * slide, EFFORT_COST * np.eye(len(moving))])
-    right = np.concatenate([wanted, np.zeros(3 + len(moving))])
-    solved = np.linalg.lstsq(rows[:, moving], right, rcond=None)[0]
+    rows = np.concatenate([turn, PLACE_COST * slide, EFFORT_COST * np.eye(len(moving))])
+    right = np.concatenate([off, PLACE_COST * miss, -EFFORT_COST * shift])
     out = np.zeros(len(moving))
-    out[moving] = solved
+    out[moving] = np.linalg.lstsq(rows[:, moving], right, rcond=None)[0]
     return out

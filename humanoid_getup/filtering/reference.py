@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanoid_getup.filtering.ground_fit import GroundFit
-from humanoid_getup.motions.motion import Motion, Trajectory, join
+from humanoid_getup.motions.motion import Motion, Trajectory, hold_last, join
 from humanoid_getup.motions.posture_metric import best_yaw
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -76,6 +76,7 @@ def compose(
     frame: int,
     tempo: float = 1.0,
     fit: GroundFit | None = None,
+    seen: Array | None = None,
 ) -> Reference:
     """Chain a path and a motion from a frame on into one reference, lying to stand.
 
@@ -95,8 +96,10 @@ def compose(
     rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
     model = world.model
     ramp = np.minimum(np.arange(len(joined)) * period / RAMP, 1.0)[:, None]
-    shift = (fit or GroundFit(world)).shift(position, orientation, motion.joint_pos)
-    joined = joined + ramp * shift[rows]
+    at = (position[rows], orientation[rows])
+    if seen is not None:
+        at = _follow(*at, seen)
+    joined = joined + ramp * (fit or GroundFit(world)).shift(*at, motion.joint_pos[rows])
     com_path = center_of_mass(robot, model, path.position, path.orientation, path.joint_pos)
     com_motion = center_of_mass(
         robot, model, position[rows], orientation[rows], motion.joint_pos[rows]
@@ -106,6 +109,17 @@ def compose(
         com=np.concatenate([com_path, com_motion]),
         joined=len(approach),
     )
+
+
+def _follow(position: Array, orientation: Array, seen: Array) -> tuple[Array, Array]:
+    """Move postures of a motion (T, ...) to where a robot came in a rollout of it.
+
+    ``seen`` are the places and orientations (K, 7) of its root; it is taken to stay at the last.
+    """
+    seen = hold_last(seen[: len(position)], len(position))
+    place = np.concatenate([seen[:, :2], position[:, 2:]], axis=1)
+    yaw = best_yaw(orientation, seen[:, 3:])
+    return place, quaternion.multiply(quaternion.from_yaw(yaw), orientation)
 
 
 def resample(path: Trajectory, tempo: float, period: float) -> Trajectory:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.planning.field_depth import FieldDepth
 from humanoid_getup.scenes.scene import Scene
 from robots import Posture, Robot
 from robots.ground import GROUND
@@ -15,6 +16,8 @@ from robots.quaternion import Array
 
 STEEPEST_SUPPORT = 0.5  # vertical part of the normal of a face that can lift a robot
 SINKS = 2.0  # depths to which a body sinks into what is soft; its lighter parts sink deeper
+ROUNDING = 1e-6  # m by which a robot that was raised is as deep as is permitted
+FIELD_LIFTS, FIELD_STEP = 6, 0.005  # times that a robot is raised from a field, and by how much
 LIMB_DEPTH = 0.15  # m by which limbs may be in each other when the constraints are loosest
 
 
@@ -79,7 +82,11 @@ class CollisionChecker:
         self.limb_count = int(np.sum(self._model.body_parentid == layout.torso))
         self._obstacles = [self._model.geom(obstacle.name).id for obstacle in scene.obstacles]
         self._is_world = self._model.body_weldid[self._model.geom_bodyid] == 0
-        self._may_hit_more = bool(self._obstacles) or not scene.ground.is_plane
+        self._field, self._lifts = None, 2 if self._obstacles else 1
+        if not scene.ground.is_plane:
+            own = np.flatnonzero(~self._is_world)
+            self._field = FieldDepth(self._model, own, scene.ground)
+            self._lifts = FIELD_LIFTS
         self.reset()
 
     @property
@@ -138,44 +145,55 @@ class CollisionChecker:
 
         It is given as position, orientation and joint angles in a row, (7 + n,).
         """
-        self._place(configuration)
-        if self._data.ncon == 0:
-            return True
-        excess = self._measure_excess()
-        is_deep = excess > 0.0
-        if not is_deep.any():
-            return True
-        up = self._measure_support()[is_deep]
-        if up.min() < STEEPEST_SUPPORT:
-            return False
-        lift = float((excess[is_deep] / up).max())
-        if lift > self.tolerances.max_lift:
-            return False
-        return not self._may_hit_more or self._is_free_when_lifted(configuration, lift)
+        lift, is_free = self._raise(configuration)
+        return is_free and lift <= self.tolerances.max_lift
 
     def lift(self, configuration: Array) -> float:
         """Compute how far a posture (7 + n,) must be raised to rest on what is under it [m]."""
-        self._place(configuration)
-        excess, up = self._measure_excess(), self._measure_support()
-        is_lifting = up >= STEEPEST_SUPPORT
-        return float(np.max(excess[is_lifting] / up[is_lifting], initial=0.0))
+        return self._raise(configuration)[0]
 
     def find_collisions(self, configuration: Array) -> list[Collision]:
         """Find what a posture (7 + n,) collides with, raised if need be; the deepest first."""
-        if self.is_free(configuration):
+        lift, is_free = self._raise(configuration)
+        if is_free and lift <= self.tolerances.max_lift:
             return []
         raised = configuration.copy()
-        raised[2] += min(self.lift(configuration), self.tolerances.max_lift)
+        raised[2] += min(lift, self.tolerances.max_lift)
         contacts = self._find_contacts(raised)
         deep = [c for c in contacts if c.depth > self._allowed[c.geoms] + 1e-9]
         return sorted(deep, key=lambda c: -c.depth)
 
-    def _is_free_when_lifted(self, configuration: Array, lift: float) -> bool:
-        raised = configuration.copy()
-        raised[2] += lift
-        self._place(raised)
-        # The lift leaves the deepest point at its permitted depth, but for rounding.
-        return self._data.ncon == 0 or bool(self._measure_excess().max() <= 1e-6)
+    def _raise(self, configuration: Array) -> tuple[float, bool]:
+        """Raise a posture until it rests; return by how much, and whether it is free then."""
+        lift, raised = 0.0, configuration.copy()
+        for _ in range(self._lifts):
+            self._place(raised)
+            step, may_rise = self._measure_lift(ROUNDING if lift else 0.0)
+            lift += step
+            if step == 0.0 or not may_rise or lift > self.tolerances.max_lift:
+                return lift, may_rise
+            raised[2] = configuration[2] + lift
+        return lift, self._lifts == 1
+
+    def _measure_lift(self, slack: float) -> tuple[float, bool]:
+        """Measure how far the placed robot must be raised, and whether that can set it free.
+
+        What is too deep by less than the slack [m] does not count.
+        """
+        if self._data.ncon == 0:
+            return 0.0, True
+        excess = self._measure_excess()
+        is_deep = excess > slack
+        if not is_deep.any():
+            return 0.0, True
+        if self._field is None:
+            excess, up = excess[is_deep], self._measure_support()[is_deep]
+            lifts = up >= STEEPEST_SUPPORT
+            return float(np.max(excess[lifts] / up[lifts], initial=0.0)), bool(lifts.all())
+        ground = self._model.geom(GROUND).id
+        under = self._field.measure(self._data) - self._allowed[self._field.geom, ground]
+        touches_field = (self._data.contact.geom[is_deep] == ground).any(axis=1)
+        return max(float(under.max()), FIELD_STEP), bool(touches_field.all())
 
     def _place(self, configuration: Array) -> None:
         self._qpos[self._address] = configuration

@@ -13,6 +13,8 @@ REST = LYING_TIME + 0.5  # s; a robot may move on for a moment before it lies st
 
 def hold_time(motion: Motion) -> float:
     """Return how long the end of a motion is held, to be judged [s]."""
+    if motion.end_class == NO_END:
+        return 0.0
     return HOLD if motion.rises else REST
 
 

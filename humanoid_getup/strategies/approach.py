@@ -28,7 +28,7 @@ class Approach:
 
     def __init__(self, world: World, *, planning: bool) -> None:
         """Prepare to plan paths; without planning they are straight."""
-        self._world, self._planning = world, planning
+        self._world, self.planning = world, planning
         self._goals = GoalPlacement(world)
         self._checker = CollisionChecker(world.robot, world.scene)
         self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
@@ -37,7 +37,7 @@ class Approach:
         self, start: Posture, connection: Connection, rng: np.random.Generator
     ) -> Trajectory | None:
         """Find a smooth path to a connecting posture; ``None`` if there is none."""
-        if not self._planning:
+        if not self.planning:
             return self._straight(start, connection)
         goal = self._goals.place(connection.posture, start)
         if goal is None:

@@ -33,6 +33,7 @@ class RiseStatus(Enum):
     UNFILTERED = "planned, but not filtered"
     STORED = "a stored motion, played as it is"
     LEARNED = "a learned policy"
+    MOVES = "a move to where there is room to rise"
 
 
 @dataclass(frozen=True, kw_only=True)

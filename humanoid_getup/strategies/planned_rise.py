@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from humanoid_getup.evaluation.preference import PreferenceName
-from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Patience
-from humanoid_getup.filtering.crawl import Crawl
+from humanoid_getup.filtering.candidate import Candidate, Patience
+from humanoid_getup.filtering.crawl import Crawl, Move
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
 from humanoid_getup.motions.motion import Trajectory
@@ -24,10 +24,10 @@ from humanoid_getup.strategies.approach import Approach
 from humanoid_getup.strategies.continuation import Continuation
 from humanoid_getup.strategies.key_postures import KeyedSearch
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.rise_motion import chain, make_motion
+from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
+from humanoid_getup.strategies.rise_search import RiseSearch, SearchTools
 from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
-from robots.quaternion import Array
 from robots.torque_limit import check_torque_limit
 
 PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)
@@ -35,36 +35,17 @@ OTHER_PATIENCE = (
     Patience(tolerance=0.25, band=0.15, slowest=0.2),
     Patience(tolerance=0.15, band=0.15, slowest=0.4),
 )
-ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
-FINALISTS = 3  # rollouts of a round that may be checked
-FIRST_CONNECTIONS, MORE_CONNECTIONS, SECOND_CONNECTIONS = 3, 3, 2
+FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
+MORE_ON_UNEVEN, SECOND_ON_UNEVEN, FINALISTS_ON_UNEVEN = (
+    19,
+    6,
+    6,
+)  # where motions were not made for the ground
+REFITS = 3
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
 MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
-SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4
-MOST_MOVES = 6
-ROOM = 0.02  # m from a place to stand, from which a robot need not crawl to it
-
-
-@dataclass
-class _Progress:
-    """Progress of planning one rise."""
-
-    start: Posture
-    rng: np.random.Generator
-    tried: list[CandidateRollout] = field(default_factory=list)
-    best: CandidateRollout | None = None
-    before: CandidateRollout | None = None
-    """The rise that was improved."""
-    robust: float = float("nan")
-    rounds: int = 0
-    planned: bool = False
-
-    @property
-    def is_done(self) -> bool:
-        """Return whether there is a rise that stands under every disturbance."""
-        return self.best is not None and self.robust >= ENOUGH
 
 
 class PlannedRise:
@@ -149,15 +130,12 @@ class PlannedRise:
                 plan_s=through.plan_s + plan.plan_s,
                 filter_s=through.filter_s + plan.filter_s,
             )
+        search = self._begin(start, rng)
+        search.best, search.robust, search.rounds = through.rollout, through.robust, through.rounds
+        search.planned = True
         plan = self._conclude(
-            _Progress(
-                start,
-                rng,
-                best=through.rollout,
-                robust=through.robust,
-                rounds=through.rounds,
-                planned=True,
-            ),
+            search,
+            None,
             rollouts=self.filter.count - already,
             searched=self._searched - searched,
             plan_s=through.plan_s,
@@ -170,119 +148,84 @@ class PlannedRise:
 
         First the nearest connecting postures of a few motions are tried, and the cheapest rise
         that stands is taken; if none does, or it is not yet as preferred, further motions and
-        slower paths; if those fail, too, new paths from where their rollouts ended. What stands
-        is improved by a search, where more is preferred. A robot so tangled that no path leaves its
-        posture is first pulled free by its servos.
+        slower paths, or legs that fit the ground better where it is uneven; if those fail, too,
+        new paths from where their rollouts ended. What stands is improved by a search, where more
+        is preferred. A robot so tangled that no path leaves its posture is first pulled free by its
+        servos. One without room to stand where it lies, which does not rise at once, crawls first:
+        the plan is a move then, after which it has to be planned for again.
         """
         began = time.perf_counter()
-        progress = _Progress(start, rng)
-        connections = self.database.select(start, FIRST_CONNECTIONS + MORE_CONNECTIONS)
+        more = MORE_CONNECTIONS if self._is_level else MORE_ON_UNEVEN
+        connections = self.database.select(start, FIRST_CONNECTIONS + more)
         if not self.filtering:
             path = self._approach.path(start, connections[0], rng)
             return self._chain_unfiltered(connections[0], path, time.perf_counter() - began)
-        first = self._candidates(progress, progress.start, connections[:FIRST_CONNECTIONS])
+        search = self._begin(start, rng)
+        first = search.plan(connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
         already, searched = self.filter.count, self._searched
-        self._round(progress, first)
-        if not first:
-            self._round(progress, self._approach.pull_free(start, connections[:FIRST_CONNECTIONS]))
-        places = None if progress.best else self._find_standing_places(start)
-        if places is not None and self._crawl(progress, places):
-            first = []
-        if first and (not progress.is_done or self.filter.preference.is_demanding):
-            further = self._candidates(progress, progress.start, connections[FIRST_CONNECTIONS:])
-            self._round(progress, further + [replace(c, patience=PATIENT) for c in first + further])
-        if not progress.is_done:
-            self._search(progress)
-        if progress.tried and not progress.is_done:
-            stubborn = [replace(c, patience=p) for p in OTHER_PATIENCE for c in first]
-            self._round(progress, stubborn)
-        continuation = Continuation(self.world, places)
-        for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
-            if not progress.is_done:
-                self._try_again(progress, continuation)
-        self._improve(progress)
+        move = self._search(search, first, connections)
         return self._conclude(
-            progress,
+            search,
+            move,
             rollouts=self.filter.count - already,
             searched=self._searched - searched,
             plan_s=plan_s,
             filter_s=time.perf_counter() - began,
         )
 
-    def _candidates(
-        self,
-        progress: _Progress,
-        start: Posture,
-        connections: list[Connection],
-        before: Array | None = None,
-    ) -> list[Candidate]:
-        """Plan from a posture to connecting ones, and keep those with a path."""
-        candidates = self._approach.candidates(start, connections, progress.rng, before)
-        progress.planned |= self.planning and before is None and bool(candidates)
-        return candidates
+    def _search(
+        self, search: RiseSearch, first: list[Candidate], connections: list[Connection]
+    ) -> Move | None:
+        """Search for a rise; return a move instead if the robot first has to crawl to it."""
+        search.try_all(first)
+        if not first:
+            search.try_all(search.pull_free(connections[:FIRST_CONNECTIONS]))
+        places = None if search.best else self._find_standing_places(search.start)
+        if places is not None and (move := search.crawl(self._crawling, places)):
+            return move
+        if first and (not search.is_done or self.filter.preference.is_demanding):
+            further = search.plan(connections[FIRST_CONNECTIONS:])
+            if self._is_level:
+                search.try_all(further + _make_patient(first + further))
+            else:
+                search.try_all(first + further, FINALISTS_ON_UNEVEN)
+                search.refit(REFITS, FINALISTS_ON_UNEVEN)
+        if not search.is_done:
+            search.vary()
+        if search.tried and not search.is_done:
+            search.try_all([replace(c, patience=p) for p in OTHER_PATIENCE for c in first])
+        continuation = Continuation(self.world, places)
+        for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
+            if search.is_done:
+                break
+            if self._is_level:
+                search.go_on(continuation)
+            else:
+                search.go_on(continuation, SECOND_ON_UNEVEN, FINALISTS_ON_UNEVEN)
+                search.refit(REFITS, FINALISTS_ON_UNEVEN)
+        search.improve()
+        return None
+
+    def _begin(self, start: Posture, rng: np.random.Generator) -> RiseSearch:
+        tools = SearchTools(
+            database=self.database,
+            approach=self._approach,
+            filter=self.filter,
+            assistance=self.assistance,
+            budget=self.search_budget,
+        )
+        return RiseSearch(tools, start, rng)
 
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find where the robot has room to stand; ``None`` without obstacles."""
         places = StandingPlaces(self.world, start.position)
         return places if self.world.scene.obstacles and places.exist else None
 
-    def _check(self, progress: _Progress, rollout: CandidateRollout) -> None:
-        """Check a rollout that stands, its touching limbs parted; keep it if it is the best."""
-        parted = self.filter.separate(progress.start, rollout)
-        for one in [parted] if parted is rollout else [parted, rollout]:
-            best = progress.best
-            if best and progress.is_done and one.cost >= best.cost:
-                return
-            share = self.filter.check(progress.start, one.target, progress.rng)
-            known = (progress.robust, -best.cost) if best else (0.0, 0.0)
-            if share > 0.0 and (share, -one.cost) > known:
-                progress.best, progress.robust = one, share
-
-    def _improve(self, progress: _Progress) -> None:
-        """Vary the targets of a rise that stands everywhere, where more is preferred."""
-        best, preference = progress.best, self.filter.preference
-        if best and progress.is_done and (preference.is_demanding or best.collides):
-            budget = preference.improvement * self.search_budget
-            better = self.filter.improve(progress.start, best, budget, progress.rng)
-            if better is not best:
-                progress.best, progress.before = better, best
-
-    def _search(self, progress: _Progress) -> None:
-        """Vary the targets of the best rollout, or of the failed ones that rose highest."""
-        failed = sorted(progress.tried, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
-        for base in [progress.best] if progress.best else failed:
-            better, share = self.filter.search(
-                progress.start, base, self.search_budget, progress.rng
-            )
-            if better.stood and share > (progress.robust if progress.best else 0.0):
-                progress.best, progress.robust = better, share
-                if better.collides:
-                    self._check(progress, better)
-                if progress.is_done:
-                    return
-
-    def _crawl(self, progress: _Progress, places: StandingPlaces) -> bool:
-        """Crawl to where the robot has room to stand, and rise from there.
-
-        Returns whether it had to.
-        """
-        posture, held, moves = progress.start, progress.start.joint_pos, []
-        while len(moves) < MOST_MOVES and places.distance(posture.position) > ROOM:
-            move = self._crawling.search(posture, held, places.distance, progress.rng)
-            if move.cost >= places.distance(posture.position):
-                break
-            posture, held = move.posture, move.target[-1]
-            moves.append(move.target)
-        if not moves:
-            return False
-        before = np.concatenate(moves)
-        connections = self.database.select(posture, FIRST_CONNECTIONS + MORE_CONNECTIONS)
-        found = self._candidates(progress, posture, connections, before)
-        found = found or self._approach.pull_free(posture, connections, before)
-        self._round(progress, found + [replace(c, patience=PATIENT) for c in found])
-        return True
+    @property
+    def _is_level(self) -> bool:
+        return self.world.scene.ground.is_level
 
     @property
     def _searched(self) -> float:
@@ -293,65 +236,46 @@ class PlannedRise:
     def _crawling(self) -> Crawl:
         return Crawl(self.world, self.torque_limit, CHECK_DISTURBANCE)
 
-    def _try_again(self, progress: _Progress, continuation: Continuation) -> None:
-        """Continue from the ends of failed rollouts."""
-        candidates = []
-        for end in continuation.pick(progress.tried):
-            connections = self.database.select(end.posture, SECOND_CONNECTIONS)
-            found = self._candidates(progress, end.posture, connections, end.target)
-            candidates += found or self._approach.pull_free(end.posture, connections, end.target)
-        self._round(progress, candidates)
-
-    def _round(self, progress: _Progress, candidates: list[Candidate]) -> None:
-        """Roll candidates out; check the cheapest that stood against disturbances."""
-        if not candidates:
-            return
-        progress.rounds += 1
-        candidates = [replace(c, assistance=self.assistance) for c in candidates]
-        progress.tried = self.filter.roll_out(progress.start, candidates)
-        standing = sorted((r for r in progress.tried if r.stood), key=lambda r: r.cost)
-        for finalist in standing[:FINALISTS]:
-            self._check(progress, finalist)
-            if progress.best and progress.is_done and not progress.best.collides:
-                return
-
     def _conclude(
         self,
-        progress: _Progress,
+        search: RiseSearch,
+        move: Move | None,
         *,
         rollouts: int,
         searched: float,
         plan_s: float,
         filter_s: float,
     ) -> RisePlan:
-        search = SearchRecord(
+        record = SearchRecord(
             prefer=self.prefer,
             budget=self.search_budget,
             simulated=searched,
-            figures=progress.best and progress.best.figures,
-            before=progress.before and progress.before.figures,
+            figures=search.best and search.best.figures,
+            before=search.before and search.before.figures,
         )
         figures: dict[str, Any] = {
-            "planned": progress.planned,
-            "robust": progress.robust,
+            "planned": search.planned,
+            "robust": search.robust,
             "rollouts": rollouts,
-            "rounds": progress.rounds,
+            "rounds": search.rounds,
             "plan_s": plan_s,
             "filter_s": filter_s,
-            "search": search,
+            "search": record,
         }
-        if progress.best is not None:
+        if move is not None:
+            motion = make_move(self.world, search.start, move)
+            return MotionPlan(status=RiseStatus.MOVES, motion=motion, **figures)
+        if search.best is not None:
             return MotionPlan(
                 status=RiseStatus.STOOD,
-                motion=make_motion(self.world, progress.start, progress.best),
-                connection=progress.best.candidate.connection,
-                stand_time=progress.best.stand_time,
+                motion=make_motion(self.world, search.start, search.best),
+                connection=search.best.candidate.connection,
+                stand_time=search.best.stand_time,
                 **figures,
             )
-        if not progress.tried:
+        if not search.tried:
             return RisePlan(status=RiseStatus.NOT_PLANNED, **figures)
-        highest = max(r.peak_neck for r in progress.tried)
-        share = highest / self.world.robot.standing_neck_height
+        share = search.highest / self.world.robot.standing_neck_height
         detail = f"{rollouts} tried, the best raised the neck to {share:.0%}"
         return RisePlan(status=RiseStatus.FELL, detail=detail, **figures)
 
@@ -369,3 +293,7 @@ class PlannedRise:
             planned=self.planning,
             plan_s=plan_s,
         )
+
+
+def _make_patient(candidates: list[Candidate]) -> list[Candidate]:
+    return [replace(c, patience=PATIENT) for c in candidates]

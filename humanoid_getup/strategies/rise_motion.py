@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from humanoid_getup.filtering.candidate import CandidateRollout
-from humanoid_getup.motions.motion import Motion, Trajectory
+from humanoid_getup.filtering.crawl import Move
+from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.retargeting import name_body
-from humanoid_getup.simulation.falls import classify
+from humanoid_getup.simulation.falls import UNCLASSED, classify
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import read_posture
@@ -27,6 +28,22 @@ def make_motion(world: World, start: Posture, rollout: CandidateRollout) -> Moti
         strategy=joined.strategy,
         joint_target=rollout.target[:count],
         provenance={"program": "getup rise", "connection": joined.name} | name_body(robot),
+    )
+
+
+def make_move(world: World, start: Posture, move: Move) -> Motion:
+    """Make a motion of a move, which does not end standing."""
+    robot, model = world.robot, world.model
+    return Motion.through(
+        [start, *(read_posture(robot, model, q) for q in move.qpos[:-1])],
+        robot.control_period,
+        name="crawl",
+        robot=robot.name,
+        start_class=classify(start.orientation) or UNCLASSED,
+        end_class=NO_END,
+        strategy="crawl",
+        joint_target=move.target,
+        provenance={"program": "getup rise"} | name_body(robot),
     )
 
 

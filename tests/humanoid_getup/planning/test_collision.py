@@ -8,8 +8,10 @@ import pytest
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.world import World
 from robots import Posture, load_robot, quaternion
-from robots.kinematics import lowest_point, place
+from robots.kinematics import lowest_point, place, read_posture
 from robots.quaternion import Array
 
 ROBOT = load_robot("op3")
@@ -119,3 +121,25 @@ def test_a_robot_lifted_by_the_ground_must_not_hit_what_is_above_it():
     deep = row(lying(depth=0.15))
     assert open_air.is_free(deep)
     assert not under_roof.is_free(deep)
+
+
+def test_rough_ground_lifts_a_robot_until_it_rests_on_it():
+    world = World(ROBOT, "rough:hard")
+    checker = CollisionChecker(ROBOT, world.scene, Tolerances(max_lift=0.5))
+    clearance, rng = Clearance(world), np.random.default_rng(0)
+    for _ in range(20):
+        turn = quaternion.normalize(rng.normal(size=4))
+        posture = Posture(
+            position=np.array([*rng.uniform(-0.3, 0.3, size=2), 0.05]),
+            orientation=turn,
+            joint_pos=rng.uniform(0.3 * ROBOT.lower, 0.3 * ROBOT.upper),
+        )
+        resting = clearance.rest(place(ROBOT, world.model, posture), -0.002)
+        at = read_posture(ROBOT, world.model, resting)
+        if not checker.is_free(row(at)):  # it overlaps itself
+            continue
+        for depth in (0.02, 0.1, 0.2):
+            lift = checker.lift(row(lowered(at, depth)))
+            assert checker.is_free(row(lowered(at, depth)))
+            # It may come to rest higher, where a body's face lies on a peak, but never deeper.
+            assert depth - 0.002 < lift < depth + 0.02

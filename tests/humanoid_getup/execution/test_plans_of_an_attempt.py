@@ -1,0 +1,140 @@
+"""Plans of one attempt: made again where they fall in the preflight, and after a move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from drivers import Twin
+from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS, AttemptManager
+from humanoid_getup.execution.reckoning import Reckoning
+from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.motions.motion import NO_END, Motion
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.placement import Placement
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from robots import FULL_TORQUE, Posture, Robot
+from robots.kinematics import read_posture
+
+RIGHT, WRONG = "prone_push_up_fast", "supine_sit_up_fast"
+
+
+@dataclass
+class Plans:
+    """A strategy that makes the plans that it is given, one after the other."""
+
+    world: World
+    plans: list[RisePlan]
+    torque_limit = FULL_TORQUE
+    starts: list[Posture] = field(default_factory=list)
+
+    def plan(self, start: Posture, _rng: np.random.Generator) -> RisePlan:
+        self.starts.append(start)
+        return self.plans.pop(0)
+
+
+class Kept(MotionPlan):
+    """A plan that knows whether it was taken out of the cache."""
+
+    def forget(self) -> None:
+        self.motion.provenance["forgotten"] = 1
+
+
+@pytest.fixture(scope="module")
+def motions(op3: Robot) -> dict[str, Motion]:
+    return {motion.name: motion for motion in load_database(op3).motions}
+
+
+@pytest.fixture(scope="module")
+def prone(world: World, motions: dict[str, Motion]) -> Posture:
+    at_rest = settle_posture(world, motions[RIGHT].posture(0))
+    return read_posture(world.robot, world.model, at_rest)
+
+
+@pytest.fixture
+def move(world: World, prone: Posture) -> MotionPlan:
+    """Lift an arm and lay it down."""
+    frames = 60
+    target = np.tile(prone.joint_pos, (frames, 1))
+    shoulder = world.robot.joint_names.index("l_sho_pitch")
+    target[:, shoulder] += 0.5 * np.sin(np.linspace(0.0, np.pi, frames))
+    motion = Motion.through(
+        [prone] * frames,
+        world.robot.control_period,
+        name="lift_an_arm",
+        robot=world.robot.name,
+        start_class="prone",
+        end_class=NO_END,
+        strategy="crawl",
+        joint_target=target,
+    )
+    return MotionPlan(status=RiseStatus.MOVES, motion=motion, plan_s=2.0)
+
+
+def get_up(
+    world: World, prone: Posture, plans: list[RisePlan], **options
+) -> tuple[RiseResult, Plans]:
+    strategy = Plans(world, plans)
+    session = RiseSession.on(Twin(world, prone), strategy, max_attempts=1, **options)
+    return AttemptManager(session).get_up(np.random.default_rng(0)), strategy
+
+
+def test_a_searched_plan_that_falls_in_the_preflight_is_made_again(world, prone, motions):
+    wrong = Kept(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=1.0)
+    right = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
+    result, _ = get_up(world, prone, [wrong, right])
+    assert result.status is AttemptStatus.STOOD
+    (attempt,) = result.attempts
+    assert attempt.refused == (wrong,)
+    assert wrong.motion.provenance.pop("forgotten") == 1
+    record = result.record()
+    assert (record["refused_plans"], record["moves"], record["attempts"]) == (1, 0, 1)
+    assert record["plan_s"] == pytest.approx(1.5)
+
+
+def test_after_a_few_plans_that_fall_nothing_is_played(world, prone, motions):
+    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG])
+    result, strategy = get_up(world, prone, [wrong] * (MOST_PLANS + 1))
+    assert len(strategy.starts) == MOST_PLANS
+    assert result.times_played == 0
+    assert result.attempts[0].refusal is not None
+    assert "it does not end in a held stand" in result.attempts[0].refusal
+
+
+def test_a_motion_that_would_be_the_same_again_is_not_planned_again(world, prone, motions):
+    stored = MotionPlan(status=RiseStatus.STORED, motion=motions[WRONG])
+    result, strategy = get_up(world, prone, [stored] * 2)
+    assert len(strategy.starts) == 1
+    assert not result.stood
+
+
+def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, motions, move):
+    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
+    moved = []
+    result, strategy = get_up(world, prone, [move, rise], moved=moved.append, settle=False)
+    assert result.status is AttemptStatus.STOOD
+    assert moved == [move]
+    assert len(strategy.starts) == 2
+    # The torso stays where it is; what the arm does is measured, not taken from the plan.
+    assert np.abs(strategy.starts[1].joint_pos - strategy.starts[0].joint_pos).max() > 1e-4
+    record = result.record()
+    assert (record["moves"], record["refused_plans"], record["plan_s"]) == (1, 0, 2.5)
+
+
+def test_a_robot_that_is_not_watched_is_where_its_move_should_end(world, move):
+    reckoning = Reckoning(Placement(x=1.0, y=2.0, heading=0.0))
+    assert reckoning.locate().x == 1.0
+    reckoning.move(move)
+    assert reckoning.locate() == Placement.of(move.motion.posture(-1))
+
+
+def test_a_robot_that_only_moves_is_given_up(world, prone, move):
+    result, _ = get_up(world, prone, [move] * (MOST_MOVES + 1))
+    assert result.status is AttemptStatus.NEEDS_HELP
+    assert result.reason == f"no room to rise after {MOST_MOVES} moves"
+    assert len(result.attempts[0].moves) == MOST_MOVES

@@ -24,7 +24,8 @@ from robots import Posture
 
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
 MOST_MOVES = 6  # to where there is room to rise, in one attempt
-MOST_PLANS = 3  # that fall in the preflight, one after the other
+MOST_PLANS = 3  # that are refused by the preflight, one after the other
+SEARCHED = {RiseStatus.STOOD, RiseStatus.MOVES}  # by plans that would not be the same again
 MISSED = {AbortKind.TILT, AbortKind.FELL, AbortKind.STUCK}  # a move ends elsewhere, no more
 
 
@@ -32,7 +33,7 @@ class AttemptManager:
     """Gets a robot up, on any backend.
 
     Each attempt waits, torque off, until the robot is still, classifies how it lies, plans,
-    runs the preflight, plays under supervision and judges. A plan that falls in the preflight is
+    runs the preflight, plays under supervision and judges. A plan that the preflight refuses is
     made again; after a move to where there is room, the robot settles and is planned for again.
     After a failed attempt it rests until every servo is cool; then the next one begins, up to a
     maximum. After that, or at a fault that rest does not clear, the robot needs help. A stop ends
@@ -120,7 +121,8 @@ class AttemptManager:
     def _prepare(self, rng: np.random.Generator) -> tuple[Attempt, Supervisor | None]:
         """Settle and plan; return what controls the robot, ``None`` if nothing may be played.
 
-        A plan that was searched for and falls in the preflight has moved no robot: another is made.
+        A plan that was searched for and is refused by the preflight has moved no robot: another is
+        made.
         """
         try:
             state = self._settle()
@@ -135,8 +137,8 @@ class AttemptManager:
             attempt, controller = self._judge(plan, state)
             attempt = replace(attempt, start_class=side, refused=refused)
             verdict = attempt.verdict
-            may_replan = plan.status is RiseStatus.STOOD and len(refused) + 1 < MOST_PLANS
-            if controller is not None or verdict is None or not (verdict.falls and may_replan):
+            is_last = len(refused) + 1 == MOST_PLANS or plan.status not in SEARCHED
+            if controller is not None or is_last or not (verdict and verdict.another_may_pass):
                 return attempt, controller
             plan.forget()
             refused = (*refused, plan)

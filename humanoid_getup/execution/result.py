@@ -48,7 +48,7 @@ class Attempt:
     moves: tuple[RisePlan, ...] = ()
     """Moves that were played before, to where there is room to rise."""
     refused: tuple[RisePlan, ...] = ()
-    """Plans that fell in the preflight, after which another was made."""
+    """Plans that the preflight refused, after which another was made."""
 
     @property
     def plans(self) -> tuple[RisePlan, ...]:

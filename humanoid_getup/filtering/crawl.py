@@ -21,7 +21,7 @@ SAMPLES, ELITES, GENERATIONS = 20, 5, 4
 WORLDS = 3  # in which each move is tried, the first one undisturbed
 KNOTS = 4  # postures of a move
 MOVE, REST = 2.4, 0.6  # s of a move, and of the rest after it
-MOST_SATURATION = 1.0  # s for which a servo may have all its torque without a break
+MOST_SATURATION = 0.7  # s for which a servo may have all its torque without a break
 SATURATION_COST = 1.0  # of a move in which one has it for longer, in the unit of the cost
 SPREAD, LEAST_SPREAD = 0.8, 0.2  # rad, standard deviation of the first knots and of any
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.planning.field_depth import FieldDepth
+from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.scenes.scene import Scene
 from robots import Posture, Robot
 from robots.ground import GROUND
@@ -81,6 +82,8 @@ class CollisionChecker:
         """Bodies that are no limb: world and torso."""
         self.limb_count = int(np.sum(self._model.body_parentid == layout.torso))
         self._obstacles = [self._model.geom(obstacle.name).id for obstacle in scene.obstacles]
+        self._crossings = Crossings(self._model)
+        self._ground = self._model.geom(GROUND).id
         self._is_world = self._model.body_weldid[self._model.geom_bodyid] == 0
         self._field, self._lifts = None, 2 if self._obstacles else 1
         if not scene.ground.is_plane:
@@ -98,7 +101,7 @@ class CollisionChecker:
         """Forget the permitted penetrations, and tighten all constraints."""
         count, world = self._model.ngeom, self._is_world
         sink = np.zeros(count)
-        sink[self._model.geom(GROUND).id] = self.scene.surface.sink
+        sink[self._ground] = self.scene.surface.sink
         sink[self._obstacles] = [obstacle.surface.sink for obstacle in self.scene.obstacles]
         self._sink = SINKS * (sink[:, None] + sink)
         self._rest = np.full((count, count), self.tolerances.body)
@@ -114,9 +117,11 @@ class CollisionChecker:
         """
         self.looseness = looseness
         self._allowed = self._rest + looseness * LIMB_DEPTH
-        world = self._rest + looseness * self.robot.standing_neck_height
-        self._allowed[self._is_world, :] = world[self._is_world, :]
-        self._allowed[:, self._is_world] = world[:, self._is_world]
+        self._allowed[self._is_world, :] = self._rest[self._is_world, :]
+        self._allowed[:, self._is_world] = self._rest[:, self._is_world]
+        lower = looseness * self.robot.standing_neck_height
+        self._allowed[self._ground, :] += lower
+        self._allowed[:, self._ground] += lower
         for geom, obstacle in zip(self._obstacles, self.scene.obstacles, strict=True):
             size = obstacle.sweep((1.0 - looseness) * obstacle.radius)
             self._model.geom_size[geom, : len(size)] = size
@@ -180,6 +185,8 @@ class CollisionChecker:
 
         What is too deep by less than the slack [m] does not count.
         """
+        if self._obstacles and len(self._crossings.find(self._data)):
+            return 0.0, False
         if self._data.ncon == 0:
             return 0.0, True
         excess = self._measure_excess()
@@ -190,9 +197,8 @@ class CollisionChecker:
             excess, up = excess[is_deep], self._measure_support()[is_deep]
             lifts = up >= STEEPEST_SUPPORT
             return float(np.max(excess[lifts] / up[lifts], initial=0.0)), bool(lifts.all())
-        ground = self._model.geom(GROUND).id
-        under = self._field.measure(self._data) - self._allowed[self._field.geom, ground]
-        touches_field = (self._data.contact.geom[is_deep] == ground).any(axis=1)
+        under = self._field.measure(self._data) - self._allowed[self._field.geom, self._ground]
+        touches_field = (self._data.contact.geom[is_deep] == self._ground).any(axis=1)
         return max(float(under.max()), FIELD_STEP), bool(touches_field.all())
 
     def _place(self, configuration: Array) -> None:
@@ -225,6 +231,8 @@ class CollisionChecker:
         for geoms, distance in zip(contact.geom.tolist(), contact.dist, strict=True):
             pair: tuple[int, int] = tuple(sorted(geoms, key=lambda geom: self._is_world[geom]))
             depths[pair] = max(depths.get(pair, -np.inf), -float(distance))
+        for capsule, box in self._crossings.find(self._data).tolist():
+            depths[capsule, box] = self._crossings.depth(capsule)
         return [
             Collision(part=self._name(a), into=self._name(b), depth=depth, geoms=(a, b))
             for (a, b), depth in depths.items()

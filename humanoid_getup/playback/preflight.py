@@ -72,6 +72,11 @@ class Verdict:
         return False
 
     @property
+    def another_may_pass(self) -> bool:
+        """Return whether it is the motion that was refused, not the state of the robot."""
+        return False
+
+    @property
     def refusals(self) -> tuple[Reason, ...]:
         """Return the reasons that it must not be played."""
         return tuple(r for r in self.reasons if r.severity is Severity.REFUSE)
@@ -98,6 +103,12 @@ class MotionVerdict(Verdict):
     def falls(self) -> bool:
         """Return whether the motion does not end as it should in the rollout."""
         return not self.figures.succeeded
+
+    @property
+    def another_may_pass(self) -> bool:
+        """Return whether it is the motion that was refused, not the state of the robot."""
+        is_overloaded = np.any(self.figures.longest_saturation > LONG_SATURATION)
+        return self.falls or bool(is_overloaded) or self.figures.overlap_growth > REFUSED_OVERLAP
 
 
 def preflight(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.simulation.world import World
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
@@ -20,6 +21,7 @@ class Clearance:
     def __init__(self, world: World) -> None:
         self._model, self._scene = world.model, world.scene
         self._data = mujoco.MjData(world.model)
+        self._crossings = Crossings(world.model)
         reach = world.robot.standing_neck_height
         self._around = np.linspace(-reach, reach, PLACES)
         self._root = world.robot.layout(world.model).root_qpos
@@ -41,6 +43,9 @@ class Clearance:
             for geom in contact.geom[self._is_world[contact.geom]]:
                 name = self._model.geom(geom).name
                 deepest[name] = max(deepest.get(name, 0.0), -float(contact.dist))
+        for capsule, box in self._crossings.find(self._data):
+            name = self._model.geom(box).name
+            deepest[name] = max(deepest.get(name, 0.0), self._crossings.depth(capsule))
         return deepest
 
     def _collide(self, qpos: Array) -> None:
@@ -53,7 +58,9 @@ class Clearance:
         self._collide(qpos)
         contact = self._data.contact
         chosen = self._is_world[contact.geom].any(axis=1) == with_scene
-        return float(np.max(-contact.dist[chosen], initial=0.0))
+        deepest = float(np.max(-contact.dist[chosen], initial=0.0))
+        crossed = self._crossings.find(self._data) if with_scene else ()
+        return max([deepest, *(self._crossings.depth(capsule) for capsule, _ in crossed)])
 
     def rest(self, qpos: Array, height: float = 0.0) -> Array:
         """Put a robot above what is under it, as low as it is free, counted from the ground up.

@@ -25,9 +25,10 @@ from humanoid_getup.strategies.continuation import Continuation
 from humanoid_getup.strategies.key_postures import KeyedSearch
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
-from humanoid_getup.strategies.rise_search import RiseSearch, SearchTools
+from humanoid_getup.strategies.rise_search import FINALISTS, RiseSearch, SearchTools
 from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots.kinematics import leg_length
 from robots.torque_limit import check_torque_limit
 
 PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)
@@ -36,11 +37,9 @@ OTHER_PATIENCE = (
     Patience(tolerance=0.15, band=0.15, slowest=0.4),
 )
 FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
-MORE_ON_UNEVEN, SECOND_ON_UNEVEN, FINALISTS_ON_UNEVEN = (
-    19,
-    6,
-    6,
-)  # where motions were not made for the ground
+# Where motions were not made for the scene, more of them are tried.
+MORE_IN_SCENES, SECOND_ON_UNEVEN, MORE_FINALISTS = 19, 6, 6
+CRAMPED = 0.3  # leg lengths from a place to stand, from which a robot crawls before it rises
 REFITS = 3
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
 MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
@@ -151,21 +150,27 @@ class PlannedRise:
         slower paths, or legs that fit the ground better where it is uneven; if those fail, too,
         new paths from where their rollouts ended. What stands is improved by a search, where more
         is preferred. A robot so tangled that no path leaves its posture is first pulled free by its
-        servos. One without room to stand where it lies, which does not rise at once, crawls first:
-        the plan is a move then, after which it has to be planned for again.
+        servos. One without room to stand where it lies crawls first: the plan is a move then,
+        after which it has to be planned for again.
         """
         began = time.perf_counter()
-        more = MORE_CONNECTIONS if self._is_level else MORE_ON_UNEVEN
+        more = MORE_CONNECTIONS if self.world.scene.is_flat else MORE_IN_SCENES
         connections = self.database.select(start, FIRST_CONNECTIONS + more)
         if not self.filtering:
             path = self._approach.path(start, connections[0], rng)
             return self._chain_unfiltered(connections[0], path, time.perf_counter() - began)
-        search = self._begin(start, rng)
-        first = search.plan(connections[:FIRST_CONNECTIONS])
+        search, first = self._begin(start, rng), list[Candidate]()
+        already, searched = self.filter.count, self._searched
+        places = self._find_standing_places(search.start)
+        move, is_cramped = None, places and places.distance(start.position) > CRAMPED * self._leg
+        if places and is_cramped:
+            move = search.crawl(self._crawling, places)
+        if move is None:
+            first = search.plan(connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
-        already, searched = self.filter.count, self._searched
-        move = self._search(search, first, connections)
+        if move is None:
+            self._search(search, first, connections, places)
         return self._conclude(
             search,
             move,
@@ -176,22 +181,23 @@ class PlannedRise:
         )
 
     def _search(
-        self, search: RiseSearch, first: list[Candidate], connections: list[Connection]
-    ) -> Move | None:
-        """Search for a rise; return a move instead if the robot first has to crawl to it."""
+        self,
+        search: RiseSearch,
+        first: list[Candidate],
+        connections: list[Connection],
+        places: StandingPlaces | None,
+    ) -> None:
         search.try_all(first)
         if not first:
             search.try_all(search.pull_free(connections[:FIRST_CONNECTIONS]))
-        places = None if search.best else self._find_standing_places(search.start)
-        if places is not None and (move := search.crawl(self._crawling, places)):
-            return move
         if first and (not search.is_done or self.filter.preference.is_demanding):
             further = search.plan(connections[FIRST_CONNECTIONS:])
             if self._is_level:
-                search.try_all(further + _make_patient(first + further))
+                finalists = FINALISTS if self.world.scene.is_flat else MORE_FINALISTS
+                search.try_all(further + _make_patient(first + further), finalists)
             else:
-                search.try_all(first + further, FINALISTS_ON_UNEVEN)
-                search.refit(REFITS, FINALISTS_ON_UNEVEN)
+                search.try_all(first + further, MORE_FINALISTS)
+                search.refit(REFITS, MORE_FINALISTS)
         if not search.is_done:
             search.vary()
         if search.tried and not search.is_done:
@@ -203,10 +209,9 @@ class PlannedRise:
             if self._is_level:
                 search.go_on(continuation)
             else:
-                search.go_on(continuation, SECOND_ON_UNEVEN, FINALISTS_ON_UNEVEN)
-                search.refit(REFITS, FINALISTS_ON_UNEVEN)
+                search.go_on(continuation, SECOND_ON_UNEVEN, MORE_FINALISTS)
+                search.refit(REFITS, MORE_FINALISTS)
         search.improve()
-        return None
 
     def _begin(self, start: Posture, rng: np.random.Generator) -> RiseSearch:
         tools = SearchTools(
@@ -217,6 +222,10 @@ class PlannedRise:
             budget=self.search_budget,
         )
         return RiseSearch(tools, start, rng)
+
+    @cached_property
+    def _leg(self) -> float:
+        return leg_length(self.world.robot)
 
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find where the robot has room to stand; ``None`` without obstacles."""

@@ -9,7 +9,7 @@ from humanoid_getup.filtering.crawl import Move
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.retargeting import name_body
-from humanoid_getup.simulation.falls import UNCLASSED, classify
+from humanoid_getup.simulation.falls import LyingSide, classify
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import read_posture
@@ -39,12 +39,17 @@ def make_move(world: World, start: Posture, move: Move) -> Motion:
         robot.control_period,
         name="crawl",
         robot=robot.name,
-        start_class=classify(start.orientation) or UNCLASSED,
+        start_class=_find_side(start),
         end_class=NO_END,
         strategy="crawl",
         joint_target=move.target,
         provenance={"program": "getup rise"} | name_body(robot),
     )
+
+
+def _find_side(start: Posture) -> LyingSide:
+    """Classify a robot that need not lie, by the side to which it leans."""
+    return classify(start.orientation) or ("prone" if start.gravity_b[0] > 0.0 else "supine")
 
 
 def chain(world: World, path: Trajectory, connection: Connection) -> Motion:

@@ -19,7 +19,6 @@ from robots.quaternion import Array
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
 FINALISTS = 3  # rollouts of a round that may be checked
 SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
-ROOM = 0.02  # m from a place to stand, from which a robot need not crawl to it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,13 +133,8 @@ class RiseSearch:
                 self.best, self.before = better, best
 
     def crawl(self, crawl: Crawl, places: StandingPlaces) -> Move | None:
-        """Find a move towards where the robot has room to stand.
-
-        It is ``None`` where the robot has room, or none brings it nearer.
-        """
+        """Find a move towards where the robot has room to stand; ``None`` if none leads nearer."""
         distance = float(places.distance(self.start.position))
-        if distance <= ROOM:
-            return None
         move = crawl.search(self.start, places.distance, self._rng)
         return move if move is not None and move.cost < distance else None
 

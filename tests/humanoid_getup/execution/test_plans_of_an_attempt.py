@@ -126,7 +126,7 @@ def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, m
     assert (record["moves"], record["refused_plans"], record["plan_s"]) == (1, 0, 2.5)
 
 
-def test_a_robot_that_is_not_watched_is_where_its_move_should_end(world, move):
+def test_a_robot_that_is_not_watched_is_where_its_move_should_end(move):
     reckoning = Reckoning(Placement(x=1.0, y=2.0, heading=0.0))
     assert reckoning.locate().x == 1.0
     reckoning.move(move)

@@ -13,7 +13,7 @@ from humanoid_getup.motions.motion import Motion
 from robots import Robot
 
 KEY = "motions:supine_sit_up_gentle@1.2"
-TABLE = ["plan", "--from", "left", "--scene", "table", "--seed", "5", "--max-checks", "1500"]
+TABLE = ["plan", "--from", "right", "--scene", "table", "--seed", "10", "--max-checks", "1500"]
 
 
 def run(*arguments: str, file: Path) -> tuple[int, dict[str, Any]]:

@@ -2,29 +2,15 @@
 
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from run_getup import Run
 
 from humanoid_getup.benchmarks import planner_cost
-from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.bench import BenchPlanner
 
-Run = Callable[..., tuple[int, str, str]]
 SMALL = ("--n", "1", "--checks", "1000")
-
-
-@pytest.fixture
-def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Run `getup` in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = main(arguments)
-        return code, *capsys.readouterr()
-
-    return run
 
 
 def test_planners_are_compared_and_the_table_names_them(run: Run):

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from subprocess import PIPE
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from run_getup import Run
 
 from humanoid_getup import choose_gl
 from humanoid_getup.cli.commands import COMMANDS
@@ -23,19 +23,6 @@ from humanoid_getup.motions.motion import Motion
 from robots import Robot
 
 MOTION = "squat_to_stand"
-Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Run `getup` in an empty folder; return exit code, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = main(arguments)
-        return code, *capsys.readouterr()
-
-    return run
 
 
 def getup(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:

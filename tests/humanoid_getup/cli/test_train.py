@@ -2,7 +2,6 @@
 
 import json
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args, get_type_hints
@@ -16,7 +15,8 @@ pytest.importorskip("tensordict")
 pytest.importorskip("gymnasium")
 pytest.importorskip("tensorboard")
 
-from humanoid_getup.cli.main import main
+from run_getup import Run
+
 from humanoid_getup.cli.options.policies import Train
 from humanoid_getup.cli.train import format_time
 from sim2real.training.config import RECIPES
@@ -24,20 +24,13 @@ from sim2real.training.config import RECIPES
 pytestmark = pytest.mark.train
 
 TINY = ("train", "--out", "mine", "--iterations", "2", "--robots", "4", "--threads", "1")
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run `getup` in an empty folder, with a `quick` recipe that is over in a moment."""
-    monkeypatch.chdir(tmp_path)
     tiny = replace(RECIPES["quick"], hidden=(8, 8), falls=4)
     monkeypatch.setitem(RECIPES, "quick", tiny)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = main(arguments)
-        return code, *capsys.readouterr()
-
     return run
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 import humanoid_getup as hg
 from humanoid_getup.reporting import film_strip
 from robots.quaternion import Array
@@ -18,5 +20,6 @@ def get_up(world: hg.World, start: str, seed: int, name: str) -> Array | None:
         print(f"{name}, seed {number}: {result}", flush=True)
         if result.stood and result.outcome is not None:
             end = result.outcome.stand.start_time + film_strip.AFTERMATH
-            return result.outcome.qpos[: round(end / world.robot.control_period)]
+            rise = result.outcome.qpos[: round(end / world.robot.control_period)]
+            return np.concatenate([*(move.outcome.qpos for move in result.moves), rise])
     return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -131,7 +131,8 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
     end = outcome.stand.start_time + film_strip.AFTERMATH if result.stood else math.inf
     side = "-side" if result.start_class in ("left", "right") else ""
     title = f"{robot.name}, {result.start_class}{side} start: {plan.label}"
-    return draw_run(outcome, world, options, folder, title, end)
+    moves = [move.outcome for move in result.moves]
+    return draw_run(outcome, world, options, folder, title, end, moves)
 
 
 def draw_run(
@@ -141,18 +142,21 @@ def draw_run(
     folder: Path,
     title: str,
     end: float = math.inf,
+    moves: Sequence[RunOutcome] = (),
 ) -> str | None:
     """Draw torques, and a film strip up to a time [s] and of the last posture.
 
-    Return why there is no film strip.
+    The film begins with the moves that led to the run. Return why there is no film strip.
     """
     robot, period = world.robot, world.robot.control_period
     plots.save_torque(robot, outcome, options.torque_limit, folder / TORQUE, title=title)
-    last = len(outcome.qpos) - 1  # the final posture
-    rows = film_strip.pick_frames(round(min(last, end / period)), film_strip.FRAMES - 1)
+    states = np.concatenate([*(move.qpos for move in moves), outcome.qpos])
+    last = len(states) - 1  # the final posture
+    shown = min(last, len(states) - len(outcome.qpos) + end / period)
+    rows = film_strip.pick_frames(round(shown), film_strip.FRAMES - 1)
     rows = np.union1d(rows, [last])
     try:
-        pictures = film_strip.render_frames(robot, world.model, outcome.qpos[rows])
+        pictures = film_strip.render_frames(robot, world.model, states[rows])
     except film_strip.NoRendererError as error:
         return str(error)
     film_strip.save_strip(pictures, rows * period, folder / STRIP, title=title)

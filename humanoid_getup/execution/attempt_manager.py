@@ -10,7 +10,7 @@ from drivers import DriverError, Ending, FaultKind, State
 from drivers.control_loop import Pacer
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import Recovery, StoppedError, UnrecoveredError
-from humanoid_getup.execution.result import Attempt, AttemptStatus, RiseResult
+from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
@@ -100,10 +100,12 @@ class AttemptManager:
 
     def _attempt(self, rng: np.random.Generator) -> Attempt:
         """Plan and play, after moves to where there is room to rise if need be."""
-        moves: tuple[RisePlan, ...] = ()
+        moves: tuple[PlayedMove, ...] = ()
+        refused: tuple[RisePlan, ...] = ()
         while True:
             attempt, controller = self._prepare(rng)
-            attempt = replace(attempt, moves=moves)
+            refused = (*refused, *attempt.refused)
+            attempt = replace(attempt, moves=moves, refused=refused)
             plan = attempt.plan
             if plan is None or controller is None:
                 return attempt
@@ -112,9 +114,9 @@ class AttemptManager:
                 return replace(attempt, refusal=f"no room to rise after {MOST_MOVES} moves")
             self._report(Phase.PLAYING, plan.title)
             attempt = self._play(attempt, controller)
-            if not (is_move and _has_moved(attempt)):
+            if attempt.outcome is None or not (is_move and _has_moved(attempt)):
                 return attempt
-            moves = (*moves, plan)
+            moves = (*moves, PlayedMove(plan=plan, outcome=attempt.outcome))
             self._has_moved = True
             self._session.moved(plan)
 

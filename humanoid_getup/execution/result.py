@@ -25,6 +25,14 @@ class AttemptStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlayedMove:
+    """A move to where there is room to rise, as it was played."""
+
+    plan: RisePlan
+    outcome: RunOutcome
+
+
+@dataclass(frozen=True, kw_only=True)
 class Attempt:
     """One attempt to get up, as far as it went."""
 
@@ -45,15 +53,16 @@ class Attempt:
     """Why it was not played."""
     after: AfterStand | None = None
     """What followed its stand; None without one."""
-    moves: tuple[RisePlan, ...] = ()
-    """Moves that were played before, to where there is room to rise."""
+    moves: tuple[PlayedMove, ...] = ()
+    """Moves that were played before."""
     refused: tuple[RisePlan, ...] = ()
     """Plans that the preflight refused, after which another was made."""
 
     @property
     def plans(self) -> tuple[RisePlan, ...]:
         """Return all plans that were made, the last one last."""
-        return (*self.moves, *self.refused, *([self.plan] if self.plan else []))
+        moves = (move.plan for move in self.moves)
+        return (*moves, *self.refused, *([self.plan] if self.plan else []))
 
     @property
     def stood(self) -> bool:
@@ -124,6 +133,11 @@ class RiseResult:
     def outcome(self) -> RunOutcome | None:
         """Return the outcome of the last run."""
         return self.attempts[-1].outcome if self.attempts else None
+
+    @property
+    def moves(self) -> tuple[PlayedMove, ...]:
+        """Return the moves that were played before the last run."""
+        return self.attempts[-1].moves if self.attempts else ()
 
     @property
     def after(self) -> AfterStand | None:

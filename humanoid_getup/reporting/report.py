@@ -60,6 +60,7 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
     for label, text in (
         ("start", f"{report['start_class']}, seed {report['seed']}"),
         ("motion", _describe_motion(report)),
+        ("moves", _describe_moves(report)),
         ("keys", _describe_keys(report)),
         ("prefers", _describe_preference(report)),
         ("load", _describe_load(report)),
@@ -98,6 +99,13 @@ def _describe_motion(report: dict[str, Any]) -> str:
     text += f", filtered in {report['filter_s']:.2f} s over {report['rollouts']} rollouts"
     robust = report["robust"]
     return text if robust is None else f"{text}, stands in {robust:.0%} of the disturbed ones"
+
+
+def _describe_moves(report: dict[str, Any]) -> str:
+    """Say how often the robot moved before it rose."""
+    if not report.get("moves"):
+        return ""
+    return f"{report['moves']}, to where there is room to rise"
 
 
 def _describe_keys(report: dict[str, Any]) -> str:

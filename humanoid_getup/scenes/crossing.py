@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from robots.quaternion import Array
 
+SMALL = 1e-12  # m, of an axis parallel to a face
 NONE = np.zeros((0, 2), dtype=int)
 
 
@@ -51,10 +52,10 @@ class Crossings:
         """Return which segments (N, 3) meet a box, by the slabs between its faces."""
         turn, half = data.geom_xmat[box].reshape(3, 3), self._model.geom_size[box]
         middle, way = (center - data.geom_xpos[box]) @ turn, along @ turn
-        with np.errstate(divide="ignore", invalid="ignore"):
-            near, far = (-half - middle) / way, (half - middle) / way
-        enter = np.nanmax(np.minimum(near, far), axis=1)
-        leave = np.nanmin(np.maximum(near, far), axis=1)
+        way += SMALL * (way == 0.0)
+        near, far = (-half - middle) / way, (half - middle) / way
+        enter = np.minimum(near, far).max(axis=1)
+        leave = np.maximum(near, far).min(axis=1)
         return np.maximum(enter, -1.0) <= np.minimum(leave, 1.0)
 
     def _measure_contact(self, data: mujoco.MjData, pair: tuple[int, int]) -> float:

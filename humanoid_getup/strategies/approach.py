@@ -20,6 +20,7 @@ STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
 SLOW = 0.6  # tempo at which a tangled robot is pulled free
 TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
 MOST_FAILURES = 2  # searches without a path before the start counts as tangled
+MOST_FAILURES_IN_ALL = 5  # before the other motions are not tried, either
 OPTIONS = PathOptions(max_checks=40_000)  # about a second: there are other motions to join
 
 
@@ -57,12 +58,14 @@ class Approach:
     ) -> list[Candidate]:
         """Plan from a posture to connecting ones, and keep those with a path.
 
-        After two failures the start itself counts as blocked, and the others are not tried.
+        After two failures and no path the start itself counts as blocked, and the others are not
+        tried; nor are they after five failures.
         ``before`` are targets [rad], (T, n), that led to the start.
         """
         candidates: list[Candidate] = []
         for tried, connection in enumerate(connections):
-            if tried == MOST_FAILURES and not candidates:
+            failures = tried - len(candidates)
+            if failures == (MOST_FAILURES_IN_ALL if candidates else MOST_FAILURES):
                 break
             path = self.path(start, connection, rng)
             if path is not None:

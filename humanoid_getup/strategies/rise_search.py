@@ -18,6 +18,7 @@ from robots.quaternion import Array
 
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
 FINALISTS = 3  # rollouts of a round that may be checked
+CRAWLS = 2  # searches for a move that leads nearer to room
 SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 
 
@@ -135,8 +136,11 @@ class RiseSearch:
     def crawl(self, crawl: Crawl, places: StandingPlaces) -> Move | None:
         """Find a move towards where the robot has room to stand; ``None`` if none leads nearer."""
         distance = float(places.distance(self.start.position))
-        move = crawl.search(self.start, places.distance, self._rng)
-        return move if move is not None and move.cost < distance else None
+        for _ in range(CRAWLS):
+            move = crawl.search(self.start, places.distance, self._rng)
+            if move is not None and move.cost < distance:
+                return move
+        return None
 
     def go_on(
         self, continuation: Continuation, connect: int = 2, finalists: int = FINALISTS

@@ -126,6 +126,15 @@ def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, m
     assert (record["moves"], record["refused_plans"], record["plan_s"]) == (1, 0, 2.5)
 
 
+def test_plans_that_were_refused_before_a_move_count(world, prone, motions, move):
+    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=4.0)
+    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
+    result, _ = get_up(world, prone, [wrong, move, rise])
+    record = result.record()
+    assert (record["stood"], record["refused_plans"], record["moves"]) == (True, 1, 1)
+    assert record["plan_s"] == pytest.approx(6.5)
+
+
 def test_a_robot_that_is_not_watched_is_where_its_move_should_end(move):
     reckoning = Reckoning(Placement(x=1.0, y=2.0, heading=0.0))
     assert reckoning.locate().x == 1.0

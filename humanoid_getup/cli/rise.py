@@ -26,8 +26,8 @@ from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over, reporting_hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.phase import PhaseChange
-from humanoid_getup.execution.reckoning import Reckoning
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
@@ -185,7 +185,7 @@ def _locate(command: RunOptions) -> dict[str, Any]:
     if command.at is None:
         return {}
     x, y, heading = command.at
-    reckoning = Reckoning(Placement(x=x, y=y, heading=math.radians(heading)))
+    reckoning = DeadReckoning(Placement(x=x, y=y, heading=math.radians(heading)))
     return {"locate": reckoning.locate, "moved": reckoning.move}
 
 

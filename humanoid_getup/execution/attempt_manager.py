@@ -102,10 +102,12 @@ class AttemptManager:
         """Plan and play, after moves to where there is room to rise if need be."""
         moves: tuple[PlayedMove, ...] = ()
         refused: tuple[RisePlan, ...] = ()
+        side: str | None = None
         while True:
             attempt, controller = self._prepare(rng)
             refused = (*refused, *attempt.refused)
-            attempt = replace(attempt, moves=moves, refused=refused)
+            side = side or attempt.start_class
+            attempt = replace(attempt, start_class=side, moves=moves, refused=refused)
             plan = attempt.plan
             if plan is None or controller is None:
                 return attempt

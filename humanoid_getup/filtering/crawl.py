@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,10 +56,14 @@ class Crawl:
     ) -> None:
         """Prepare for a world, and for disturbances that a move has to bear."""
         self._world, self._limit, self._disturbance = world, torque_limit, disturbance
-        self._sim = VecSim(world, SAMPLES * WORLDS, threads=threads)
+        self._threads = threads
         self._steps = count_substeps(world.model, world.robot.control_period)
         self.simulated = 0.0
         """Time simulated so far [s]."""
+
+    @cached_property
+    def _sim(self) -> VecSim:
+        return VecSim(self._world, SAMPLES * WORLDS, threads=self._threads)
 
     def search(
         self,

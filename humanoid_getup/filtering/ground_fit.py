@@ -13,7 +13,7 @@ from robots.quaternion import Array
 FLAT_FROM, FLAT_AT = 0.7, 0.95  # vertical part of a sole's normal: not on the ground, on it
 PLACE_COST = 5.0  # of a sole that misses its place by 1 m, beside its tilt by 1 rad
 EFFORT_COST = 0.05  # of turning a joint by 1 rad
-STEPS = 3  # of Gauss and Newton
+STEPS = 3  # of Gauss-Newton
 LOWER = 0.5  # share of the way from the mean height of the soles' ground to the lowest
 EVERY = 5  # control periods between two postures that are fitted
 UP = np.array([0.0, 0.0, 1.0])

@@ -112,8 +112,8 @@ class CollisionChecker:
     def loosen(self, looseness: float) -> None:
         """Lower the ground, shrink the obstacles and let the robot sink into itself.
 
-        At 0 the constraints are strict. At 1 there are none: the ground is a standing robot's
-        height lower, the obstacles have no radius, and limbs pass through each other.
+        At 0 the constraints are strict. At 1 the ground is a standing robot's height lower, limbs
+        pass through each other, and of obstacles what has no radius is left: a rectangle, a line.
         """
         self.looseness = looseness
         self._allowed = self._rest + looseness * LIMB_DEPTH

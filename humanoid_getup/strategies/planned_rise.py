@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -96,6 +95,8 @@ class PlannedRise:
         self.database = load_database(world.robot) if database is None else database
         self._approach = Approach(world, planning=planning)
         self.filter = DynamicsFilter(world, torque_limit=self.torque_limit, prefer=prefer)
+        self._crawl = Crawl(world, self.torque_limit, CHECK_DISTURBANCE)
+        self._leg = leg_length(world.robot)
         if keys and not (planning and filtering):
             raise ValueError("keys are given, expected planning and filtering with them")
         self.keys = name_keys(keys)
@@ -162,9 +163,9 @@ class PlannedRise:
         search, first = self._begin(start, rng), list[Candidate]()
         already, searched = self.filter.count, self._searched
         places = self._find_standing_places(search.start)
-        move, is_cramped = None, places and places.distance(start.position) > CRAMPED * self._leg
-        if places and is_cramped:
-            move = search.crawl(self._crawling, places)
+        move = None
+        if places and places.distance(start.position) > CRAMPED * self._leg:
+            move = search.crawl(self._crawl, places)
         if move is None:
             first = search.plan(connections[:FIRST_CONNECTIONS])
         plan_s = time.perf_counter() - began
@@ -223,10 +224,6 @@ class PlannedRise:
         )
         return RiseSearch(tools, start, rng)
 
-    @cached_property
-    def _leg(self) -> float:
-        return leg_length(self.world.robot)
-
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find where the robot has room to stand; ``None`` without obstacles."""
         places = StandingPlaces(self.world, start.position)
@@ -239,11 +236,7 @@ class PlannedRise:
     @property
     def _searched(self) -> float:
         """Return the time that searches have simulated so far [s]."""
-        return self.filter.searched + self._crawling.simulated
-
-    @cached_property
-    def _crawling(self) -> Crawl:
-        return Crawl(self.world, self.torque_limit, CHECK_DISTURBANCE)
+        return self.filter.searched + self._crawl.simulated
 
     def _conclude(
         self,

@@ -12,9 +12,8 @@ from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.strategies.approach import Approach
-from humanoid_getup.strategies.continuation import Continuation
+from humanoid_getup.strategies.continuation import Continuation, End
 from robots import Posture
-from robots.quaternion import Array
 
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
 FINALISTS = 3  # rollouts of a round that may be checked
@@ -59,33 +58,24 @@ class RiseSearch:
         """Return whether there is a rise that stands under every disturbance."""
         return self.best is not None and self.robust >= ENOUGH
 
-    def plan(
-        self,
-        connections: list[Connection],
-        start: Posture | None = None,
-        before: Array | None = None,
-    ) -> list[Candidate]:
+    def plan(self, connections: list[Connection], end: End | None = None) -> list[Candidate]:
         """Plan paths to connecting postures, and return the candidates that have one.
 
-        Args:
-            connections: Motions to join, and where.
-            start: Where the paths begin; ``None``: where the robot lies.
-            before: Targets that lead to that posture [rad], (T, n).
+        The paths begin at the end of an earlier rollout, or else where the robot lies.
         """
-        begin = self.start if start is None else start
-        candidates = self._tools.approach.candidates(begin, connections, self._rng, before)
-        self.planned |= self._tools.approach.planning and before is None and bool(candidates)
+        approach = self._tools.approach
+        if end is not None:
+            return approach.candidates(end.posture, connections, self._rng, end.target)
+        candidates = approach.candidates(self.start, connections, self._rng)
+        self.planned |= approach.planning and bool(candidates)
         return candidates
 
-    def pull_free(
-        self,
-        connections: list[Connection],
-        start: Posture | None = None,
-        before: Array | None = None,
-    ) -> list[Candidate]:
+    def pull_free(self, connections: list[Connection], end: End | None = None) -> list[Candidate]:
         """Move straight and slowly to connecting postures, without a path: limbs may yield."""
-        begin = self.start if start is None else start
-        return self._tools.approach.pull_free(begin, connections, before)
+        approach = self._tools.approach
+        if end is not None:
+            return approach.pull_free(end.posture, connections, end.target)
+        return approach.pull_free(self.start, connections)
 
     def try_all(self, candidates: list[Candidate], finalists: int = FINALISTS) -> None:
         """Roll candidates out; check the cheapest that stood against disturbances."""
@@ -149,8 +139,7 @@ class RiseSearch:
         candidates = []
         for end in continuation.pick(self.tried):
             connections = self._tools.database.select(end.posture, connect)
-            where = (end.posture, end.target)
-            candidates += self.plan(connections, *where) or self.pull_free(connections, *where)
+            candidates += self.plan(connections, end) or self.pull_free(connections, end)
         self.try_all(candidates, finalists)
 
     def _check(self, rollout: CandidateRollout) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drivers import Twin
+from humanoid_getup.execution import attempt_manager
 from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS, AttemptManager
-from humanoid_getup.execution.reckoning import Reckoning
+from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import NO_END, Motion
@@ -126,6 +127,14 @@ def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, m
     assert (record["moves"], record["refused_plans"], record["plan_s"]) == (1, 0, 2.5)
 
 
+def test_the_start_class_is_that_before_any_move(world, prone, motions, move, monkeypatch):
+    sides = iter(["left", "prone"])
+    monkeypatch.setattr(attempt_manager, "classify", lambda _: next(sides))
+    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    result, _ = get_up(world, prone, [move, rise])
+    assert (result.stood, result.start_class) == (True, "left")
+
+
 def test_plans_that_were_refused_before_a_move_count(world, prone, motions, move):
     wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=4.0)
     rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
@@ -135,8 +144,8 @@ def test_plans_that_were_refused_before_a_move_count(world, prone, motions, move
     assert record["plan_s"] == pytest.approx(6.5)
 
 
-def test_a_robot_that_is_not_watched_is_where_its_move_should_end(move):
-    reckoning = Reckoning(Placement(x=1.0, y=2.0, heading=0.0))
+def test_dead_reckoning_puts_a_robot_where_its_move_should_end(move):
+    reckoning = DeadReckoning(Placement(x=1.0, y=2.0, heading=0.0))
     assert reckoning.locate().x == 1.0
     reckoning.move(move)
     assert reckoning.locate() == Placement.of(move.motion.posture(-1))

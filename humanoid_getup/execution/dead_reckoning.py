@@ -1,4 +1,4 @@
-"""Reckoning: where a robot that nobody watches lies after it moved."""
+"""Dead reckoning: where a robot without localization lies after it moved."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan
 
 
-class Reckoning:
-    """Tells where a robot lies: where it was said to lie, and then where its moves should end.
+class DeadReckoning:
+    """Estimates where a robot lies: at a given place at first, then where its moves should end.
 
-    A move that ends elsewhere goes unnoticed, but for attitude and joints, which are measured.
+    Attitude and joint angles are measured; an error in place or heading is not noticed.
     """
 
     def __init__(self, placement: Placement) -> None:

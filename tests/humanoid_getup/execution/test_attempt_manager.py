@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from prone_motions import RIGHT, WRONG
 
 from drivers import Command, DriverError, Ending, SafetyGuard, State, Twin
 from humanoid_getup.execution.attempt_manager import AttemptManager
@@ -15,16 +16,12 @@ from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.playback.balance import Balance
 from humanoid_getup.playback.preflight import Reason, Severity, Verdict
-from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
-from robots.kinematics import read_posture
 
-RIGHT, WRONG = "prone_push_up_fast", "supine_sit_up_fast"
 KNEE = "l_knee"
 FAST = Cooling(min_time=0.2)
 
@@ -94,22 +91,6 @@ class Alerts:
 
     def spoil(self, state: State) -> State:
         return replace(state, alert=self.bits.copy())
-
-
-@pytest.fixture(scope="module")
-def database(op3: Robot) -> MotionDatabase:
-    return load_database(op3)
-
-
-@pytest.fixture(scope="module")
-def motions(database: MotionDatabase) -> dict[str, Motion]:
-    return {motion.name: motion for motion in database.motions}
-
-
-@pytest.fixture(scope="module")
-def prone(world: World, motions: dict[str, Motion]) -> Posture:
-    at_rest = settle_posture(world, motions[RIGHT].posture(0))
-    return read_posture(world.robot, world.model, at_rest)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from prone_motions import RIGHT, WRONG
 
 from drivers import Twin
 from humanoid_getup.execution import attempt_manager
@@ -14,15 +15,10 @@ from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import NO_END, Motion
-from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from robots import FULL_TORQUE, Posture, Robot
-from robots.kinematics import read_posture
-
-RIGHT, WRONG = "prone_push_up_fast", "supine_sit_up_fast"
+from robots import FULL_TORQUE, Posture
 
 
 @dataclass
@@ -44,17 +40,6 @@ class Kept(MotionPlan):
 
     def forget(self) -> None:
         self.motion.provenance["forgotten"] = 1
-
-
-@pytest.fixture(scope="module")
-def motions(op3: Robot) -> dict[str, Motion]:
-    return {motion.name: motion for motion in load_database(op3).motions}
-
-
-@pytest.fixture(scope="module")
-def prone(world: World, motions: dict[str, Motion]) -> Posture:
-    at_rest = settle_posture(world, motions[RIGHT].posture(0))
-    return read_posture(world.robot, world.model, at_rest)
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.posture_space import PositionProblem, PostureProblem
 from humanoid_getup.planning.rrt_blossom import SearchStatus, search
+from humanoid_getup.planning.way_out import find_way_out
 from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.quaternion import Array
@@ -61,11 +62,16 @@ class ProblemMaker:
     ) -> PostureProblem | None:
         """Pose a problem with the first goal that has a place at the start or beside it, if any.
 
+        A start far from any room to stand is first moved there as it lies, for every planner.
+
         Args:
             start: Lying posture in the scene.
             goals: Postures anywhere on level ground.
             rng: Of the search of the root's path.
         """
+        self.checker.grant(None)
+        way_out = find_way_out(self.world, self.checker, start, rng)
+        start = start if way_out is None else way_out.end
         for goal in goals:
             placed = self._goals.place(goal, start)
             if placed is None:

@@ -120,6 +120,7 @@ def _describe(answer: PathAnswer, world: World, command: Plan, start: Fall) -> d
         "reason": result.reason,
         "leg": result.leg,
         "refined": result.refined,
+        "way_out_m": answer.way_out and answer.way_out.length,
         "checks": answer.checks,
         "nodes": answer.nodes,
         "time_s": answer.time,
@@ -152,6 +153,7 @@ def _print(record: dict[str, Any], files: list[str], command: Plan) -> None:
     rows = {
         "start": f"{record['start_class']}, seed {record['seed']}",
         "search": f"{effort}, {record['nodes']} nodes, {how}",
+        "way out": record["way_out_m"] and f"{record['way_out_m']:.2f} m, moved as it lies",
         "keys": ", ".join(f"{key['name']} at {key['time_s']:.2f} s" for key in record["keys"]),
         "files": ", ".join(files),
         "no film": record["strip_reason"],

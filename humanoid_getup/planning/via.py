@@ -14,6 +14,7 @@ from humanoid_getup.planning.goal_placement import SUNK, GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions, PathResult, plan_path
 from humanoid_getup.planning.refinement import Report
 from humanoid_getup.planning.rrt_blossom import SearchStatus
+from humanoid_getup.planning.way_out import WayOut
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture
@@ -73,15 +74,19 @@ def plan_via(
     rng: np.random.Generator,
     options: PathOptions | None = None,
     report: Report = lambda _: None,
+    way_out: WayOut | None = None,
 ) -> ViaResult:
     """Plan a smooth trajectory from a start through all stops, of which the last is the goal.
 
     Every leg is planned by `plan_path`; a key posture given by the user may be far from any in the
-    database, [Lin12], section 5.1. The trajectory rests at each stop but the last.
+    database, [Lin12], section 5.1. The trajectory rests at each stop but the last. A way out from
+    the start is followed first.
     """
     plan = partial(plan_path, checker=checker, rng=rng, options=options, report=report)
     period = checker.robot.control_period
     path, legs, arrivals = _stay(start), list[PathResult](), list[int]()
+    if way_out is not None:
+        path, start = way_out.sample(period), way_out.end
     for goal in stops:
         if not _is_same(start, goal):
             legs.append(plan(start, goal))

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from humanoid_getup.simulation.world import World
@@ -28,6 +29,7 @@ class StandingPlaces:
         """Look around a point (3,) [m]: on the ground, and on what is under the point's height."""
         self._world, self._center = world, center
         self._data = mujoco.MjData(world.model)
+        mujoco.mj_kinematics(world.model, self._data)
 
     @property
     def exist(self) -> bool:
@@ -37,6 +39,11 @@ class StandingPlaces:
     def distance(self, point: Array) -> Array:
         """Compute the horizontal distances of points (..., 3) from the nearest place [m], (...)."""
         return self._tree.query(point[..., :2])[0]
+
+    def find_nearest(self, point: Array, count: int) -> Array:
+        """Find the nearest places to a point (3,), ``count`` at most, (K, 2), nearest first."""
+        apart = np.linalg.norm(self._found - point[:2], axis=1)
+        return self._found[np.argsort(apart, kind="stable")[:count]]
 
     @cached_property
     def _tree(self) -> KDTree:
@@ -48,22 +55,25 @@ class StandingPlaces:
         leg = leg_length(self._world.robot)
         steps = np.arange(-REACH, REACH + GRID, GRID) * leg
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) + self._center[:2]
-        fits = np.array([self._fits(at) for at in grid])
+        scene, height = self._world.scene, np.full(len(grid), self._center[2])
+        ground = scene.ground.height(grid[:, 0], grid[:, 1])
+        under = scene.support(np.column_stack([grid, height]))
+        levels = zip(ground.tolist(), under.tolist(), strict=True)
+        fits = np.array([self._fits(*one) for one in zip(grid, levels, strict=True)])
         if fits.all() or not fits.any():
             return grid[fits]
         roomy = fits & (KDTree(grid[~fits]).query(grid)[0] > ROOM * leg)
         return grid[roomy if roomy.any() else fits]
 
-    def _fits(self, at: Array) -> bool:
-        scene = self._world.scene
-        ground = float(scene.ground.height(at[0], at[1]))
-        under = float(scene.support(np.array([*at, self._center[2]])))
-        return any(self._fits_on(at, height) for height in {ground, under})
+    def _fits(self, at: Array, levels: tuple[float, float]) -> bool:
+        return any(self._fits_on(at, height) for height in set(levels))
 
     def _fits_on(self, at: Array, height: float) -> bool:
         """Return whether a robot can stand there in any heading."""
         robot, model, data = self._world.robot, self._world.model, self._data
         raised = np.array([*at, height + robot.standing.position[2] + ABOVE])
+        if self._is_far(raised):
+            return True
         for heading in np.arange(HEADINGS) * (np.pi / HEADINGS):
             turned = quaternion.multiply(quaternion.from_yaw(heading), robot.standing.orientation)
             posture = replace(robot.standing, position=raised, orientation=turned)
@@ -75,10 +85,38 @@ class StandingPlaces:
                 return False
         return True
 
+    def _is_far(self, root: Array) -> bool:
+        """Return whether every obstacle is out of reach of a robot that stands at a root (3,)."""
+        model = self._world.model
+        apart = np.einsum("kij,ki->kj", self._frames, root - self._data.geom_xpos[self._obstacles])
+        apart -= model.geom_aabb[self._obstacles, :3]
+        outside = np.maximum(np.abs(apart) - model.geom_aabb[self._obstacles, 3:], 0.0)
+        return bool(np.all(np.linalg.norm(outside, axis=1) > self._reach))
+
+    @cached_property
+    def _reach(self) -> float:
+        """Return the radius of a sphere about the root of a standing robot [m]."""
+        robot, model, data = self._world.robot, self._world.model, self._data
+        data.qpos[:] = place(robot, model, robot.standing)
+        mujoco.mj_kinematics(model, data)
+        own = np.flatnonzero(~self._world.is_world_geom)
+        apart = np.linalg.norm(data.geom_xpos[own] - robot.standing.position, axis=1)
+        return float((apart + model.geom_rbound[own]).max())
+
+    @cached_property
+    def _obstacles(self) -> NDArray[np.intp]:
+        model = self._world.model
+        return np.array([model.geom(o.name).id for o in self._world.scene.obstacles], int)
+
+    @cached_property
+    def _frames(self) -> Array:
+        """Return the axes of the obstacles' bounding boxes, (K, 3, 3)."""
+        return self._data.geom_xmat[self._obstacles].reshape(-1, 3, 3)
+
     @cached_property
     def _is_obstacle(self) -> Array:
         flags = np.zeros(self._world.model.ngeom, dtype=bool)
-        flags[[self._world.model.geom(o.name).id for o in self._world.scene.obstacles]] = True
+        flags[self._obstacles] = True
         return flags
 
 

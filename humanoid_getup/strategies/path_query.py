@@ -16,6 +16,7 @@ from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.planning.via import ViaResult, place_stops, plan_via
+from humanoid_getup.planning.way_out import WayOut, find_way_out
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -41,6 +42,8 @@ class PathAnswer:
 
     goal: Goal
     result: ViaResult
+    way_out: WayOut | None
+    """Path of the root to where there is room to stand, which comes first."""
     tried: tuple[tuple[str, str], ...]
     """Each goal that was tried, and why there is no path to it; empty for the one with a path."""
     nodes: int
@@ -80,13 +83,15 @@ def find_path(
 ) -> PathAnswer:
     """Plan through the key postures to the first of the goals to which there is a path.
 
-    A start that is not valid has no path to any of them: the others are not tried.
+    A start that is not valid has no path to any of them: the others are not tried. One far from
+    any room to stand is first moved there as it lies.
     """
     began, checker = time.perf_counter(), CollisionChecker(world.robot, world.scene)
+    way_out = find_way_out(world, checker, start, rng)
     answers: list[tuple[Goal, ViaResult]] = []
     for goal in goals:
         report(goal.name, None)
-        result = _plan(world, start, keys, goal, checker, rng, options, report)
+        result = _plan(world, start, way_out, keys, goal, checker, rng, options, report)
         answers.append((goal, result))
         if result.status in (SearchStatus.SOLVED, SearchStatus.START_INVALID):
             break
@@ -97,6 +102,7 @@ def find_path(
     return PathAnswer(
         goal=chosen[0],
         result=chosen[1],
+        way_out=way_out,
         tried=tuple((goal.name, result.reason) for goal, result in answers),
         nodes=sum(result.nodes for _, result in answers),
         checks=checker.checks,
@@ -107,6 +113,7 @@ def find_path(
 def _plan(
     world: World,
     start: Posture,
+    way_out: WayOut | None,
     keys: Sequence[KeyPosture],
     goal: Goal,
     checker: CollisionChecker,
@@ -114,7 +121,8 @@ def _plan(
     options: PathOptions,
     report: Progress,
 ) -> ViaResult:
-    placed = place_stops(world, [*(key.posture for key in keys), goal.posture], start)
+    before = start if way_out is None else way_out.end
+    placed = place_stops(world, [*(key.posture for key in keys), goal.posture], before)
     names = [*(key.name for key in keys), goal.name]
     stops = list[Posture]()
     for leg, stop in enumerate(placed):
@@ -122,7 +130,15 @@ def _plan(
             reason = f"there is no place for {names[leg]} at the robot or beside it"
             return ViaResult(status=SearchStatus.GOAL_INVALID, reason=reason, leg=leg + 1)
         stops.append(stop)
-    return plan_via(start, stops, checker, rng, options, lambda level: report(goal.name, level))
+    return plan_via(
+        start,
+        stops,
+        checker,
+        rng,
+        options,
+        report=lambda level: report(goal.name, level),
+        way_out=way_out,
+    )
 
 
 def measure_length(metric: PostureMetric, path: Trajectory) -> float:

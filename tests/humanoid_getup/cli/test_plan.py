@@ -13,7 +13,7 @@ from humanoid_getup.motions.motion import Motion
 from robots import Robot
 
 KEY = "motions:supine_sit_up_gentle@1.2"
-TABLE = ["plan", "--from", "right", "--scene", "table", "--seed", "10", "--max-checks", "1500"]
+SHORT = ["plan", "--from", "prone", "--scene", "low-bed-a", "--seed", "1", "--max-checks", "300"]
 
 
 def run(*arguments: str, file: Path) -> tuple[int, dict[str, Any]]:
@@ -75,7 +75,7 @@ def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     out = tmp_path / "out"
-    assert main([*TABLE, "--out", str(out)]) == 1
+    assert main([*SHORT, "--out", str(out)]) == 1
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
     for part in ("no path to", "checks in", "mm inside", "% of the path", "at looseness"):
@@ -85,7 +85,7 @@ def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
 
 def test_the_beginning_of_the_best_path_is_kept_on_request(tmp_path: Path):
     code, record = run(
-        *TABLE, "--keep-partial", "--out", str(tmp_path), file=tmp_path / "plan.json"
+        *SHORT, "--keep-partial", "--out", str(tmp_path), file=tmp_path / "plan.json"
     )
     path = Motion.load(tmp_path / "path.npz")
     assert (code, record["found"], record["refined"]) == (1, False, True)
@@ -95,7 +95,7 @@ def test_the_beginning_of_the_best_path_is_kept_on_request(tmp_path: Path):
 
 
 def test_without_refinement_less_is_tried(tmp_path: Path):
-    code, record = run(*TABLE, "--no-refinement", file=tmp_path / "plan.json")
+    code, record = run(*SHORT, "--no-refinement", file=tmp_path / "plan.json")
     assert (code, record["refined"]) == (1, False)
 
 
@@ -107,3 +107,14 @@ def test_a_rise_reports_what_became_of_its_key(tmp_path: Path, capsys: pytest.Ca
     assert key["largest_joint_error_rad"] < 0.1
     assert key["played_joint_error_rad"] < 0.1
     assert f"{KEY} at {key['time_s']:.2f} s" in capsys.readouterr().out
+
+
+def test_from_under_a_table_the_path_leads_out_first(tmp_path: Path):
+    arguments = ["plan", "--from", "right", "--scene", "table", "--seed", "10"]
+    code, record = run(*arguments, "--out", str(tmp_path), file=tmp_path / "plan.json")
+    path = Motion.load(tmp_path / "path.npz")
+    assert (code, record["found"]) == (0, True)
+    moved = np.linalg.norm(path.position - path.position[0], axis=1)
+    bends = int(np.flatnonzero(np.any(path.joint_pos != path.joint_pos[0], axis=1))[0])
+    assert moved[bends - 1] == pytest.approx(record["way_out_m"], rel=0.3)
+    assert record["way_out_m"] > 0.3

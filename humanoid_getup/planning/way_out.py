@@ -1,0 +1,139 @@
+"""The way out: the root's path from under something to where the robot has room to stand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from humanoid_getup.motions.motion import Trajectory
+from humanoid_getup.planning.blossom import blossom
+from humanoid_getup.planning.collision import CollisionChecker, to_configuration
+from humanoid_getup.planning.goal_placement import SUNK
+from humanoid_getup.planning.posture_space import STEP_POSITION
+from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
+from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.standing_places import StandingPlaces
+from humanoid_getup.simulation.world import World
+from robots import Posture
+from robots.kinematics import leg_length, place
+from robots.quaternion import Array
+
+DEEP = 1.0  # leg lengths from room to stand; closer to it, a motion can be joined where one lies
+SPACING = 0.01  # m between the checks along an edge
+SPEED = 0.2  # m/s of the root
+MOST_PLACES = 12  # the nearest ones, to which a way is searched
+OPTIONS = SearchOptions(max_edges=400)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayOut:
+    """A path of the root alone: orientation and joint angles stay as they are."""
+
+    start: Posture
+    positions: Array
+    """Of the root [m], (K, 3), from the start to where there is room."""
+
+    @property
+    def end(self) -> Posture:
+        """Return the posture at the end."""
+        return replace(self.start, position=self.positions[-1])
+
+    @property
+    def length(self) -> float:
+        """Return the length of the path [m]."""
+        return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
+
+    def sample(self, period: float) -> Trajectory:
+        """Sample the path at a speed of 0.2 m/s, every ``period`` [s]."""
+        legs = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
+        way = np.concatenate([[0.0], np.cumsum(legs)])
+        count = max(1, math.ceil(way[-1] / (SPEED * period)))
+        at = np.linspace(0.0, way[-1], count + 1)
+        position = np.stack([np.interp(at, way, axis) for axis in self.positions.T], axis=1)
+        return Trajectory(
+            time=np.arange(count + 1, dtype=float) * period,
+            position=position,
+            orientation=np.tile(self.start.orientation, (count + 1, 1)),
+            joint_pos=np.tile(self.start.joint_pos, (count + 1, 1)),
+        )
+
+
+def find_way_out(
+    world: World, checker: CollisionChecker, start: Posture, rng: np.random.Generator
+) -> WayOut | None:
+    """Find where a robot that lies far from any room to stand can be moved as it lies.
+
+    [Lin12], section 4.2.1, plans the root's position first and, as this does, without regard to
+    what could push the robot there; here with the whole body in its posture instead of a point.
+    A servo robot cannot follow such a path: a rise crawls there (`humanoid_getup.filtering.crawl`).
+
+    Returns:
+        ``None`` where none is needed, or none was found.
+    """
+    leg = leg_length(world.robot)
+    if not world.scene.obstacles:
+        return None
+    places = StandingPlaces(world, start.position)
+    if not places.exist or places.distance(start.position) <= DEEP * leg:
+        return None
+    checker.reset()
+    if checker.allow(start):
+        return None
+    for at in places.find_nearest(start.position, MOST_PLACES):
+        end = _rest(world, start, at)
+        problem = _ShiftProblem(checker, start, end)
+        if problem.is_free(end):
+            found = search(problem, start.position, end, rng, OPTIONS)
+            if found.status is SearchStatus.SOLVED:
+                return WayOut(start=start, positions=np.array(found.path))
+    return None
+
+
+def _rest(world: World, start: Posture, at: Array) -> Array:
+    """Put a posture on what is under it at a place (2,), and return its position (3,)."""
+    moved = replace(start, position=np.array([*at, start.position[2]]))
+    qpos = Clearance(world).rest(place(world.robot, world.model, moved), -SUNK)
+    return qpos[world.robot.layout(world.model).root_position].copy()
+
+
+class _ShiftProblem:
+    """Search space of the position of a robot that keeps its posture."""
+
+    def __init__(self, checker: CollisionChecker, posture: Posture, goal: Array) -> None:
+        self._checker, self._fixed = checker, to_configuration(posture)
+        start = posture.position
+        margin = float(np.linalg.norm(goal - start)) * np.array([1.0, 1.0, 0.0])
+        self._low = np.minimum(start, goal) - margin
+        self._high = np.maximum(start, goal) + margin
+
+    def distance(self, nodes: Array, x: Array) -> Array:
+        """Compute Euclidean distances."""
+        return np.linalg.norm(nodes - x, axis=1)
+
+    def sample(self, rng: np.random.Generator) -> Array:
+        """Draw a position around the start and the goal, no higher than both."""
+        return rng.uniform(self._low, self._high)
+
+    def steer(
+        self, near: Array, target: Array, _goal: Array, count: int, rng: np.random.Generator, /
+    ) -> Array:
+        """Step straight to the target, and around that direction, on the level."""
+        steps = blossom(near, target - near, STEP_POSITION, count, rng)
+        steps[1:, 2] = steps[0, 2]
+        return steps
+
+    def is_within_step(self, a: Array, b: Array) -> bool:
+        """Return whether two positions are within a step."""
+        return bool(np.linalg.norm(a - b) <= STEP_POSITION)
+
+    def fails(self, a: Array, b: Array, /) -> bool:
+        """Return whether the robot collides between two positions."""
+        count = max(1, math.ceil(float(np.linalg.norm(b - a)) / SPACING))
+        between = a + np.arange(1, count + 1)[:, None] / count * (b - a)
+        return not all(self.is_free(position) for position in between[::-1])
+
+    def is_free(self, position: Array) -> bool:
+        """Return whether the robot collides with nothing at a position."""
+        return self._checker.is_free(np.concatenate([position, self._fixed[3:]]))

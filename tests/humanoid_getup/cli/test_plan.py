@@ -13,7 +13,7 @@ from humanoid_getup.motions.motion import Motion
 from robots import Robot
 
 KEY = "motions:supine_sit_up_gentle@1.2"
-SHORT = ["plan", "--from", "prone", "--scene", "low-bed-a", "--seed", "5", "--max-checks", "300"]
+SHORT = ["plan", "--from", "right", "--scene", "wall", "--seed", "6", "--max-checks", "250"]
 
 
 def run(*arguments: str, file: Path) -> tuple[int, dict[str, Any]]:

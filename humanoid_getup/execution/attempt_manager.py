@@ -13,10 +13,11 @@ from humanoid_getup.execution.recovery import Recovery, StoppedError, Unrecovere
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.play import play_engaged
-from humanoid_getup.playback.preflight import Verdict
+from humanoid_getup.playback.preflight import FAR_TILT, Verdict
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.falls import UNCLASSED, classify
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
@@ -126,26 +127,43 @@ class AttemptManager:
         """Settle and plan; return what controls the robot, ``None`` if nothing may be played.
 
         A plan that was searched for and is refused by the preflight has moved no robot: another is
-        made.
+        made. So is one for a robot that has tipped over meanwhile, after it has settled again.
         """
+        refused: list[RisePlan] = []
         try:
-            state = self._settle()
+            attempt, controller = self._plan_until_passed(rng, refused)
         except StartError as error:
-            return Attempt(number=self._number, refusal=str(error)), None
-        posture = self._estimate(state)
-        side = classify(posture.orientation) or UNCLASSED
-        refused: tuple[RisePlan, ...] = ()
+            attempt, controller = Attempt(number=self._number, refusal=str(error)), None
+        return replace(attempt, refused=tuple(refused)), controller
+
+    def _plan_until_passed(
+        self, rng: np.random.Generator, refused: list[RisePlan]
+    ) -> tuple[Attempt, Supervisor | None]:
+        """Settle, plan and run the preflight; the plans that are made again go to ``refused``."""
+        state = self._settle()
         while True:
+            posture = self._estimate(state)
+            side = classify(posture.orientation) or UNCLASSED
             self._report(Phase.PLANNING, f"the robot lies {side}")
             plan = self._session.strategy.plan(posture, rng)
             attempt, controller = self._judge(plan, state)
-            attempt = replace(attempt, start_class=side, refused=refused)
+            attempt = replace(attempt, start_class=side)
             verdict = attempt.verdict
-            is_last = len(refused) + 1 == MOST_PLANS or plan.status not in SEARCHED
-            if controller is not None or is_last or not (verdict and verdict.another_may_pass):
+            if controller is not None or verdict is None or len(refused) + 1 == MOST_PLANS:
                 return attempt, controller
+            has_tipped = not verdict.passed and self._has_tipped(posture)
+            if not has_tipped and not (verdict.another_may_pass and plan.status in SEARCHED):
+                return attempt, None
             plan.forget()
-            refused = (*refused, plan)
+            refused.append(plan)
+            if has_tipped:
+                state = self._settle()
+
+    def _has_tipped(self, planned_for: Posture) -> bool:
+        """Return whether the robot lies otherwise than when it was planned for."""
+        now = self._locate().orientation
+        tilt = 2.0 * float(aligned_orientation_distance(now, planned_for.orientation))
+        return tilt > FAR_TILT
 
     def _judge(self, plan: RisePlan, state: State) -> tuple[Attempt, Supervisor | None]:
         """Run the preflight of a plan, and that of the way down after its stand."""

@@ -138,7 +138,7 @@ class _Search:
         """Repeat EXTEND towards a target while it comes closer."""
         tree, closest = self.trees[t], np.inf
         while self.meeting is None and not self._spent():
-            new = self._extend(t, target, straight=True)
+            new = self._extend(t, target)
             if new is None:
                 return
             distance = float(self.problem.distance(tree.nodes[new : new + 1], target)[0])
@@ -146,10 +146,11 @@ class _Search:
                 return
             closest = distance
 
-    def _extend(self, t: int, x: Array, straight: bool = False) -> int | None:
-        """Grow a tree towards a point, EXTEND_BLOSSOM; return its new node closest to it.
+    def _extend(self, t: int, x: Array) -> int | None:
+        """Grow a tree by a node towards a point, EXTEND_BLOSSOM; return it.
 
-        With ``straight`` it blossoms only when the straight edge fails.
+        Departure from the figure, which adds every edge of a blossom that is free: it ends with the
+        first one, so that checks are spent on blossoms only where the straight edge fails.
         """
         tree = self.trees[t]
         near = self._nearest(t, x)
@@ -158,7 +159,6 @@ class _Search:
         origin = tree.nodes[near].copy()
         goal = self.trees[1 - t].nodes[ROOT]
         count = min(self.options.controls, tree.count(near, Viability.UNTRIED))
-        added: list[int] = []
         for leaf in self.problem.steer(origin, x, goal, count, self.rng):
             self.edges += 1
             if self.problem.fails(origin, leaf):
@@ -166,13 +166,10 @@ class _Search:
             elif regresses(self.problem, tree, near, leaf):
                 tree.mark_dormant(near, leaf)
             else:
-                added.append(tree.grow(near, leaf))
-                self._meet(t, added[-1])
-                if straight or self.meeting is not None:
-                    break
-        if not added:
-            return None
-        return added[int(np.argmin(self.problem.distance(tree.nodes[added], x)))]
+                node = tree.grow(near, leaf)
+                self._meet(t, node)
+                return node
+        return None
 
     def _nearest(self, t: int, x: Array) -> int | None:
         """Find the nearest node worth growing from; if none is left, revive a dormant edge."""

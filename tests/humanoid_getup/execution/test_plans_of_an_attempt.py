@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from humanoid_getup.motions.motion import NO_END, Motion
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from robots import FULL_TORQUE, Posture
+from robots import FULL_TORQUE, Posture, quaternion
 
 
 @dataclass
@@ -90,6 +90,28 @@ def test_after_a_few_plans_that_fall_nothing_is_played(world, prone, motions):
     assert result.times_played == 0
     assert result.attempts[0].refusal is not None
     assert "it does not end in a held stand" in result.attempts[0].refusal
+
+
+def test_a_robot_that_tips_over_while_it_is_planned_for_is_planned_for_again(
+    world, prone, motions, monkeypatch
+):
+    """The first estimate is that of a robot on its side, which then rolls onto its front."""
+    rolled = quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.pi / 2.0)
+    on_edge = replace(prone, orientation=quaternion.multiply(rolled, prone.orientation))
+    estimates = iter([on_edge])
+    monkeypatch.setattr(attempt_manager, "estimate_posture", lambda *_: next(estimates, prone))
+    for_the_side = MotionPlan(status=RiseStatus.STORED, motion=_begin_as(motions[RIGHT], on_edge))
+    right = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    result, strategy = get_up(world, prone, [for_the_side, right])
+    assert [start is prone for start in strategy.starts] == [False, True]
+    assert result.stood
+    assert result.record()["refused_plans"] == 1
+
+
+def _begin_as(motion: Motion, posture: Posture) -> Motion:
+    turned = motion.orientation.copy()
+    turned[0] = posture.orientation
+    return replace(motion, orientation=turned)
 
 
 def test_a_motion_that_would_be_the_same_again_is_not_planned_again(world, prone, motions):

@@ -117,14 +117,17 @@ def test_the_same_seed_finds_the_same_path():
 
 
 def test_a_blossom_beside_the_way_to_the_sample_may_be_the_one_that_meets():
-    # Straight ahead (down) leads away from the goal on the right; the blossom to the right
-    # lands within a step of it, and one expansion is all that the budget allows.
+    # Straight ahead (down) the way is blocked; the blossom to the right lands within a step of
+    # the goal, and one expansion is all that the budget allows.
     class Sideways(Plane):
         def steer(self, near, target, goal, count, rng):  # noqa: ARG002
             return near + STEP * np.array([[0.0, -1.0], [1.0, 0.0]])[:count]
 
         def sample(self, rng):  # noqa: ARG002
             return np.array([0.0, -2.0])
+
+        def fails(self, a, b):  # noqa: ARG002
+            return bool(b[1] < 0.0)
 
     goal = np.array([1.9 * STEP, 0.0])
     options = SearchOptions(max_edges=2, controls=2, edges_per_node=2)
@@ -189,15 +192,15 @@ def test_every_edge_that_is_tried_counts_once():
     assert result.nodes > 10
 
 
-def test_an_open_way_is_walked_an_edge_a_step_after_the_first_blossom():
-    """1.1 of way in steps of 0.15: six edges of a blossom, then one for each further step."""
+def test_an_open_way_is_walked_an_edge_a_step():
+    """1.1 of way in steps of 0.15: seven edges, and a last one that joins the trees."""
     plane = Witness([])
     options = SearchOptions(controls=6)
     goal = START + np.array([1.1, 0.0])
     result = search(plane, START, goal, np.random.default_rng(0), options)
     assert result.status is SearchStatus.SOLVED
     assert len(result.path) == 9
-    assert result.edges == 6 + 6
+    assert result.edges == 7
 
 
 def test_each_tree_holds_what_has_reached_the_root_of_the_other():

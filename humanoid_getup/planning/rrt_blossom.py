@@ -56,7 +56,7 @@ class Problem(Protocol):
 class SearchOptions:
     """Budget and breadth of a search."""
 
-    max_edges: int = 4000
+    max_edges: int = 1500
     """Edges tried, in both trees together."""
     controls: int = 3
     """Edges that an expansion tries: straight ahead and blossoms around it."""

@@ -53,10 +53,15 @@ def _find_side(start: Posture) -> LyingSide:
 
 
 def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
-    """Chain a path's angles and the motion's own targets, unchanged."""
+    """Chain a path's angles and the motion's own targets, unchanged.
+
+    The motion is turned and moved to the end of the path.
+    """
     robot, joined, frame = world.robot, connection.motion, connection.frame
     count = len(path.time)
-    turned = quaternion.normalize(np.concatenate([path.orientation, joined.orientation[frame:]]))
+    turn = quaternion.multiply(path.orientation[-1], quaternion.inverse(joined.orientation[frame]))
+    orientation = quaternion.multiply(turn, joined.orientation[frame:])
+    moved = quaternion.rotate(turn, joined.position[frame:] - joined.position[frame])
     angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
     return Motion(
         name=f"path_to_{joined.name}",
@@ -64,8 +69,8 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
         start_class=classify(path.orientation[0]) or joined.start_class,
         strategy=joined.strategy,
         time=np.arange(len(angles), dtype=float) * robot.control_period,
-        position=np.concatenate([path.position, joined.position[frame:]]),
-        orientation=turned,
+        position=np.concatenate([path.position, path.position[-1] + moved]),
+        orientation=quaternion.normalize(np.concatenate([path.orientation, orientation])),
         joint_pos=angles,
         joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
         provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}

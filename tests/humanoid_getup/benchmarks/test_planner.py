@@ -28,7 +28,7 @@ def maker(op3: Robot) -> ProblemMaker:
 @pytest.fixture(scope="module")
 def pose(op3: Robot, maker: ProblemMaker) -> Pose:
     """Pose the problem of a fall on the beam, each time with a checker that forgot the others."""
-    falls = sample_falls(maker.world, {"prone": 2}, np.random.default_rng(3))
+    falls = sample_falls(maker.world, {"prone": 2}, np.random.default_rng(6))
     goals = [[c.posture for c in load_database(op3).select(f.posture, 9)] for f in falls]
 
     def pose_one(number: int) -> PostureProblem:
@@ -59,7 +59,7 @@ def test_a_path_is_free_and_leads_from_start_to_goal(pose: Pose, maker: ProblemM
 def test_the_same_seed_searches_the_same_and_another_something_else(
     pose: Pose, maker: ProblemMaker, name: str
 ):
-    one, same, other = (maker.attempt(pose(1), PLANNERS[name], seed, SMALL) for seed in (7, 7, 8))
+    one, same, other = (maker.attempt(pose(0), PLANNERS[name], seed, SMALL) for seed in (7, 7, 8))
     assert (one.checks, one.length, len(one.path)) == (same.checks, same.length, len(same.path))
     assert np.array_equal(one.path, same.path)
     assert one.checks != other.checks

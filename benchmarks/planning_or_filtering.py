@@ -1,0 +1,174 @@
+"""What planning brings to a rise and what filtering brings: table 2 of [Lin12], without a jury.
+
+The same settled falls for the whole method, for paths and motions without the dynamics filter, and
+for straight interpolation, instead of a planned path, with the filter. The motions that come out
+are measured as they are, as they would be watched; then they are played on the twin.
+
+    python benchmarks/planning_or_filtering.py --n 20 --seed 0 --json planning_or_filtering.json
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from rich.console import Console
+
+from drivers import Twin
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES
+from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
+from humanoid_getup.evaluation.judge import APART, count_episodes
+from humanoid_getup.evaluation.statistics import summarize, wilson_interval
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback.preflight import preflight
+from humanoid_getup.simulation.falls import Fall, sample_falls
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots import load_robot
+from robots.files import write_atomically
+from robots.ground import GROUND
+from robots.kinematics import place_postures
+from robots.quaternion import Array
+
+HANDS = ("l_el_link", "r_el_link")
+DEEP = 0.001  # m of self-penetration
+NEAR = 0.002  # m over the ground up to which a hand or foot counts as on it
+VOLTAGE = 12.0  # V
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """How a motion looks to somebody who knows about bodies and floors."""
+
+    ground_depth_m: float
+    """Greatest depth of the robot in the ground."""
+    slip_m: float
+    """Distance that hands and feet slide while they are on the ground, all together."""
+    self_collisions: int
+    """Number of times that it is more than 1 mm inside itself, 0.1 s or more apart."""
+    jerk_rad_s3: float
+    """RMS of the third derivative of the joint angles."""
+
+
+def measure_quality(world: World, motion: Motion) -> Quality:
+    """Measure a motion as it is, on flat ground."""
+    robot, model = world.robot, world.scene.compile(world.robot)
+    model.geom_margin[model.geom(GROUND).id] = NEAR
+    feet = [int(model.site(site).bodyid[0]) for site in robot.sole_sites]
+    limbs = {*feet, *(model.body(name).id for name in HANDS)}
+    data = mujoco.MjData(model)
+    rows = place_postures(robot, model, motion.position, motion.orientation, motion.joint_pos)
+    depth, slip, overlap = 0.0, 0.0, np.zeros(len(rows))
+    before: dict[int, Array] = {}
+    for k, qpos in enumerate(rows):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        slip += _measure_slip(data, before)
+        mujoco.mj_collision(model, data)
+        body = model.geom_bodyid[data.contact.geom]
+        on_ground = (body == 0).any(axis=1)
+        depth = max(depth, float(np.max(-data.contact.dist[on_ground], initial=0.0)))
+        overlap[k] = np.max(-data.contact.dist[~on_ground], initial=0.0)
+        before = _find_touching(data, body, on_ground, limbs)
+    apart = round(APART / robot.control_period)
+    jerk = np.diff(motion.joint_pos, n=3, axis=0) / robot.control_period**3
+    return Quality(
+        ground_depth_m=depth,
+        slip_m=slip,
+        self_collisions=count_episodes(overlap[:, None] > DEEP, apart)[0],
+        jerk_rad_s3=float(np.sqrt(np.mean(jerk**2))),
+    )
+
+
+def _find_touching(
+    data: mujoco.MjData, body: NDArray[Any], on_ground: NDArray[np.bool_], limbs: set[int]
+) -> dict[int, Array]:
+    """Find where hands and feet touch the ground, in their own frames, (K, 3) each."""
+    touching: dict[int, list[Array]] = {}
+    for contact, pair in zip(np.flatnonzero(on_ground), body[on_ground], strict=True):
+        limb = int(pair.max())
+        if limb in limbs:
+            apart = data.contact.pos[contact] - data.xpos[limb]
+            touching.setdefault(limb, []).append(data.xmat[limb].reshape(3, 3).T @ apart)
+    return {
+        limb: np.concatenate([np.array(points), _to_world(data, limb, np.array(points))], axis=1)
+        for limb, points in touching.items()
+    }
+
+
+def _measure_slip(data: mujoco.MjData, before: dict[int, Array]) -> float:
+    """Measure how far the points that touched have slid since; a limb that rolls slides nowhere."""
+    slip = 0.0
+    for limb, points in before.items():
+        moved = _to_world(data, limb, points[:, :3]) - points[:, 3:]
+        slip += float(np.linalg.norm(moved[:, :2], axis=1).min())
+    return slip
+
+
+def _to_world(data: mujoco.MjData, body: int, points: Array) -> Array:
+    return data.xpos[body] + points @ data.xmat[body].reshape(3, 3).T
+
+
+def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
+    """Plan a rise, measure its motion, and play it; an unfiltered one without a preflight."""
+    world = strategy.world
+    plan = strategy.plan(fall.posture, np.random.default_rng(seed))
+    record: dict[str, Any] = {"start_class": fall.start_class, "stood": False}
+    if not isinstance(plan, MotionPlan):
+        return record
+    judged = preflight(world, plan.motion, voltage=VOLTAGE, start=fall.posture)
+    record |= asdict(measure_quality(world, plan.motion))
+    record["saturation_s"] = float(judged.figures.saturation.max())
+    session = RiseSession.on(
+        Twin(world, fall.posture), strategy, max_attempts=1, preflight=strategy.filtering
+    )
+    played = AttemptManager(session).get_up(np.random.default_rng(seed))
+    return record | {"stood": played.stood, "reason": played.reason}
+
+
+def summarize_rises(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Count the stands, and summarize the figures of the motions."""
+    stood = sum(row["stood"] for row in rows)
+    made = [row for row in rows if "slip_m" in row]
+    figures = {"n": len(rows), "stood": stood, "stood_95": wilson_interval(stood, len(rows))}
+    names = ("ground_depth_m", "slip_m", "self_collisions", "jerk_rad_s3", "saturation_s")
+    figures |= {name: summarize(row[name] for row in made) for name in names}
+    return figures | {"self_collisions_in_all": sum(row["self_collisions"] for row in made)}
+
+
+def main(n: int = 20, seed: int = 0, json: Path | None = None) -> None:
+    """Rise from n falls of each class by the whole method and by either half."""
+    world = World(load_robot("op3"))
+    falls = sample_falls(world, dict.fromkeys(BENCH_CLASSES, n), np.random.default_rng(seed))
+    halves = {
+        "whole": PlannedRise(world),
+        "no filtering": PlannedRise(world, filtering=False),
+        "no planning": PlannedRise(world, planning=False),
+    }
+    rises: dict[str, list[dict[str, Any]]] = {}
+    with counting("rises", len(falls) * len(halves)) as advance:
+        for name, strategy in halves.items():
+            rises[name] = []
+            for number, fall in enumerate(falls):
+                rises[name].append(rise(strategy, fall, [seed, 1, number]))
+                advance(1)
+    cases = {name: summarize_rises(rows) for name, rows in rises.items()}
+    table = make_table(("figure", *cases), left=("figure",))
+    for figure in cases["whole"]:
+        table.add_row(figure, *(format_figure(case[figure]) for case in cases.values()))
+    Console().print(table)
+    if json is not None:
+        record = {"name": "planning_or_filtering", "seed": seed, "cases": cases, "rises": rises}
+        write_atomically(json, to_json(record))
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from humanoid_getup.strategies.plan_cache import PlanCache
     from humanoid_getup.strategies.planned_rise import PlannedRise
     from humanoid_getup.strategies.stored_motion import StoredMotion
-    from robots.body import Body
     from robots.loading import load_robot
+    from robots.reshaping.body import Body
     from robots.torque_limit import TorqueLimit
 
 _HOMES = {
-    "Body": "robots.body",
+    "Body": "robots.reshaping.body",
     "CachedRise": "humanoid_getup.strategies.cached_rise",
     "DynamixelBackend": "drivers.dynamixel.backend",
     "LearnedRise": "humanoid_getup.strategies.learned_rise",

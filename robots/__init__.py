@@ -1,8 +1,8 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
-from robots.body import ORIGINAL, Body, BodyError
 from robots.loading import load_robot, reshape
 from robots.posture import Posture, load_posture
+from robots.reshaping.body import ORIGINAL, Body, BodyError
 from robots.robot import (
     BoardSettings,
     BusSettings,

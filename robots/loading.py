@@ -7,10 +7,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.body import ORIGINAL, Body, BodyError
 from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.model_checks import find_model_problems
 from robots.posture import Posture
+from robots.reshaping.body import ORIGINAL, Body, BodyError
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.schema import JointRow, RobotTable, read_description
 from robots.servo import LimitMode, Servo, servo_models

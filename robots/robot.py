@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
-from robots.body import ORIGINAL, Body
 from robots.posture import Posture
 from robots.quaternion import Array
-from robots.reshaping import reshape_model
+from robots.reshaping.body import ORIGINAL, Body
+from robots.reshaping.reshape_model import reshape_model
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
 from robots.validation import Names, Sign, positive, whole
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from humanoid_getup.benchmarks import planner, planner_cost
-from humanoid_getup.benchmarks.limited_checker import Budget
-from humanoid_getup.benchmarks.planning_problems import OWN_PLANNERS, Planner
+from humanoid_getup.benchmarks.path_planning import planner, planner_cost
+from humanoid_getup.benchmarks.path_planning.limited_checker import Budget
+from humanoid_getup.benchmarks.path_planning.planning_problems import OWN_PLANNERS, Planner
 from humanoid_getup.cli.bench import hand_over, run_benchmark
 from humanoid_getup.cli.errors import BadInputError, needing, refusing
 from humanoid_getup.cli.inputs import load_robot
@@ -61,7 +61,7 @@ def find_planners(names: tuple[str, ...]) -> dict[str, Planner]:
     known = dict(OWN_PLANNERS)
     if not set(names) <= set(known):
         with needing("bench"):
-            from humanoid_getup.benchmarks.ompl_planners import OMPL_PLANNERS
+            from humanoid_getup.benchmarks.path_planning.ompl_planners import OMPL_PLANNERS
         known |= OMPL_PLANNERS
     for name in names:
         if name not in known:

@@ -32,7 +32,7 @@ from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_record import find_passes
+from humanoid_getup.strategies.keys.key_record import find_passes
 
 
 @contextmanager

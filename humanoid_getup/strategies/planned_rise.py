@@ -21,7 +21,7 @@ from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach
 from humanoid_getup.strategies.continuation import Continuation
-from humanoid_getup.strategies.key_postures import KeyedSearch
+from humanoid_getup.strategies.keys.key_postures import KeyedSearch
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
 from humanoid_getup.strategies.rise_search import FINALISTS, RiseSearch, SearchTools

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from run_getup import Run
 
-from humanoid_getup.benchmarks import planner_cost
+from humanoid_getup.benchmarks.path_planning import planner_cost
 from humanoid_getup.cli.options.bench import BenchPlanner
 
 SMALL = ("--n", "1", "--checks", "1000")
+OMPL_PLANNERS = "humanoid_getup.benchmarks.path_planning.ompl_planners"
 
 
 def test_planners_are_compared_and_the_table_names_them(run: Run):
@@ -42,7 +43,9 @@ def _few() -> dict:
 
 
 def test_without_ompl_one_line_tells_what_to_install(run: Run, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delitem(sys.modules, "humanoid_getup.benchmarks.ompl_planners", raising=False)
+    monkeypatch.delitem(
+        sys.modules, "humanoid_getup.benchmarks.path_planning.ompl_planners", raising=False
+    )
     monkeypatch.setitem(sys.modules, "ompl", None)
     code, out, error = run("bench", "planner", "--n", "1", "--json", "planner.json")
     assert (code, out) == (2, "")
@@ -51,7 +54,9 @@ def test_without_ompl_one_line_tells_what_to_install(run: Run, monkeypatch: pyte
 
 
 def test_without_ompl_the_own_planners_are_compared(run: Run, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delitem(sys.modules, "humanoid_getup.benchmarks.ompl_planners", raising=False)
+    monkeypatch.delitem(
+        sys.modules, "humanoid_getup.benchmarks.path_planning.ompl_planners", raising=False
+    )
     monkeypatch.setitem(sys.modules, "ompl", None)
     own = ("--planners", "refined", "strict", "--scenes", "beam")
     assert run("bench", "planner", *SMALL, *own)[0] == 0

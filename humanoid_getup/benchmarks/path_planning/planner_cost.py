@@ -12,11 +12,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from humanoid_getup.benchmarks.clutter import sample_lying, sample_obstacles
-from humanoid_getup.benchmarks.generic_humanoid import JOINT_COUNTS, make_humanoid
-from humanoid_getup.benchmarks.limited_checker import Budget
-from humanoid_getup.benchmarks.planner import Records, summarize_attempts
-from humanoid_getup.benchmarks.planning_problems import (
+from humanoid_getup.benchmarks.path_planning.clutter import sample_lying, sample_obstacles
+from humanoid_getup.benchmarks.path_planning.generic_humanoid import JOINT_COUNTS, make_humanoid
+from humanoid_getup.benchmarks.path_planning.limited_checker import Budget
+from humanoid_getup.benchmarks.path_planning.planner import Records, summarize_attempts
+from humanoid_getup.benchmarks.path_planning.planning_problems import (
     ProblemMaker,
     draw_seed,
     search_refined,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from robots.body import BodyError
 from robots.quaternion import Array
-from robots.skeleton import Link, Skeleton
+from robots.reshaping.body import BodyError
+from robots.reshaping.skeleton import Link, Skeleton
 
 LONG = 0.5  # share of the longest link's length; shorter ones are brackets between two joints
 NEAR_AXIS = np.cos(np.radians(30.0))

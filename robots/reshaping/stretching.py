@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.body import BodyError
 from robots.quaternion import Array
-from robots.skeleton import Link, Skeleton
-from robots.stretch import Inertia, Stretch
+from robots.reshaping.body import BodyError
+from robots.reshaping.skeleton import Link, Skeleton
+from robots.reshaping.stretch import Inertia, Stretch
 
 LEAST_HALF = 1e-4  # m; a capsule as short as this is a ball
 QUATERNION = mujoco.mjtOrientation.mjORIENTATION_QUAT

@@ -7,8 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.benchmarks.limited_checker import Budget
-from humanoid_getup.benchmarks.planning_problems import Planner, ProblemMaker, draw_seed
+from humanoid_getup.benchmarks.path_planning.limited_checker import Budget
+from humanoid_getup.benchmarks.path_planning.planning_problems import (
+    Planner,
+    ProblemMaker,
+    draw_seed,
+)
 from humanoid_getup.benchmarks.scenes import sample_scene_falls
 from humanoid_getup.evaluation.statistics import summarize, wilson_interval
 from humanoid_getup.motions.motion_database import load_database

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from robots.body import Body, BodyError
-from robots.limb_directions import find_directions
-from robots.shoulders import stretch_shoulders
-from robots.skeleton import Link, Skeleton
-from robots.stretch import Stretch
-from robots.stretching import make_explicit, stretch_link
+from robots.reshaping.body import Body, BodyError
+from robots.reshaping.limb_directions import find_directions
+from robots.reshaping.shoulders import stretch_shoulders
+from robots.reshaping.skeleton import Link, Skeleton
+from robots.reshaping.stretch import Stretch
+from robots.reshaping.stretching import make_explicit, stretch_link
 
 if TYPE_CHECKING:
     from robots.robot import Robot

@@ -13,7 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.benchmarks.limited_checker import Budget, BudgetSpentError, LimitedChecker
+from humanoid_getup.benchmarks.path_planning.limited_checker import (
+    Budget,
+    BudgetSpentError,
+    LimitedChecker,
+)
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning import path_planner, shortcut
 from humanoid_getup.planning.goal_placement import GoalPlacement

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.quaternion import Array
-from robots.skeleton import Link, Skeleton
-from robots.stretch import Stretch
-from robots.stretching import stretch_geom, stretch_inertia, write_pose
+from robots.reshaping.skeleton import Link, Skeleton
+from robots.reshaping.stretch import Stretch
+from robots.reshaping.stretching import stretch_geom, stretch_inertia, write_pose
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 CONTACT = ("contype", "conaffinity", "condim", "friction", "solref", "solimp", "group", "rgba")

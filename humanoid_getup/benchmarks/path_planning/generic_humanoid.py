@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-from humanoid_getup.benchmarks.humanoid_links import LINKS, Hinge, Link
+from humanoid_getup.benchmarks.path_planning.humanoid_links import LINKS, Hinge, Link
 from robots import Robot, load_robot
 
 JOINT_COUNTS = (20, 30, 49)

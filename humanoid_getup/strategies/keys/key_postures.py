@@ -15,8 +15,8 @@ from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_record import CLOSE_TILT, KeyPass, KeyRecord, find_passes
-from humanoid_getup.strategies.key_routes import RESTS, KeyRoutes
+from humanoid_getup.strategies.keys.key_record import CLOSE_TILT, KeyPass, KeyRecord, find_passes
+from humanoid_getup.strategies.keys.key_routes import RESTS, KeyRoutes
 from robots import Posture
 from robots.quaternion import Array
 

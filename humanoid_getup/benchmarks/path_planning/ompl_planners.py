@@ -10,8 +10,8 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from humanoid_getup.benchmarks.limited_checker import BudgetSpentError
-from humanoid_getup.benchmarks.planning_problems import NodePath, Planner
+from humanoid_getup.benchmarks.path_planning.limited_checker import BudgetSpentError
+from humanoid_getup.benchmarks.path_planning.planning_problems import NodePath, Planner
 from humanoid_getup.planning.posture_space import SMALL, SPREAD, PostureProblem
 from robots import quaternion
 from robots.quaternion import Array

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.stretch import Inertia, Stretch
+from robots.reshaping.stretch import Inertia, Stretch
 
 UP = np.array([0.0, 0.0, 1.0])
 

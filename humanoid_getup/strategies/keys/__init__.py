@@ -1,0 +1,1 @@
+"""Rises through key postures that a user gives."""

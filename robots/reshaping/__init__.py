@@ -1,0 +1,1 @@
+"""Other bodies: the same robot with other lengths, masses and inertias."""

@@ -1,11 +1,9 @@
 """The maker's keyframes as a peer; skipped without them."""
 
-import importlib.util
-import sys
-
 import numpy as np
 import pytest
-from paths import REPOSITORY, SHARED
+from benchmark_scripts import load_script
+from paths import SHARED
 
 from drivers import State
 from robots import TorqueLimit, quaternion
@@ -16,13 +14,7 @@ pytestmark = pytest.mark.skipif(not PEERS.exists(), reason="needs the maker's pa
 
 @pytest.fixture(scope="module")
 def peer():
-    path = REPOSITORY / "benchmarks" / "peer_keyframes.py"
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_script("peer_keyframes")
 
 
 @pytest.mark.parametrize("number", [122, 123])

@@ -1,10 +1,7 @@
 """Verdicts of the preflight beside the ends of rises that are played all the same."""
 
-import importlib.util
-import sys
-
 import pytest
-from paths import REPOSITORY
+from benchmark_scripts import load_script
 
 from humanoid_getup.simulation.falls import sample_fall
 from humanoid_getup.simulation.world import World
@@ -13,17 +10,7 @@ from humanoid_getup.strategies.stored_motion import StoredMotion
 
 @pytest.fixture(scope="module")
 def outcome():
-    folder = REPOSITORY / "benchmarks"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(folder))
-        spec = importlib.util.spec_from_file_location(
-            "preflight_outcome", folder / "preflight_outcome.py"
-        )
-        assert spec is not None and spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules["preflight_outcome"] = module
-        spec.loader.exec_module(module)
-    return module
+    return load_script("preflight_outcome")
 
 
 def test_each_kind_of_wrong_verdict_is_counted_once(outcome):

@@ -11,7 +11,8 @@ import numpy as np
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.posture_space import PositionProblem, PostureProblem
+from humanoid_getup.planning.position_space import PointProblem
+from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.refinement import RefinementOptions, Report, refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchResult, SearchStatus, search
 from humanoid_getup.planning.shortcut import shorten
@@ -114,7 +115,7 @@ def _plan(
             return PathResult(status=status, reason=problems)
     # The root's position is planned first, [Lin12], section 4.2.1.
     ends = start.position, goal.position
-    root = search(PositionProblem(checker.scene, *ends), *ends, rng, options.search)
+    root = search(PointProblem(checker.scene, *ends), *ends, rng, options.search)
     if root.status is not SearchStatus.SOLVED:
         reason = f"no path for the root: {root.reason}"
         return PathResult(status=root.status, reason=reason, nodes=root.nodes)

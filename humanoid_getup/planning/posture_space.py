@@ -1,7 +1,6 @@
-"""The spaces in which a path is searched: the root's position, then orientation and joints.
+"""The space in which a path is searched: the root's orientation and the joint angles.
 
-A node of the first is a position (3,); of the second, a quaternion and the joint
-angles in a row, (4 + n,).
+A node is a quaternion and the joint angles in a row, (4 + n,).
 """
 
 from __future__ import annotations
@@ -13,48 +12,14 @@ import numpy as np
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.blossom import blossom
 from humanoid_getup.planning.collision import Collision, CollisionChecker
-from humanoid_getup.scenes.scene import Scene
 from robots import Posture, quaternion
 from robots.quaternion import Array
 
 STEP_ORIENTATION = 0.4  # epsilon_q, in dis_Q
 STEP_JOINTS = 2.0  # epsilon_e, in dis_V
-STEP_POSITION = 0.05  # m
 RESOLUTION = 0.03  # rad; the checks along an edge are no further apart
 SPREAD = 0.3  # in dis_Q, of sampled orientations around the arc from start to goal
 SMALL = 1e-9  # of an angle, a length or a step; less counts as 0
-
-
-class PositionProblem:
-    """Search space of the root's position: above the ground and outside the obstacles."""
-
-    def __init__(self, scene: Scene, start: Array, goal: Array) -> None:
-        self.scene = scene
-        margin = float(np.linalg.norm(goal - start)) + STEP_POSITION
-        self._low, self._high = np.minimum(start, goal) - margin, np.maximum(start, goal) + margin
-
-    def distance(self, nodes: Array, x: Array) -> Array:
-        """Compute Euclidean distances."""
-        return np.linalg.norm(nodes - x, axis=1)
-
-    def sample(self, rng: np.random.Generator) -> Array:
-        """Draw a position around the start and the goal."""
-        return rng.uniform(self._low, self._high)
-
-    def steer(
-        self, near: Array, target: Array, _goal: Array, count: int, rng: np.random.Generator, /
-    ) -> Array:
-        """Step straight to the target, and around that direction."""
-        return blossom(near, target - near, STEP_POSITION, count, rng)
-
-    def is_within_step(self, a: Array, b: Array) -> bool:
-        """Return whether two positions are within a step."""
-        return bool(np.linalg.norm(a - b) <= STEP_POSITION)
-
-    def fails(self, _a: Array, b: Array, /) -> bool:
-        """Return whether the root would be in the ground or in an obstacle."""
-        is_under = b[2] < self.scene.ground.height(b[0], b[1])
-        return bool(is_under) or any(o.contains(b) for o in self.scene.obstacles)
 
 
 class PostureProblem:

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.motions.motion import Trajectory
-from humanoid_getup.planning.blossom import blossom
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.goal_placement import SUNK
-from humanoid_getup.planning.posture_space import STEP_POSITION
+from humanoid_getup.planning.position_space import PositionSpace
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.standing_places import StandingPlaces
@@ -98,35 +97,19 @@ def _rest(world: World, start: Posture, at: Array) -> Array:
     return qpos[world.robot.layout(world.model).root_position].copy()
 
 
-class _ShiftProblem:
-    """Search space of the position of a robot that keeps its posture."""
+class _ShiftProblem(PositionSpace):
+    """Search for a path of a robot that keeps its posture, no higher than start and goal."""
 
     def __init__(self, checker: CollisionChecker, posture: Posture, goal: Array) -> None:
+        apart = float(np.linalg.norm(goal - posture.position))
+        super().__init__(posture.position, goal, apart * np.array([1.0, 1.0, 0.0]))
         self._checker, self._fixed = checker, to_configuration(posture)
-        start = posture.position
-        margin = float(np.linalg.norm(goal - start)) * np.array([1.0, 1.0, 0.0])
-        self._low = np.minimum(start, goal) - margin
-        self._high = np.maximum(start, goal) + margin
-
-    def distance(self, nodes: Array, x: Array) -> Array:
-        """Compute Euclidean distances."""
-        return np.linalg.norm(nodes - x, axis=1)
-
-    def sample(self, rng: np.random.Generator) -> Array:
-        """Draw a position around the start and the goal, no higher than both."""
-        return rng.uniform(self._low, self._high)
 
     def steer(
-        self, near: Array, target: Array, _goal: Array, count: int, rng: np.random.Generator, /
+        self, near: Array, target: Array, goal: Array, count: int, rng: np.random.Generator, /
     ) -> Array:
-        """Step straight to the target, and around that direction, on the level."""
-        steps = blossom(near, target - near, STEP_POSITION, count, rng)
-        steps[1:, 2] = steps[0, 2]
-        return steps
-
-    def is_within_step(self, a: Array, b: Array) -> bool:
-        """Return whether two positions are within a step."""
-        return bool(np.linalg.norm(a - b) <= STEP_POSITION)
+        """Step straight to the target, and around that direction."""
+        return np.clip(super().steer(near, target, goal, count, rng), self.low, self.high)
 
     def fails(self, a: Array, b: Array, /) -> bool:
         """Return whether the robot collides between two positions."""

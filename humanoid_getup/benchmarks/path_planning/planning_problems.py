@@ -22,7 +22,8 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning import path_planner, shortcut
 from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions
-from humanoid_getup.planning.posture_space import PositionProblem, PostureProblem
+from humanoid_getup.planning.position_space import PointProblem
+from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.rrt_blossom import SearchStatus, search
 from humanoid_getup.planning.way_out import find_way_out
 from humanoid_getup.simulation.world import World
@@ -98,7 +99,7 @@ class ProblemMaker:
         if checker.allow(start) or checker.allow(goal):
             return None
         ends = start.position, goal.position
-        root = search(PositionProblem(checker.scene, *ends), *ends, rng)
+        root = search(PointProblem(checker.scene, *ends), *ends, rng)
         if root.status is not SearchStatus.SOLVED:
             return None
         metric = PostureMetric.of(self.world.robot)

@@ -243,7 +243,8 @@ def _item_type(base: Any) -> Any:
 
 
 def _row_place(place: str, row: dict[str, Any], number: int) -> str:
-    owner, name = place.removesuffix("s"), row.get("name")
+    owner = place.removesuffix("es" if place.endswith("xes") else "s")
+    name = row.get("name")
     return f"{owner} {shown(name)}: " if isinstance(name, str) else f"{owner} number {number}: "
 
 

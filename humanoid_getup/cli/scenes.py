@@ -40,7 +40,8 @@ def list_scenes(command: ListScenes) -> int:
         names = [command.scene] if command.scene else list(about)
         scenes = [load_scene(name, robot, command.seed) for name in names]
     rows = [
-        _describe(scene, about.get(name, "")) for name, scene in zip(names, scenes, strict=True)
+        _describe(scene, about.get(name, scene.about))
+        for name, scene in zip(names, scenes, strict=True)
     ]
     if command.picture is not None:
         _draw(robot, scenes, command.picture, command.seed)

@@ -57,7 +57,7 @@ class GoalPlacement:
             position=np.array([*at[:2], under + posture.position[2]]),
             orientation=quaternion.multiply(self._tilt(at, under), goal.orientation),
         )
-        rested = self._clearance.rest(place(robot, model, goal), -SUNK)
+        rested = self._clearance.rest(place(robot, model, goal), -SUNK, under)
         layout = robot.layout(model)
         position = rested[layout.root_position].copy()
         if abs(position[2] - goal.position[2]) > HIGHEST * self._leg:

@@ -59,7 +59,7 @@ def place_stops(world: World, stops: Sequence[Posture], start: Posture) -> list[
     for stop in stops:
         goal = goals.place(stop, start)
         if goal is not None:
-            rested = clearance.rest(place(world.robot, world.model, goal), -SUNK)[root]
+            rested = clearance.rest_where(place(world.robot, world.model, goal), -SUNK)[root]
             if abs(rested[2] - goal.position[2]) > FLOATING:
                 goal = replace(goal, position=rested.copy())
             start = goal
@@ -86,7 +86,9 @@ def plan_via(
     period = checker.robot.control_period
     path, legs, arrivals = _stay(start), list[PathResult](), list[int]()
     if way_out is not None:
-        path, start = way_out.sample(period), way_out.end
+        checker.reset()
+        checker.allow(start)
+        path, start = way_out.sample(checker), way_out.end
     for goal in stops:
         if not _is_same(start, goal):
             legs.append(plan(start, goal))

@@ -19,7 +19,7 @@ from robots import Posture
 from robots.kinematics import leg_length, place
 from robots.quaternion import Array
 
-DEEP = 1.0  # leg lengths from room to stand; closer to it, a motion can be joined where one lies
+DEEP = 0.5  # leg lengths from where a standing robot just fits: farther in, it is under something
 SPACING = 0.01  # m between the checks along an edge
 SPEED = 0.2  # m/s of the root
 MOST_PLACES = 12  # the nearest ones, to which a way is searched
@@ -44,13 +44,16 @@ class WayOut:
         """Return the length of the path [m]."""
         return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
 
-    def sample(self, period: float) -> Trajectory:
-        """Sample the path at a speed of 0.2 m/s, every ``period`` [s]."""
+    def sample(self, checker: CollisionChecker) -> Trajectory:
+        """Sample the path at a speed of 0.2 m/s, the robot raised onto what it would reach into."""
+        period = checker.robot.control_period
         legs = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         way = np.concatenate([[0.0], np.cumsum(legs)])
         count = max(1, math.ceil(way[-1] / (SPEED * period)))
         at = np.linspace(0.0, way[-1], count + 1)
         position = np.stack([np.interp(at, way, axis) for axis in self.positions.T], axis=1)
+        fixed = to_configuration(self.start)[3:]
+        position[:, 2] += [checker.lift(np.concatenate([p, fixed])) for p in position]
         return Trajectory(
             time=np.arange(count + 1, dtype=float) * period,
             position=position,
@@ -75,7 +78,7 @@ def find_way_out(
     if not world.scene.obstacles:
         return None
     places = StandingPlaces(world, start.position)
-    if not places.exist or places.distance(start.position) <= DEEP * leg:
+    if not places.exist or places.distance_to_any(start.position) <= DEEP * leg:
         return None
     checker.reset()
     if checker.allow(start):
@@ -93,7 +96,7 @@ def find_way_out(
 def _rest(world: World, start: Posture, at: Array) -> Array:
     """Put a posture on what is under it at a place (2,), and return its position (3,)."""
     moved = replace(start, position=np.array([*at, start.position[2]]))
-    qpos = Clearance(world).rest(place(world.robot, world.model, moved), -SUNK)
+    qpos = Clearance(world).rest_where(place(world.robot, world.model, moved), -SUNK)
     return qpos[world.robot.layout(world.model).root_position].copy()
 
 

@@ -49,7 +49,7 @@ def check_start(world: World, start: Posture) -> None:
         allowed = _allow_intrusion(world.scene)
         _check_intrusion(clearance.measure_overlaps(qpos), allowed)
         slack = max(allowed.values())
-    resting = clearance.rest(qpos, -slack)
+    resting = clearance.rest_where(qpos, -slack)
     root = world.robot.layout(world.model).root_qpos
     lowest = float(qpos[root + 2] - resting[root + 2]) - slack
     if lowest > MAX_DROP:

@@ -34,6 +34,8 @@ class Scene:
     """Ground and obstacles, in meters."""
 
     name: str
+    about: str = ""
+    """What it is, in one line."""
     ground: Ground = FLAT
     surface: Surface = field(default_factory=Surface)
     """Of the ground."""

@@ -26,11 +26,13 @@ Number = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST, description="a number 
 Point = Annotated[tuple[Number, Number, Number], Meta(description="three numbers, x y z")]
 Size = Annotated[float, positive(FARTHEST)]
 Share = Annotated[float, Meta(ge=0.0, le=10.0, description="a number from 0 to 10")]
-Friction = Annotated[float, positive(10.0)]
+Friction = Annotated[float, Meta(ge=0.01, le=10.0, description="a number from 0.01 to 10")]
 Degrees = Annotated[float, Meta(ge=-360.0, le=360.0, description="degrees from -360 to 360")]
 DegreeRange = Annotated[tuple[Degrees, Degrees], Meta(description="two angles in degrees")]
 NumberRange = Annotated[tuple[Number, Number], Meta(description="two numbers")]
 Tilt = Annotated[float, Meta(ge=-45.0, le=45.0, description="degrees from -45 to 45")]
+SlopeAngle = Annotated[float, Meta(ge=-30.0, le=30.0, description="degrees from -30 to 30")]
+MOST_OBSTACLES = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,13 +56,21 @@ class SurfaceTable:
 class GroundTable(SurfaceTable):
     """The ground as it is written: a slope in degrees, or heights on a grid."""
 
-    slope_deg: Tilt = 0.0
+    slope_deg: SlopeAngle = 0.0
     heights: Annotated[Array, on_axes(2)] | None = None
     cell: Size = 0.25
 
     def build(self, unit: float) -> Ground:
-        """Make the ground; ``unit`` is in meters."""
+        """Make the ground; ``unit`` is in meters.
+
+        Raises:
+            ValueError: if it is both a slope and a field, or a field too high.
+        """
         if self.heights is not None:
+            if self.slope_deg:
+                raise ValueError("ground has slope_deg and heights, expected one of them")
+            if (highest := float(np.abs(self.heights).max(initial=0.0))) > FARTHEST:
+                raise ValueError(f"heights reach {highest:g}, expected -100 to 100")
             return HeightField(heights=unit * self.heights, cell=unit * self.cell)
         return Slope(angle=math.radians(self.slope_deg)) if self.slope_deg else FLAT
 
@@ -131,7 +141,18 @@ class StartTable:
     heading_deg: DegreeRange = (-180.0, 180.0)
 
     def build(self, unit: float) -> StartRegion:
-        """Make the region; ``unit`` is in meters."""
+        """Make the region; ``unit`` is in meters.
+
+        Raises:
+            ValueError: if a range ends before it begins.
+        """
+        for key in ("x", "y", "z", "heading_deg"):
+            low, high = getattr(self, key)
+            if low > high:
+                raise ValueError(
+                    f"a start {self.lying} has {key} from {low:g} to {high:g}, "
+                    "expected the lower number first"
+                )
         low, high = self.heading_deg
         return StartRegion(
             start_class=self.lying,
@@ -189,15 +210,41 @@ def build_scene(table: SceneTable, robot: Robot, name: str) -> Scene:
     """Build a scene for a robot.
 
     Raises:
-        ValueError: if two obstacles share a name, or a part cannot be.
+        ValueError: if two obstacles share a name, or one has that of a part of the robot, if there
+            are too many, if a start is off the field of heights, or if a part cannot be.
     """
     unit = leg_length(robot) if table.unit == "leg" else 1.0
+    parts = (*table.boxes, *table.capsules, *table.spheres)
+    if len(parts) > MOST_OBSTACLES:
+        raise ValueError(f"{len(parts)} obstacles, expected at most {MOST_OBSTACLES}")
+    own = {geom.name for geom in robot.spec().geoms}
+    if clash := [part.name for part in parts if part.name in own]:
+        raise ValueError(
+            f"obstacle '{clash[0]}' has the name of a part of robot '{robot.name}', "
+            "expected another one"
+        )
+    _check_starts_on_field(table)
     return Scene(
         name=name,
+        about=table.about,
         ground=table.ground.build(unit),
         surface=table.ground.at(unit),
-        obstacles=tuple(
-            part.build(unit) for part in (*table.boxes, *table.capsules, *table.spheres)
-        ),
+        obstacles=tuple(part.build(unit) for part in parts),
         starts=tuple(start.build(unit) for start in table.starts),
     )
+
+
+def _check_starts_on_field(table: SceneTable) -> None:
+    """Check that robots are dropped on the field of heights, beyond which there is no ground."""
+    if table.ground.heights is None or table.ground.heights.ndim != 2:
+        return
+    rows, columns = table.ground.heights.shape
+    for axis, count in (("x", columns), ("y", rows)):
+        edge = 0.5 * (count - 1) * table.ground.cell
+        for start in table.starts:
+            low, high = getattr(start, axis)
+            if max(-low, high) > edge:
+                raise ValueError(
+                    f"a start {start.lying} has {axis} from {low:g} to {high:g}, expected within "
+                    f"the field of heights, -{edge:g} to {edge:g}"
+                )

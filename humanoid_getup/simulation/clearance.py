@@ -27,6 +27,12 @@ class Clearance:
         self._root = world.robot.layout(world.model).root_qpos
         self._is_world = world.is_world_geom
 
+    def rest_where(self, qpos: Array, height: float = 0.0) -> Array:
+        """Put a robot on what is under its root at the height that it has, as `rest` does."""
+        return self.rest(
+            qpos, height, float(self._scene.support(qpos[self._root : self._root + 3]))
+        )
+
     def measure_overlap(self, qpos: Array) -> float:
         """Measure how deep a robot reaches into the scene [m], at MuJoCo positions (nq,)."""
         return self._measure(qpos, with_scene=True)
@@ -62,18 +68,21 @@ class Clearance:
         crossed = self._crossings.find(self._data) if with_scene else ()
         return max([deepest, *(self._crossings.depth(capsule) for capsule, _ in crossed)])
 
-    def rest(self, qpos: Array, height: float = 0.0) -> Array:
+    def rest(self, qpos: Array, height: float = 0.0, over: float | None = None) -> Array:
         """Put a robot above what is under it, as low as it is free, counted from the ground up.
 
         Args:
             qpos: MuJoCo positions, (nq,); the height of the root does not matter.
             height: How far above that it is put [m]; negative: how deep it presses in.
+            over: Height of a surface under which the root is not put [m], though there be room.
         """
         lowest = lowest_point(self._model, qpos)
         if self._scene.is_flat:
             return self._raise(qpos, height - lowest)
         allowed = max(-height, 0.0)
         at = self._raise(qpos, self._ground_around(qpos) - allowed - lowest)
+        if over is not None:
+            at = self._raise(at, max(over - at[self._root + 2], 0.0))
         while self.measure_overlap(at) > allowed:
             at = self._raise(at, STEP)
         low, high = -STEP, 0.0

@@ -21,6 +21,7 @@ DROP_HEIGHT = 0.02  # m under the lowest point
 HIGH = 1.0  # m, while joint angles are drawn
 SPAWN_OVERLAP = 0.001  # m of self-collision that a drop may begin with
 MOST_SAMPLES = 10_000
+MOST_MISSES = 300  # samples that are free, but outside their region
 SETTLED_TIME = 0.25  # s for which no coordinate is faster
 FIRST_CHECK, NEXT_CHECK = 3.0, 1.0  # s from the drop, and between checks of those that still move
 LONGEST_FALL = 10.0  # s after which a robot that still moves is left out
@@ -91,7 +92,10 @@ class DropSampler:
             FallError: if no sample is free.
         """
         robot, model = self._world.robot, self._world.model
+        heights: list[float] = []
         for _ in range(MOST_SAMPLES):
+            if len(heights) == MOST_MISSES:
+                break
             region = rng.choice(len(self._regions)) if len(self._regions) > 1 else 0
             at, orientation = self._regions[region].sample(rng)
             posture = Posture(
@@ -104,7 +108,13 @@ class DropSampler:
                 qpos = self._clearance.rest(qpos, DROP_HEIGHT)
                 if self._regions[region].spans(qpos[self._root : self._root + 3]):
                     return qpos
+                heights.append(float(qpos[self._root + 2]))
+        if not heights:
+            raise FallError(
+                f"robot '{robot.name}' collides with itself in {MOST_SAMPLES} random postures"
+            )
         raise FallError(
-            f"robot '{robot.name}' collides with itself or with scene "
-            f"'{self._world.scene.name}' in {MOST_SAMPLES} random postures"
+            f"scene '{self._world.scene.name}' has no place for robot '{robot.name}' where it "
+            f"starts: over what is there its torso is at {min(heights):.2f} to {max(heights):.2f} "
+            "m (expected: starts whose z spans that height)"
         )

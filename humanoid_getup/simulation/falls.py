@@ -30,6 +30,8 @@ CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
 BATCH = 24
 MOST_BATCHES = 400
+MOST_IN_VAIN = 20  # batches in a row of which no robot lies as is wanted
+MOST_MOVED_IN_VAIN = 100  # the same of robots that are put into the scene when they have settled
 RESTING = 0.003  # m that a robot at rest sinks into what it lies on
 
 
@@ -107,16 +109,19 @@ def _sample(
     clearance = Clearance(world)
     wanted = dict(counts)
     falls: list[Fall] = []
-    left_out = 0
+    left_out = in_vain = 0
     for batch in itertools.count():
         if not any(wanted.values()):
             break
-        if batch == MOST_BATCHES:
+        if batch == MOST_BATCHES or in_vain == (MOST_MOVED_IN_VAIN if is_settled else MOST_IN_VAIN):
             missing = ", ".join(f"{count} {name}" for name, count in wanted.items() if count)
             raise FallError(
-                f"robot '{world.robot.name}' does not fall into every class: "
-                f"{missing} missing after {batch * BATCH} falls"
+                f"robot '{world.robot.name}' does not come to lie in scene '{world.scene.name}' as "
+                f"is wanted: {missing} missing after {batch * BATCH} falls, of which the last "
+                f"{in_vain * BATCH} ended otherwise (expected: starts where a robot that falls "
+                "stays, with room to lie so)"
             )
+        in_vain += 1
         regions = _choose(world.scene, wanted)
         qpos, settled = drop(sim, SETTLED_SPEED, rng, regions=() if is_settled else regions)
         left_out += int(np.sum(~settled))
@@ -132,6 +137,7 @@ def _sample(
             key = _count_as(found, counts)
             if wanted.get(key, 0) > 0:
                 wanted[key] -= 1
+                in_vain = 0
                 falls.append(Fall(posture=posture, start_class=found))
     order = list(counts)
     falls.sort(key=lambda fall: order.index(_count_as(fall.start_class, counts)))

@@ -209,11 +209,12 @@ def _rest_as(world: World, start: Array, others: Array) -> None:
         others[:, root] += [rest - lowest_point(world.model, row) for row in others]
         return
     clearance = Clearance(world)
-    above = float(start[root] - clearance.rest(start)[root])
+    under = float(world.scene.support(start[root - 2 : root + 1]))
+    above = float(start[root] - clearance.rest_where(start)[root])
     for row in others:
         for share in ROOM_SHARES:
             nearer = _blend(layout, start, row, share)
-            rested = clearance.rest(nearer, above)
+            rested = clearance.rest(nearer, above, over=under)
             if abs(rested[root] - start[root]) < MOST_RAISED:
                 row[:] = rested
                 break

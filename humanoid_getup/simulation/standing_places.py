@@ -40,6 +40,11 @@ class StandingPlaces:
         """Compute the horizontal distances of points (..., 3) from the nearest place [m], (...)."""
         return self._tree.query(point[..., :2])[0]
 
+    def distance_to_any(self, point: Array) -> float:
+        """Compute how far a point (3,) is from where the robot just fits [m]."""
+        grid, fits = self._grid
+        return float(np.linalg.norm(grid[fits] - point[:2], axis=1).min())
+
     def find_nearest(self, point: Array, count: int) -> Array:
         """Find the nearest places to a point (3,), ``count`` at most, (K, 2), nearest first."""
         apart = np.linalg.norm(self._found - point[:2], axis=1)
@@ -51,7 +56,16 @@ class StandingPlaces:
 
     @cached_property
     def _found(self) -> Array:
-        """Return the places, (K, 2)."""
+        """Return the places, (K, 2): those with some room around them, if there are any."""
+        grid, fits = self._grid
+        if fits.all() or not fits.any():
+            return grid[fits]
+        roomy = KDTree(grid[~fits]).query(grid)[0] > ROOM * leg_length(self._world.robot)
+        return grid[fits & roomy if (fits & roomy).any() else fits]
+
+    @cached_property
+    def _grid(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Return points of a grid, (K, 2), and whether a standing robot fits there, (K,)."""
         leg = leg_length(self._world.robot)
         steps = np.arange(-REACH, REACH + GRID, GRID) * leg
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) + self._center[:2]
@@ -60,10 +74,7 @@ class StandingPlaces:
         under = scene.support(np.column_stack([grid, height]))
         levels = zip(ground.tolist(), under.tolist(), strict=True)
         fits = np.array([self._fits(*one) for one in zip(grid, levels, strict=True)])
-        if fits.all() or not fits.any():
-            return grid[fits]
-        roomy = fits & (KDTree(grid[~fits]).query(grid)[0] > ROOM * leg)
-        return grid[roomy if roomy.any() else fits]
+        return grid, fits
 
     def _fits(self, at: Array, levels: tuple[float, float]) -> bool:
         return any(self._fits_on(at, height) for height in set(levels))

@@ -12,6 +12,7 @@ from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.rrt_blossom import SearchStatus
@@ -177,5 +178,5 @@ def to_motion(world: World, path: Trajectory, answer: PathAnswer, seed: int) -> 
         orientation=quaternion.normalize(path.orientation),
         joint_pos=path.joint_pos,
         joint_target=path.joint_pos,
-        provenance=made,
+        provenance=made | name_body(world.robot),
     )

@@ -7,6 +7,9 @@ from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.goal_placement import DISTANCES, GoalPlacement
+from humanoid_getup.scenes.obstacle import Obstacle
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
@@ -80,3 +83,21 @@ def test_a_goal_is_never_put_on_the_table_above_the_start(op3: Robot):
     placed = GoalPlacement(world).place(op3.standing, start)
     raised = 0.0 if placed is None else placed.position[2] - op3.standing.position[2]
     assert raised < 0.3 * leg_length(op3)
+
+
+def test_on_a_slab_that_leaves_room_below_goals_are_put_on_top(
+    op3: Robot, database: MotionDatabase
+):
+    leg = leg_length(op3)
+    slab = Obstacle(
+        name="slab",
+        kind="box",
+        half_size=leg * np.array([4.0, 4.0, 0.2]),
+        position=leg * np.array([0.0, 0.0, 2.8]),
+    )
+    start = StartRegion(start_class="supine", z=(3.0 * leg, 4.0 * leg))
+    world = World(op3, Scene(name="slab", obstacles=(slab,), starts=(start,)))
+    (lying,) = sample(world, "supine")
+    placed = GoalPlacement(world).place(database.select(lying)[0].posture, lying)
+    assert placed is not None
+    assert placed.position[2] > 3.0 * leg

@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.scenes.obstacle import Obstacle
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.simulation import falls
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.drop import FallError
 from humanoid_getup.simulation.falls import sample_falls
@@ -19,16 +23,16 @@ from robots.kinematics import leg_length, place
 
 def fall_in(op3: Robot, name: str, start_class: str, count: int = 2) -> tuple[World, list]:
     world = World(op3, load_scene(name, op3))
-    falls = sample_falls(world, {start_class: count}, np.random.default_rng(0))
-    assert [fall.start_class for fall in falls] == [start_class] * count
+    sampled = sample_falls(world, {start_class: count}, np.random.default_rng(0))
+    assert [fall.start_class for fall in sampled] == [start_class] * count
     clearance = Clearance(world)
-    for fall in falls:
+    for fall in sampled:
         qpos = place(op3, world.model, fall.posture)
         most = 0.05 if name == "soft-bed" else 0.02
         assert clearance.measure_overlap(qpos) < most, "it lies inside something"
         gap = qpos[2] - clearance.rest(qpos)[2]
         assert gap < 0.01, "it hangs in the air"
-    return world, [fall.posture for fall in falls]
+    return world, [fall.posture for fall in sampled]
 
 
 def test_robots_lie_on_a_bed(op3: Robot):
@@ -76,3 +80,28 @@ def test_disturbed_starts_stay_under_the_table(op3: Robot):
         assert max(clearance.measure_overlap(row) for row in starts) < already + 0.002
         disturbed += int(np.sum(np.abs(starts - start).max(axis=1) > 0.01))
     assert disturbed > 8
+
+
+def test_a_start_inside_a_block_is_refused_in_one_line(op3: Robot):
+    leg = leg_length(op3)
+    block = Obstacle(
+        name="block",
+        kind="box",
+        half_size=leg * np.array([1.0, 1.0, 1.0]),
+        position=leg * np.array([0.0, 0.0, 1.0]),
+    )
+    inside = StartRegion(start_class="prone", z=(0.3 * leg, 0.4 * leg))
+    world = World(op3, Scene(name="cellar", obstacles=(block,), starts=(inside,)))
+    with pytest.raises(FallError, match=r"'cellar' has no place for robot 'op3' .* at 0\.\d\d to"):
+        sample_falls(world, {"prone": 1}, np.random.default_rng(0))
+
+
+def test_robots_that_never_come_to_lie_as_is_wanted_end_the_sampling(
+    op3: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(falls, "MOST_IN_VAIN", 2)
+    monkeypatch.setattr(falls.StartRegion, "accepts", lambda *_: False)
+    start = StartRegion(start_class="prone")
+    world = World(op3, Scene(name="whim", starts=(start,)))
+    with pytest.raises(FallError, match="'whim' as is wanted: 1 prone missing after 48 falls"):
+        sample_falls(world, {"prone": 1}, np.random.default_rng(0))

@@ -204,7 +204,7 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
         board = robot.bus.board if robot.bus else None
         target = FaultTarget(ports.main.faults, guard, servo.id, board.id if board else 0)
         player = FaultyPlayer(robot, motion, case, target, at)
-        judge = GroundTruthJudge(virtual.simulation, None, world.scene.support)
+        judge = GroundTruthJudge(virtual.simulation, None, world.scene)
         injected_at: list[float] = []
 
         def look(_cycle: object) -> None:

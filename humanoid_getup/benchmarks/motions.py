@@ -128,5 +128,5 @@ def _play_disturbed(
 def _play(twin: Twin, world: World, motion: Motion) -> tuple[RunReport, RunOutcome]:
     """Play a motion without monitors, which would end a failing one early."""
     player = MotionPlayer(twin.robot, motion, hold=hold_time(motion))
-    judge = GroundTruthJudge(twin.simulation, None, world.scene.support)
+    judge = GroundTruthJudge(twin.simulation, None, world.scene)
     return play(player, SafetyGuard(twin), judge)

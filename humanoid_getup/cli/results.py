@@ -31,6 +31,7 @@ from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import make_report, print_summary
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.keys.key_record import find_passes
 
@@ -130,7 +131,11 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
     plan.save(folder)
     end = outcome.stand.start_time + film_strip.AFTERMATH if result.stood else math.inf
     side = "-side" if result.start_class in ("left", "right") else ""
-    title = f"{robot.name}, {result.start_class}{side} start: {plan.label}"
+    where = "" if world.scene.name == FLAT_SCENE.name else f", {world.scene.name}"
+    title = f"{robot.name}{where}, {result.start_class}{side} start: {plan.label}"
+    if result.moves:
+        moved = result.record()["moves_s"]
+        title += f", after {moved:.1f} s of moves"
     moves = [move.outcome for move in result.moves]
     return draw_run(outcome, world, options, folder, title, end, moves)
 

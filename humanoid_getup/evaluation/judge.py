@@ -21,7 +21,7 @@ from humanoid_getup.evaluation.standing import (
     judge,
 )
 from humanoid_getup.evaluation.torque import split_torque
-from humanoid_getup.scenes.scene import Support, flat_support
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene, Support
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import lowest_point, place_postures, torso_orientation
@@ -119,11 +119,13 @@ class GroundTruthJudge:
         self,
         simulation: Simulation,
         torque_limit: float | None,
-        support: Support = flat_support,
+        scene: Scene = FLAT_SCENE,
+        support: Support | None = None,
     ) -> None:
         self._simulation = simulation
         self._limit = limit_torque(simulation.robot, torque_limit)
-        self._meter = StanceMeter(simulation.robot, simulation.model, support)
+        self._deep_ground = DEEP_GROUND + scene.deepest_sink
+        self._meter = StanceMeter(simulation.robot, simulation.model, support or scene.support)
         self._is_foot, self._head = _find_feet_and_head(simulation.robot, simulation.model)
         self._site_pos: list[Array] = []
         self._non_foot_contact: list[bool] = []
@@ -157,7 +159,7 @@ class GroundTruthJudge:
         self._faults.append(
             (
                 truth.self_penetration > DEEP_OVERLAP,
-                truth.ground_penetration > DEEP_GROUND,
+                truth.ground_penetration > self._deep_ground,
                 bool(beyond > LIMIT_SLACK),
             )
         )

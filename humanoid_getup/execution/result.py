@@ -149,6 +149,16 @@ class RiseResult:
         """Return in how many attempts something was played."""
         return sum(attempt.run is not None for attempt in self.attempts)
 
+    def _describe_moves(self) -> dict[str, float | None]:
+        """Return the figures of the moves before the last run."""
+        outcomes = [move.outcome for move in self.moves]
+        impacts = [o.head_impact for o in outcomes if o.head_impact is not None]
+        return {
+            "moves_s": sum(len(o.torque) for o in outcomes) * self.robot.control_period,
+            "moves_peak_torque_nm": max((o.peak_torque for o in outcomes), default=None),
+            "moves_head_impact_m_s": max(impacts, default=None),
+        }
+
     def record(self) -> dict[str, Any]:
         """Return the figures of the rise under report.json's keys."""
         run, outcome = self.run, self.outcome
@@ -163,6 +173,7 @@ class RiseResult:
             "plan_s": sum(plan.plan_s for plan in plans),
             "filter_s": sum(plan.filter_s for plan in plans),
             "moves": sum(len(attempt.moves) for attempt in self.attempts),
+            **self._describe_moves(),
             "refused_plans": sum(len(attempt.refused) for attempt in self.attempts),
             "attempts": self.times_played,
             "period_s": run.period if run else None,

@@ -71,8 +71,7 @@ class StandSession:
         """Make the judge of the next run."""
         limit = self.torque_limit.value
         if self.simulation is not None:
-            support = self.support or self.world.scene.support
-            return GroundTruthJudge(self.simulation, limit, support)
+            return GroundTruthJudge(self.simulation, limit, self.world.scene, self.support)
         return SensorJudge(self.world, self.guard.period, limit)
 
 

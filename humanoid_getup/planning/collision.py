@@ -16,7 +16,6 @@ from robots.ground import GROUND
 from robots.quaternion import Array
 
 STEEPEST_SUPPORT = 0.5  # vertical part of the normal of a face that can lift a robot
-SINKS = 2.0  # depths to which a body sinks into what is soft; its lighter parts sink deeper
 ROUNDING = 1e-6  # m by which a robot that was raised is as deep as is permitted
 FIELD_LIFTS, FIELD_STEP = 6, 0.005  # times that a robot is raised from a field, and by how much
 LIMB_DEPTH = 0.15  # m by which limbs may be in each other when the constraints are loosest
@@ -101,9 +100,9 @@ class CollisionChecker:
         """Forget the permitted penetrations, and tighten all constraints."""
         count, world = self._model.ngeom, self._is_world
         sink = np.zeros(count)
-        sink[self._ground] = self.scene.surface.sink
-        sink[self._obstacles] = [obstacle.surface.sink for obstacle in self.scene.obstacles]
-        self._sink = SINKS * (sink[:, None] + sink)
+        sink[self._ground] = self.scene.surface.deepest_sink
+        sink[self._obstacles] = [o.surface.deepest_sink for o in self.scene.obstacles]
+        self._sink = sink[:, None] + sink
         self._rest = np.full((count, count), self.tolerances.body)
         self._rest[world, :] = self._rest[:, world] = self.tolerances.world
         self._rest += self._sink

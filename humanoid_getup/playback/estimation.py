@@ -8,7 +8,6 @@ import numpy as np
 
 from drivers import Command, DriverError, Fault, SafetyGuard, State
 from drivers.control_loop import Pacer
-from humanoid_getup.planning.collision import SINKS
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.placement import Placement
@@ -66,9 +65,9 @@ def check_start(world: World, start: Posture) -> None:
 
 def _allow_intrusion(scene: Scene) -> dict[str, float]:
     """Return how deep a start may reach into the ground and each obstacle [m]."""
-    sink = {obstacle.name: obstacle.surface.sink for obstacle in scene.obstacles}
-    sink[GROUND] = scene.surface.sink
-    return {name: MAX_INTRUSION + SINKS * depth for name, depth in sink.items()}
+    sink = {obstacle.name: obstacle.surface.deepest_sink for obstacle in scene.obstacles}
+    sink[GROUND] = scene.surface.deepest_sink
+    return {name: MAX_INTRUSION + depth for name, depth in sink.items()}
 
 
 def _check_intrusion(depths: dict[str, float], allowed: dict[str, float]) -> None:

@@ -136,7 +136,7 @@ def _roll_out(
     limits = replace(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf
     )
-    judge = GroundTruthJudge(twin.simulation, torque_limit.value, world.scene.support)
+    judge = GroundTruthJudge(twin.simulation, torque_limit.value, world.scene)
     velocity: list[Array] = []
     overlap = np.zeros((world.model.nbody, world.model.nbody))
 

@@ -57,6 +57,11 @@ class Scene:
         return self.surface.friction
 
     @property
+    def deepest_sink(self) -> float:
+        """Return how deep a part of a robot may sink into what is softest [m]."""
+        return max(s.deepest_sink for s in [self.surface, *(o.surface for o in self.obstacles)])
+
+    @property
     def is_flat(self) -> bool:
         """Return whether it is the same in every place and direction."""
         return self.ground.is_level and not self.obstacles and not self.starts

@@ -12,6 +12,7 @@ from robots.ground import GROUND_FRICTION
 SOFT_IMPEDANCE = 0.3  # of a soft surface; small, so that it acts like a spring
 TORSIONAL_FRICTION = 0.005  # m, MuJoCo's own
 GRAVITY = 9.81  # m/s²
+SINKS = 2.0  # depths to which a body sinks into what is soft; its lighter parts sink deeper
 POINTS = 4  # of contact, on which a body rests that sinks as deep as a surface says
 
 
@@ -34,6 +35,11 @@ class Surface:
             raise ValueError(f"rolling friction is {self.rolling_friction:g} m, expected 0 or more")
         if not self.sink >= 0.0:
             raise ValueError(f"sink is {self.sink:g} m, expected 0 or more")
+
+    @property
+    def deepest_sink(self) -> float:
+        """Return the depth to which a robot's lighter parts sink in [m]."""
+        return SINKS * self.sink
 
     def cover(self, geom: mujoco.MjsGeom) -> None:
         """Give a geom of the world this surface."""

@@ -105,7 +105,8 @@ class DropSampler:
             )
             qpos = place(robot, model, posture)
             if self._clearance.measure_self_overlap(qpos) < SPAWN_OVERLAP:
-                qpos = self._clearance.rest(qpos, DROP_HEIGHT)
+                lowest = self._regions[region].z[0]  # on a shelf, not under it
+                qpos = self._clearance.rest(qpos, DROP_HEIGHT, over=lowest)
                 if self._regions[region].spans(qpos[self._root : self._root + 3]):
                     return qpos
                 heights.append(float(qpos[self._root + 2]))

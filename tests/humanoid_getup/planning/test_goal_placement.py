@@ -85,9 +85,7 @@ def test_a_goal_is_never_put_on_the_table_above_the_start(op3: Robot):
     assert raised < 0.3 * leg_length(op3)
 
 
-def test_on_a_slab_that_leaves_room_below_goals_are_put_on_top(
-    op3: Robot, database: MotionDatabase
-):
+def test_on_a_slab_with_room_below_goals_are_put_on_top(op3: Robot, database: MotionDatabase):
     leg = leg_length(op3)
     slab = Obstacle(
         name="slab",
@@ -95,7 +93,7 @@ def test_on_a_slab_that_leaves_room_below_goals_are_put_on_top(
         half_size=leg * np.array([4.0, 4.0, 0.2]),
         position=leg * np.array([0.0, 0.0, 2.8]),
     )
-    start = StartRegion(start_class="supine", z=(3.0 * leg, 4.0 * leg))
+    start = StartRegion(start_class="supine", z=(3.0 * leg, 4.0 * leg), margin=leg)
     world = World(op3, Scene(name="slab", obstacles=(slab,), starts=(start,)))
     (lying,) = sample(world, "supine")
     placed = GoalPlacement(world).place(database.select(lying)[0].posture, lying)

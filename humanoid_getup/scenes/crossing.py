@@ -6,8 +6,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.quaternion import Array
-
 SMALL = 1e-12  # m, of an axis parallel to a face
 NONE = np.zeros((0, 2), dtype=int)
 
@@ -26,19 +24,25 @@ class Crossings:
             ~is_world & (model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
         )
         self._boxes = np.flatnonzero(is_world & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX))
-        self._half = model.geom_size[self._capsules, 1:2]
+        # The scene does not move: where its boxes are is computed once.
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        self._turn = data.geom_xmat[self._boxes].reshape(-1, 3, 3)  # (B, 3, 3)
+        place = data.geom_xpos[self._boxes]
+        self._place = np.einsum("bi,bij->bj", place, self._turn)[:, None]  # (B, 1, 3)
+        self._size = model.geom_size[self._boxes][:, None]  # (B, 1, 3)
+        self._half = model.geom_size[self._capsules, 1:2]  # (N, 1)
+        self._axis = self._capsules[:, None] * 9 + [2, 5, 8]  # (N, 3), in a row of matrices
 
     def find(self, data: mujoco.MjData) -> NDArray[np.int_]:
         """Find pairs of a capsule and a box, (K, 2), after collision detection."""
         if not (self._boxes.size and self._capsules.size):
             return NONE
-        center = data.geom_xpos[self._capsules]
-        along = self._half * data.geom_xmat[self._capsules][:, [2, 5, 8]]
-        found = [
-            (capsule, box)
-            for box in self._boxes.tolist()
-            for capsule in self._capsules[self._meets(data, box, center, along)].tolist()
-        ]
+        meets = self._find_meeting(data)
+        if not meets.any():
+            return NONE
+        boxes, capsules = np.nonzero(meets)
+        found = zip(self._capsules[capsules].tolist(), self._boxes[boxes].tolist(), strict=True)
         deep = [pair for pair in found if self._measure_contact(data, pair) < self.depth(pair[0])]
         return np.array(deep, dtype=int) if deep else NONE
 
@@ -46,19 +50,19 @@ class Crossings:
         """Return how deep such a capsule is in the box at least [m]."""
         return float(self._model.geom_size[capsule, 0])
 
-    def _meets(
-        self, data: mujoco.MjData, box: int, center: Array, along: Array
-    ) -> NDArray[np.bool_]:
-        """Return which segments (N, 3) meet a box, by the slabs between its faces."""
-        turn, half = data.geom_xmat[box].reshape(3, 3), self._model.geom_size[box]
-        middle, way = (center - data.geom_xpos[box]) @ turn, along @ turn
-        way += SMALL * (way == 0.0)
-        near, far = (-half - middle) / way, (half - middle) / way
-        enter = np.minimum(near, far).max(axis=1)
-        leave = np.maximum(near, far).min(axis=1)
+    def _find_meeting(self, data: mujoco.MjData) -> NDArray[np.bool_]:
+        """Find the boxes that the axes of capsules meet, (B, N), by the slabs between faces."""
+        along = self._half * data.geom_xmat.ravel()[self._axis]
+        way = along @ self._turn  # (B, N, 3), in the frames of the boxes
+        middle = data.geom_xpos[self._capsules] @ self._turn - self._place
+        per = 1.0 / (way + SMALL)
+        center, reach = middle * per, self._size * np.abs(per)
+        enter = np.maximum.reduce(-center - reach, axis=2)
+        leave = np.minimum.reduce(reach - center, axis=2)
         return np.maximum(enter, -1.0) <= np.minimum(leave, 1.0)
 
     def _measure_contact(self, data: mujoco.MjData, pair: tuple[int, int]) -> float:
-        contact = data.contact
-        is_pair = np.isin(contact.geom, pair).all(axis=1)
-        return float(np.max(-contact.dist[is_pair], initial=0.0))
+        geoms = data.contact.geom
+        is_pair = (geoms[:, 0] == pair[0]) & (geoms[:, 1] == pair[1])
+        is_pair |= (geoms[:, 0] == pair[1]) & (geoms[:, 1] == pair[0])
+        return float(np.max(-data.contact.dist[is_pair], initial=0.0))

@@ -120,6 +120,8 @@ def _spread(values: list[float]) -> dict[str, float]:
 
 def main(n: int = 20, impossible: int = 5, seed: int = 0, json: Path | None = None) -> None:
     """Rise through n reachable keys and some impossible ones."""
+    if n < 1:
+        raise SystemExit(f"--n is {n}, expected 1 or more")
     world = World(load_robot("op3"))
     database, rng = load_database(world.robot), np.random.default_rng(seed)
     count = n + impossible

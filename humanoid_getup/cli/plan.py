@@ -36,7 +36,7 @@ def plan(command: Plan) -> int:
     """Plan a path, and write it with a film strip and its figures; return the exit code."""
     world, rng = load_world(command), np.random.default_rng(command.seed)
     keys = load_keys(world, command.key)
-    to = load_keys(world, [command.to]) if command.to else []
+    to = [] if command.to is None else load_keys(world, [command.to])
     with phase("falling") as report:
         start = find_start(world, str(command.origin), rng)
         if to:

@@ -22,6 +22,15 @@ from humanoid_getup.cli.options.shared import (
 from humanoid_getup.cli.output import find_file_faults
 
 
+def find_list_faults(**lists: tuple[str, ...]) -> list[str]:
+    """Report options that name nothing, or one thing twice."""
+    faults = [f"--{key} is empty, expected a name or more" for key, v in lists.items() if not v]
+    for key, values in lists.items():
+        if twice := [name for name in dict.fromkeys(values) if values.count(name) > 1]:
+            faults.append(f"--{key} has '{twice[0]}' twice, expected each name once")
+    return faults
+
+
 @dataclass(frozen=True, kw_only=True)
 class BenchRise(PreferenceOptions, TorqueOptions, WorldOptions):
     """Rise from many settled falls: success rates, times and faults."""
@@ -71,6 +80,11 @@ class BenchScenes(TorqueOptions, JsonOption, RobotOption):
     """plan; nearest: the stored motion nearest to the start; straight: straight interpolation to
     a stored motion, unfiltered; and policies by name or file."""
 
+    def find_faults(self) -> list[str]:
+        """Report ways that are missing, and names that come twice, too."""
+        scenes = find_list_faults(scenes=self.scenes) if self.scenes else []
+        return super().find_faults() + scenes + find_list_faults(ways=self.ways)
+
 
 @dataclass(frozen=True, kw_only=True)
 class BenchPlanner(JsonOption, RobotOption):
@@ -86,6 +100,10 @@ class BenchPlanner(JsonOption, RobotOption):
     those of OMPL."""
     checks: Count = 50_000
     """Postures that a planner may check for collisions, for each problem."""
+
+    def find_faults(self) -> list[str]:
+        """Report scenes or planners that are missing or come twice, too."""
+        return super().find_faults() + find_list_faults(scenes=self.scenes, planners=self.planners)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -60,3 +60,20 @@ def test_without_ompl_the_own_planners_are_compared(run: Run, monkeypatch: pytes
     monkeypatch.setitem(sys.modules, "ompl", None)
     own = ("--planners", "refined", "strict", "--scenes", "beam")
     assert run("bench", "planner", *SMALL, *own)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("planner", "--planners"), "--planners is empty, expected a name or more"),
+        (("planner", "--scenes", "wall", "wall"), "--scenes has 'wall' twice, expected each name"),
+        (("scenes", "--ways"), "--ways is empty, expected a name or more"),
+        (("scenes", "--ways", "plan", "plan"), "--ways has 'plan' twice, expected each name once"),
+    ],
+)
+def test_nothing_to_compare_or_the_same_twice_is_refused(
+    run: Run, arguments: tuple[str, ...], message: str
+):
+    code, _, error = run("bench", *arguments)
+    assert (code, error.count("\n")) == (2, 1)
+    assert message in error

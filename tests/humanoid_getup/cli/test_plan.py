@@ -118,3 +118,13 @@ def test_from_under_a_table_the_path_leads_out_first(tmp_path: Path):
     bends = int(np.flatnonzero(np.any(path.joint_pos != path.joint_pos[0], axis=1))[0])
     assert moved[bends - 1] == pytest.approx(record["way_out_m"], rel=0.3)
     assert record["way_out_m"] > 0.3
+
+
+def test_a_path_of_another_body_says_so_and_is_refused_by_the_original(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    arguments = ["plan", "--from", "supine", "--body", "arms=1.6", "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    assert Motion.load(tmp_path / "path.npz").provenance["body"] == "arms=1.6"
+    assert main(["preflight", str(tmp_path / "path.npz")]) == 2
+    assert "arms=1.6" in capsys.readouterr().err

@@ -46,7 +46,7 @@ class AttemptManager:
         self._session, self._guard = session, session.guard
         self._keeper = StandKeeper(session.stand)
         self._number = 1
-        self._has_moved = False
+        self._moved = 0  # times
         self._recovery = Recovery(
             session.guard,
             cooling=session.cooling,
@@ -120,7 +120,7 @@ class AttemptManager:
             if attempt.outcome is None or not (is_move and _has_moved(attempt)):
                 return attempt
             moves = (*moves, PlayedMove(plan=plan, outcome=attempt.outcome))
-            self._has_moved = True
+            self._moved += 1
             self._session.moved(plan)
 
     def _prepare(self, rng: np.random.Generator) -> tuple[Attempt, Supervisor | None]:
@@ -144,7 +144,7 @@ class AttemptManager:
         while True:
             posture = self._estimate(state)
             side = classify(posture.orientation) or UNCLASSED
-            self._report(Phase.PLANNING, f"the robot lies {side}")
+            self._report(Phase.PLANNING, self._describe(side, len(refused)))
             plan = self._session.strategy.plan(posture, rng)
             attempt, controller = self._judge(plan, state)
             attempt = replace(attempt, start_class=side)
@@ -158,6 +158,15 @@ class AttemptManager:
             refused.append(plan)
             if has_tipped:
                 state = self._settle()
+
+    def _describe(self, side: str, refused: int) -> str:
+        """Describe what is planned for, and why again."""
+        text = f"the robot lies {side}"
+        if self._moved:
+            text += f", after {self._moved} move{'s' if self._moved > 1 else ''}"
+        if refused:
+            text += f", plan {refused + 1}: the preflight refused the one before"
+        return text
 
     def _has_tipped(self, planned_for: Posture) -> bool:
         """Return whether the robot lies otherwise than when it was planned for."""
@@ -200,7 +209,7 @@ class AttemptManager:
         """Wait until the robot is still, and recover from faults meanwhile."""
         for _ in range(MOST_REMEDIES):
             self._report(Phase.SETTLING, Phase.SETTLING.value)
-            if not (self._session.settle or self._has_moved):
+            if not (self._session.settle or self._moved):
                 return self._measure()
             pacer = Pacer(self._guard.period) if self._session.realtime else None
             try:

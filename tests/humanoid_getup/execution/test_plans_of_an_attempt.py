@@ -12,6 +12,7 @@ from drivers import Twin
 from humanoid_getup.execution import attempt_manager
 from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS, AttemptManager
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
+from humanoid_getup.execution.phase import Phase
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import NO_END, Motion
@@ -163,3 +164,16 @@ def test_a_robot_that_only_moves_is_given_up(world, prone, move):
     assert result.status is AttemptStatus.NEEDS_HELP
     assert result.reason == f"no room to rise after {MOST_MOVES} moves"
     assert len(result.attempts[0].moves) == MOST_MOVES
+
+
+def test_what_is_planned_for_says_why_it_is_planned_for_again(world, prone, motions, move):
+    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG])
+    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    phases = []
+    get_up(world, prone, [move, wrong, rise], on_phase=phases.append)
+    planning = [change.detail for change in phases if change.phase is Phase.PLANNING]
+    assert planning == [
+        "the robot lies prone",
+        "the robot lies prone, after 1 move",
+        "the robot lies prone, after 1 move, plan 2: the preflight refused the one before",
+    ]

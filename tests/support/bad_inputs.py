@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from paths import REPOSITORY
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.scenes.named_scenes import load_scene
@@ -61,6 +62,11 @@ GROUPS: dict[str, list[Case]] = {
             "scene 'cave' has no place within 1.4 m of the start where 'op3' could stand",
         ),
         case("rise --from supine --scene nowhere.toml", "nowhere.toml: No such file"),
+        case("scenes sole.toml", "obstacle 'l_sole' has the name of a part of robot 'op3'"),
+        case("plan --from prone --scene off.toml", "a start prone has x from 2 to 3, expected"),
+        case("scenes upside.toml", "a start left has z from 1 to 0, expected the lower number"),
+        case("bench planner --planners", "--planners is empty, expected a name or more"),
+        case("bench scenes --ways plan plan", "--ways has 'plan' twice, expected each name once"),
         case("scenes moon", "unknown scene 'moon'"),
         case("scenes wall --picture folder", "output file folder: is a folder"),
         case("rise --from supine --at 0 0 90", "--at is given, expected a real robot"),
@@ -462,6 +468,13 @@ def make_files(folder: Path, robot: Robot) -> None:
         "[[boxes]]\nname = 'roof'\ncenter = [0, 0, 1]\nsize = [50, 50, 0.1]\n"
         "[[starts]]\nlying = 'supine'\nz = [0, 0.8]\nsettled = true\n"
     )
+    (folder / "sole.toml").write_text(
+        "[[spheres]]\nname = 'l_sole'\ncenter = [0, 0, 0]\nradius = 1\n"
+    )
+    (folder / "off.toml").write_text(
+        "[ground]\nheights = [[0, 1], [0, 0]]\n[[starts]]\nlying = 'prone'\nx = [2, 3]\n"
+    )
+    (folder / "upside.toml").write_text("[[starts]]\nlying = 'left'\nz = [1, 0]\n")
     (folder / "unreadable").write_text("{}")
     (folder / "unreadable").chmod(0)
     _make_postures(folder, robot)
@@ -613,6 +626,7 @@ def print_markdown() -> None:
             for case in filter(is_possible, cases):
                 code, _, error = run(case)
                 error = error.removeprefix("getup: ").replace(f"{Path.cwd()}/", "").strip()
+                error = error.replace(f"{REPOSITORY}/", "")
                 cells = [case.command, error]
                 cells = [re.sub(r"x{50,}", "xxx...", cell).replace("|", "\\|") for cell in cells]
                 print(f"| `{cells[0]}` | {cells[1]} | {code} |")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +19,9 @@ from robots.ground import GROUND
 from robots.kinematics import place, torso_orientation
 
 REST_TIME = 0.8  # s without motion, torque off, before the posture is measured
-REST_SPEED = 0.1  # rad/s of any joint or the torso, a few steps of the sensors
+REST_SPEED = 0.1  # rad/s of the torso, a few steps of the sensors
+# A limp foot on an edge may tick to and fro without end, by a degree at up to 0.3 rad/s.
+REST_ANGLE = REST_SPEED * REST_TIME  # rad by which any joint may move in this time
 MAX_SETTLE = 10.0  # s
 MAX_DROP = 0.3  # m that a start may be above the ground
 SINKING = 0.0005  # m that a resting robot presses into the ground
@@ -94,8 +98,9 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
         FaultedError: if the guard finds a fault meanwhile.
     """
     slack = 0.5 * guard.period  # a clock adds up periods: half of one decides
+    recent = deque[State]()
     with guard:
-        begin = moved = guard.read().time
+        begin = guard.read().time
         while True:
             guard.write(Command.limp(guard.robot.n))
             if guard.fault is not None:  # such as a clock that stands still
@@ -103,17 +108,28 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
             if pacer:
                 pacer.wait()
             state = guard.read()
-            speed = max(np.abs(state.joint_vel).max(), np.abs(state.gyro).max())
-            if speed >= REST_SPEED:
-                moved = state.time
-            elif state.time - moved > REST_TIME - slack:
+            recent.append(state)
+            while recent and state.time - recent[0].time > REST_TIME + slack:
+                recent.popleft()
+            if state.time - recent[0].time > REST_TIME - slack and _is_still(recent):
                 return state
             if state.time - begin > MAX_SETTLE - slack:
                 break
+    angles = np.ptp([s.joint_pos for s in recent], axis=0)
+    worst = guard.robot.joint_names[int(angles.argmax())]
+    speed = max(float(np.abs(s.gyro).max()) for s in recent)
     raise StartError(
-        f"the robot does not come to rest: {speed:.2f} rad/s after {MAX_SETTLE:g} s, "
-        f"expected at most {REST_SPEED} rad/s for {REST_TIME:g} s"
+        f"the robot does not come to rest: in the last {REST_TIME:g} of {MAX_SETTLE:g} s joint "
+        f"'{worst}' moved by {angles.max():.2f} rad, expected at most {REST_ANGLE:.2f} rad, and "
+        f"the torso turned at up to {speed:.2f} rad/s, expected at most {REST_SPEED} rad/s"
     )
+
+
+def _is_still(recent: Iterable[State]) -> bool:
+    """Return whether neither the torso turned nor any joint moved in some measurements."""
+    if any(np.abs(state.gyro).max() >= REST_SPEED for state in recent):
+        return False
+    return bool(np.ptp([state.joint_pos for state in recent], axis=0).max() <= REST_ANGLE)
 
 
 def estimate_posture(world: World, state: State, placement: Placement | None = None) -> Posture:

@@ -46,7 +46,7 @@ VOLTAGE = 12.0  # V
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """How a motion looks to somebody who knows about bodies and floors."""
+    """Figures of how plausible a motion is, without a simulation."""
 
     ground_depth_m: float
     """Greatest depth of the robot in the ground."""

@@ -13,7 +13,7 @@ from humanoid_getup.execution.recovery import Recovery, StoppedError, Unrecovere
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.motions.posture_metric import aligned_orientation_distance
+from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.play import play_engaged
@@ -170,9 +170,7 @@ class AttemptManager:
 
     def _has_tipped(self, planned_for: Posture) -> bool:
         """Return whether the robot lies otherwise than when it was planned for."""
-        now = self._locate().orientation
-        tilt = 2.0 * float(aligned_orientation_distance(now, planned_for.orientation))
-        return tilt > FAR_TILT
+        return measure_tilt(self._locate().orientation, planned_for.orientation) > FAR_TILT
 
     def _judge(self, plan: RisePlan, state: State) -> tuple[Attempt, Supervisor | None]:
         """Run the preflight of a plan, and that of the way down after its stand."""

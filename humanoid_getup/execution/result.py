@@ -150,8 +150,8 @@ class RiseResult:
         return sum(attempt.run is not None for attempt in self.attempts)
 
     def _describe_moves(self) -> dict[str, float | None]:
-        """Return the figures of the moves before the last run."""
-        outcomes = [move.outcome for move in self.moves]
+        """Return the figures of all moves."""
+        outcomes = [move.outcome for attempt in self.attempts for move in attempt.moves]
         impacts = [o.head_impact for o in outcomes if o.head_impact is not None]
         return {
             "moves_s": sum(len(o.torque) for o in outcomes) * self.robot.control_period,

@@ -45,6 +45,11 @@ def aligned_orientation_distance(q1: Array, q2: Array) -> Array:
     return np.arctan2(np.hypot(r[..., 1], r[..., 2]), np.hypot(r[..., 0], r[..., 3]))
 
 
+def measure_tilt(q1: Array, q2: Array) -> float:
+    """Measure the angle between the directions of gravity in two root frames (4,) [rad]."""
+    return 2.0 * float(aligned_orientation_distance(q1, q2))
+
+
 def align(posture: Posture, reference: Posture) -> Posture:
     """Turn and shift a posture over the ground until its root is closest to the reference's."""
     turn = quaternion.from_yaw(best_yaw(posture.orientation, reference.orientation))

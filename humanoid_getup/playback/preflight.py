@@ -12,7 +12,7 @@ from drivers.safety_limits import MAX_TEMPERATURE
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from humanoid_getup.evaluation.torque import LONG_SATURATION
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.posture_metric import aligned_orientation_distance
+from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.ending import describe_end
 from humanoid_getup.playback.preflight_rollout import Figures, measure
 from humanoid_getup.simulation.falls import classify
@@ -292,7 +292,7 @@ def _judge_start(robot: Robot, motion: Motion, start: Posture | None) -> list[Re
     if start is None:
         return []
     reasons = []
-    tilt = 2.0 * float(aligned_orientation_distance(start.orientation, motion.orientation[0]))
+    tilt = measure_tilt(start.orientation, motion.orientation[0])
     if tilt > FAR_TILT:
         text = (
             f"the robot lies {math.degrees(tilt):.0f}° from where the motion "

@@ -106,8 +106,6 @@ def _describe_moves(report: dict[str, Any]) -> str:
     if not report.get("moves"):
         return ""
     text = f"{report['moves']} to where there is room to rise, before it"
-    if report["moves_peak_torque_nm"] is None:
-        return text  # of an earlier attempt
     text += f": {report['moves_s']:.1f} s, peak {report['moves_peak_torque_nm']:.2f} N·m"
     head = report["moves_head_impact_m_s"]
     return text if head is None else f"{text}, head {head:.2f} m/s"

@@ -150,7 +150,7 @@ class StartTable:
             low, high = getattr(self, key)
             if low > high:
                 raise ValueError(
-                    f"a start {self.lying} has {key} from {low:g} to {high:g}, "
+                    f"start '{self.lying}': {key} is {low:g} to {high:g}, "
                     "expected the lower number first"
                 )
         low, high = self.heading_deg
@@ -245,6 +245,6 @@ def _check_starts_on_field(table: SceneTable) -> None:
             low, high = getattr(start, axis)
             if max(-low, high) > edge:
                 raise ValueError(
-                    f"a start {start.lying} has {axis} from {low:g} to {high:g}, expected within "
+                    f"start '{start.lying}': {axis} is {low:g} to {high:g}, expected within "
                     f"the field of heights, -{edge:g} to {edge:g}"
                 )

@@ -30,7 +30,7 @@ CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
 BATCH = 24
 MOST_BATCHES = 400
-MOST_IN_VAIN = 20  # batches in a row of which no robot lies as is wanted
+MOST_IN_VAIN = 20  # batches in a row without a robot on a requested side
 MOST_MOVED_IN_VAIN = 100  # the same of robots that are put into the scene when they have settled
 RESTING = 0.003  # m that a robot at rest sinks into what it lies on
 
@@ -116,10 +116,10 @@ def _sample(
         if batch == MOST_BATCHES or in_vain == (MOST_MOVED_IN_VAIN if is_settled else MOST_IN_VAIN):
             missing = ", ".join(f"{count} {name}" for name, count in wanted.items() if count)
             raise FallError(
-                f"robot '{world.robot.name}' does not come to lie in scene '{world.scene.name}' as "
-                f"is wanted: {missing} missing after {batch * BATCH} falls, of which the last "
-                f"{in_vain * BATCH} ended otherwise (expected: starts where a robot that falls "
-                "stays, with room to lie so)"
+                f"sampling falls of robot '{world.robot.name}' in scene '{world.scene.name}' failed: "
+                f"{missing} missing after {batch * BATCH} falls, none in the last "
+                f"{in_vain * BATCH} (expected: starts where a robot that falls comes to rest, "
+                "with room to lie on that side)"
             )
         in_vain += 1
         regions = _choose(world.scene, wanted)

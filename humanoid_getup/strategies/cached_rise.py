@@ -15,7 +15,7 @@ import numpy as np
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
-from humanoid_getup.motions.posture_metric import aligned_orientation_distance, best_yaw
+from humanoid_getup.motions.posture_metric import best_yaw, measure_tilt
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_cache import (
     CacheEntry,
@@ -150,7 +150,7 @@ class CachedRise:
         return min(usable, key=lambda pair: pair[1].distance, default=None)
 
     def _measure(self, a: Posture, b: Posture) -> Nearness:
-        tilt = 2.0 * aligned_orientation_distance(a.orientation, b.orientation)
+        tilt = measure_tilt(a.orientation, b.orientation)
         return Nearness(
             distance=self._planner.database.metric.between(a, b),
             joint=float(np.abs(a.joint_pos - b.joint_pos).max()),

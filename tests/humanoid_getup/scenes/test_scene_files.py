@@ -118,11 +118,11 @@ BALL = '[[spheres]]\nname = "ball"\ncenter = [0, 0, 0]\n'
         ("[ground]\nheights = [[0, 1e9], [0, 0]]", r"heights reach 1e\+09, expected -100 to 100"),
         (
             "[ground]\nheights = [[0, 1], [0, 0]]\n[[starts]]\nlying = 'prone'\nx = [0, 0.2]",
-            "a start prone has x from 0 to 0.2, expected within the field of heights, -0.125 to",
+            "start 'prone': x is 0 to 0.2, expected within the field of heights, -0.125 to",
         ),
         (
             "[[starts]]\nlying = 'left'\nheading_deg = [90, -90]",
-            "a start left has heading_deg from 90 to -90, expected the lower number first",
+            "start 'left': heading_deg is 90 to -90, expected the lower number first",
         ),
         (BALL.replace("ball", "l_knee") + "radius = 1", "has the name of a part of robot 'op3'"),
         ("[ground]\nheights = [[0]]", "heights are 1 by 1, expected 2 by 2 or more"),

@@ -96,12 +96,12 @@ def test_a_start_inside_a_block_is_refused_in_one_line(op3: Robot):
         sample_falls(world, {"prone": 1}, np.random.default_rng(0))
 
 
-def test_robots_that_never_come_to_lie_as_is_wanted_end_the_sampling(
+def test_sampling_ends_where_no_robot_comes_to_lie_as_requested(
     op3: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(falls, "MOST_IN_VAIN", 2)
     monkeypatch.setattr(falls.StartRegion, "accepts", lambda *_: False)
     start = StartRegion(start_class="prone")
     world = World(op3, Scene(name="whim", starts=(start,)))
-    with pytest.raises(FallError, match="'whim' as is wanted: 1 prone missing after 48 falls"):
+    with pytest.raises(FallError, match="'whim' failed: 1 prone missing after 48 falls"):
         sample_falls(world, {"prone": 1}, np.random.default_rng(0))

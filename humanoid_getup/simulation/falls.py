@@ -116,8 +116,8 @@ def _sample(
         if batch == MOST_BATCHES or in_vain == (MOST_MOVED_IN_VAIN if is_settled else MOST_IN_VAIN):
             missing = ", ".join(f"{count} {name}" for name, count in wanted.items() if count)
             raise FallError(
-                f"sampling falls of robot '{world.robot.name}' in scene '{world.scene.name}' failed: "
-                f"{missing} missing after {batch * BATCH} falls, none in the last "
+                f"sampling falls of robot '{world.robot.name}' in scene '{world.scene.name}' "
+                f"failed: {missing} missing after {batch * BATCH} falls, none in the last "
                 f"{in_vain * BATCH} (expected: starts where a robot that falls comes to rest, "
                 "with room to lie on that side)"
             )

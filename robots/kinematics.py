@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
@@ -19,26 +20,42 @@ def lowest_points(model: mujoco.MjModel, qpos: Array) -> Array:
 
     Exact for boxes, spheres, capsules, cylinders and ellipsoids; a mesh counts as its box.
     """
-    data = mujoco.MjData(model)
-    own = np.flatnonzero(model.body_weldid[model.geom_bodyid] != 0)
+    data, own = mujoco.MjData(model), list_own_geoms(model)
     height, down = np.zeros((len(qpos), len(own))), np.zeros((len(qpos), len(own), 3))
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
         height[k] = data.geom_xpos[own, 2]
-        down[k] = data.geom_xmat[own, 6:9]  # the world's z axis in each geom's frame
-    kind, size = model.geom_type[own], model.geom_size[own]
-    along, radius = np.abs(down[..., 2]) * size[:, 1], size[:, 0]
+        down[k] = data.geom_xmat[own, 6:9]
+    return np.min(height - find_reach(model, own, down), axis=-1)
+
+
+def list_own_geoms(model: mujoco.MjModel) -> NDArray[np.int_]:
+    """List the geoms of the robot, not of the world."""
+    return np.flatnonzero(model.body_weldid[model.geom_bodyid] != 0)
+
+
+def find_reach(model: mujoco.MjModel, geoms: NDArray[np.int_], direction: Array) -> Array:
+    """Measure how far geoms (g,) reach from their centers along directions [m], (..., g).
+
+    The directions are unit vectors in each geom's frame, (..., g, 3), such as the world's z axis:
+    the last row of its rotation matrix. A geom is alike on both sides of its center.
+    """
+    kind, size = model.geom_type[geoms], model.geom_size[geoms]
+    along, radius = np.abs(direction[..., 2]) * size[:, 1], size[:, 0]
     reaches = {
-        mujoco.mjtGeom.mjGEOM_SPHERE: np.broadcast_to(radius, along.shape),
-        mujoco.mjtGeom.mjGEOM_CAPSULE: radius + along,
-        mujoco.mjtGeom.mjGEOM_CYLINDER: radius * np.hypot(down[..., 0], down[..., 1]) + along,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID: np.linalg.norm(down * size, axis=-1),
+        mujoco.mjtGeom.mjGEOM_SPHERE: lambda: radius,
+        mujoco.mjtGeom.mjGEOM_CAPSULE: lambda: radius + along,
+        mujoco.mjtGeom.mjGEOM_CYLINDER: lambda: (
+            radius * np.hypot(direction[..., 0], direction[..., 1]) + along
+        ),
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID: lambda: np.linalg.norm(direction * size, axis=-1),
     }
-    reach = np.sum(np.abs(down) * size, axis=-1)  # of a box
+    reach = np.sum(np.abs(direction) * size, axis=-1)  # of a box
     for shape, of_shape in reaches.items():
-        reach = np.where(kind == shape, of_shape, reach)
-    return np.min(height - reach, axis=-1)
+        if (kind == shape).any():
+            reach = np.where(kind == shape, of_shape(), reach)
+    return reach
 
 
 def leg_length(robot: Robot) -> float:

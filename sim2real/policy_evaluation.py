@@ -11,12 +11,23 @@ from numpy.typing import NDArray
 from humanoid_getup.evaluation.judge import find_impact
 from humanoid_getup.evaluation.standing import judge
 from humanoid_getup.policy.action import ActionSpec, next_target
-from humanoid_getup.policy.observation import Floats, compute_torque_share, observe
+from humanoid_getup.policy.observation import (
+    Floats,
+    StyleInput,
+    compute_torque_share,
+    observe,
+    observe_style,
+)
+from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.features import COUNT
+from humanoid_getup.style.guide import StyleGuide
 from robots.quaternion import Array
 from sim2real.environment.training_simulation import Record, TrainingSim
 
-PolicyFunction = Callable[[Floats], Array]
-"""Maps observations (N, size) to actions (N, k)."""
+PolicyFunction = Callable[[Floats], tuple[Array, Array]]
+"""Maps observations (N, size) to actions (N, k) and to what it remembers of them (N, m)."""
+StyleChoice = Callable[[Array], StyleCurves]
+"""Chooses curves by the features (3,) that a robot measures at its start."""
 
 DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
@@ -27,6 +38,11 @@ class PolicyRollouts(Record):
 
     period: float
     """[s]"""
+    wanted: Array
+    """Style features that the curves ask for at the end of each policy step, (N, steps, 3); no
+    numbers without style."""
+    style_duration: Array
+    """How long the curves last [s], (N,); NaN without style."""
 
     @property
     def stood(self) -> NDArray[np.bool_]:
@@ -68,36 +84,59 @@ def roll_out_policy(
     policy: PolicyFunction,
     starts: Array,
     *,
+    style: StyleInput | None = None,
+    choose_style: StyleChoice | None = None,
     duration: float = DURATION,
     rng: np.random.Generator | None = None,
     on_step: Callable[[int], None] = lambda _: None,
 ) -> PolicyRollouts:
     """Roll out a policy from MuJoCo positions (N, nq) for a duration [s].
 
-    The N robots have the domain parameters of the simulation, and sensor noise from ``rng``.
-    ``on_step`` is called before each policy step with its number, to disturb them.
+    The N robots have the domain parameters of the simulation, and sensor noise from ``rng``. With
+    ``style``, what a policy gets to follow curves, each robot follows those that are chosen for
+    it. ``on_step`` is called before each policy step with its number, to disturb them.
     """
     robot = sim.robot
     sim.place(sim.everyone, starts)
     sensed = sim.sense(rng)
-    target, last_action = sensed.joint_pos, np.zeros((sim.n, action.size))
+    guide = StyleGuide(robot, sim.n) if style and choose_style else None
+    if guide is not None and choose_style is not None:
+        guide.measure(sensed.gravity, sensed.joint_pos)
+        guide.enter_all([choose_style(features) for features in guide.features])
+    target = sensed.joint_pos
+    memory = np.zeros((sim.n, style.memory if style else action.size))
     share = compute_torque_share(robot, action, sim.parameters.torque_limit)
     records: list[Record] = []
+    wanted: list[Array] = []
     diverged = np.zeros(sim.n, dtype=bool)
     for step in range(round(duration / sim.step_time)):
         on_step(step)
-        observation = observe(robot, sensed, target, last_action, share)
-        last_action = np.clip(policy(observation).astype(float), -1.0, 1.0)
+        more = observe_style(guide.targets, guide.features) if guide else ()
+        outputs, memory = policy(observe(robot, sensed, target, memory, share, more))
         following = next_target(
-            robot, action, target, sensed.joint_pos, sensed.gravity, last_action
+            robot,
+            action,
+            target,
+            sensed.joint_pos,
+            sensed.gravity,
+            np.clip(outputs.astype(float), -1.0, 1.0),
         )
         records.append(sim.follow_recorded(target, following))
         diverged |= sim.diverged
         target = following
         sensed = sim.sense(rng)
+        if guide is not None:
+            guide.advance(sim.step_time)
+            guide.measure(sensed.gravity, sensed.joint_pos)
+            wanted.append(guide.wanted)
     columns = {
         field.name: np.concatenate([getattr(record, field.name) for record in records], axis=1)
         for field in fields(Record)
     }
     columns["upright"] &= ~diverged[:, None]
-    return PolicyRollouts(period=robot.control_period, **columns)
+    return PolicyRollouts(
+        period=robot.control_period,
+        wanted=np.stack(wanted, axis=1) if guide else np.zeros((sim.n, 0, COUNT)),
+        style_duration=guide.duration if guide else np.full(sim.n, np.nan),
+        **columns,
+    )

@@ -170,6 +170,24 @@ def build_action_spec(
     )
 
 
+def build_posture_spec(robot: Robot, pwm_limit: float = 1.0) -> ActionSpec:
+    """Build actions that are postures: each joint's angle from home, as a share of its range."""
+    reach = robot.max_velocity * robot.control_period * CYCLES * SPEED_SHARE
+    home = robot.standing.joint_pos
+    return ActionSpec(
+        mode=ActionMode.ABSOLUTE,
+        names=robot.joint_names,
+        directions=np.eye(robot.n),
+        scale=np.maximum(robot.upper - home, home - robot.lower),
+        reach=reach,
+        lead=LEAD,
+        pwm_limit=pwm_limit,
+        home=home,
+        homing=np.zeros(robot.n),
+        calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
+    )
+
+
 def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSpec:
     """Build the action space of a policy that gets this robot up.
 

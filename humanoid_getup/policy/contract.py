@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from humanoid_getup.policy.action import ActionMode, ActionSpec, Vector
-from humanoid_getup.policy.observation import Term, list_terms
+from humanoid_getup.policy.observation import StyleInput, Term, list_terms
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import Names, positive, read_table, shown
@@ -56,16 +56,22 @@ class PolicyContract:
     imu_frame: str
     provenance: dict[str, Fact]
     """How it was made: command, seed, iterations..."""
+    style: StyleInput | None = None
+    """What it gets to follow style curves; ``None`` if it follows none."""
 
     @staticmethod
     def of(
-        robot: Robot, action: ActionSpec, period: float, provenance: Mapping[str, Fact]
+        robot: Robot,
+        action: ActionSpec,
+        period: float,
+        provenance: Mapping[str, Fact],
+        style: StyleInput | None = None,
     ) -> PolicyContract:
         """Build the contract of a policy from its robot, actions and control period [s]."""
         return PolicyContract(
             robot=robot.name,
             joints=robot.joint_names,
-            observation=list_terms(robot, action),
+            observation=list_terms(robot, action, style),
             action=action,
             control_period=period,
             rate_hz=1.0 / (period * action.cycles),
@@ -73,6 +79,7 @@ class PolicyContract:
             max_torque=robot.max_torque,
             imu_frame=IMU_FRAME,
             provenance=dict(provenance),
+            style=style,
         )
 
     @property
@@ -124,7 +131,9 @@ class PolicyContract:
         n, k = robot.n, len(self.action.names)
         problems = []
         layout = tuple((term.name, term.size) for term in self.observation)
-        wanted = tuple((term.name, term.size) for term in list_terms(robot, self.action))
+        wanted = tuple(
+            (term.name, term.size) for term in list_terms(robot, self.action, self.style)
+        )
         if layout != wanted:
             problems.append(f"observation: {_list_sizes(layout)}, here {_list_sizes(wanted)}")
         vectors = ("scale", "reach", "home", "homing", "position_gain", "max_torque")

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.policy.action import ActionSpec
+from humanoid_getup.style.curves import LOOKAHEAD
+from humanoid_getup.style.features import COUNT as FEATURE_COUNT
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import whole
@@ -48,6 +50,14 @@ ROTATION = Mirror(np.arange(3), np.array([-1.0, 1.0, -1.0]))
 """Mirror of a rotation or an angular velocity: x and z change."""
 SAME = Mirror(np.arange(1), np.ones(1))
 """Mirror of a number that does not change."""
+GRID = 5
+"""Points on each side of the height map, whose rows run forward and columns to the left."""
+MAP = Mirror(np.arange(GRID**2).reshape(GRID, GRID)[:, ::-1].ravel(), np.ones(GRID**2))
+"""Mirror of the height map: each row is turned over."""
+UNKNOWN_GROUND = np.zeros(GRID**2)
+"""Height map of a robot that does not know the ground around it: as if it were level."""
+UPRIGHT = np.array([0.0, np.pi / 2, np.pi / 2])
+"""What style features are counted from: no height, and the angles of an upright torso."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,17 +82,34 @@ class Term:
     size: Annotated[int, whole(1, 10_000)]
 
 
-def list_terms(robot: Robot, action: ActionSpec) -> tuple[Term, ...]:
-    """List the parts of the observation, in their order."""
-    return (
+@dataclass(frozen=True, kw_only=True)
+class StyleInput:
+    """What a policy that follows style curves gets besides its sensors."""
+
+    memory: Annotated[int, whole(1, 10_000)]
+    """Size of what its network remembers of its last actions."""
+    height_map: bool = False
+    """Whether it may know the ground around it."""
+
+
+def list_terms(
+    robot: Robot, action: ActionSpec, style: StyleInput | None = None
+) -> tuple[Term, ...]:
+    """List the parts of the observation, in their order; more of them with style curves."""
+    terms = (
         Term("gravity", 3),
         Term("gyro", 3),
         Term("joint_pos", robot.n),
         Term("joint_vel", robot.n),
         Term("target_error", robot.n),
-        Term("last_action", action.size),
+        Term("last_action", style.memory if style else action.size),
         Term("torque_share", 1),
     )
+    if style is None:
+        return terms
+    terms += (Term("style_targets", FEATURE_COUNT * len(LOOKAHEAD)),)
+    terms += (Term("style_features", FEATURE_COUNT),)
+    return (*terms, Term("height_map", GRID**2)) if style.height_map else terms
 
 
 def compute_torque_share(robot: Robot, action: ActionSpec, torque_limit: Array | float) -> Array:
@@ -94,12 +121,18 @@ def compute_torque_share(robot: Robot, action: ActionSpec, torque_limit: Array |
 
 
 def observe(
-    robot: Robot, sensed: Sensed, target: Array, last_action: Array, torque_share: Array
+    robot: Robot,
+    sensed: Sensed,
+    target: Array,
+    memory: Array,
+    torque_share: Array,
+    more: Sequence[Array] = (),
 ) -> Floats:
     """Build an observation, (..., size), whose joint angles are counted from standing.
 
-    The present targets are (..., n) [rad], the numbers of the last policy step (..., k), and
-    the torque limit as a share of the servos' own (..., 1).
+    The present targets are (..., n) [rad], the policy's memory of its last actions (..., k), and
+    the torque limit as a share of the servos' own (..., 1). More are the terms of style, of
+    :func:`observe_style`, and the height map.
     """
     return np.concatenate(
         (
@@ -108,8 +141,9 @@ def observe(
             sensed.joint_pos - robot.standing.joint_pos,
             sensed.joint_vel,
             target - sensed.joint_pos,
-            last_action,
+            memory,
             torque_share,
+            *more,
         ),
         axis=-1,
         dtype=np.float32,
@@ -117,8 +151,20 @@ def observe(
     )
 
 
-def mirror_of_observation(robot: Robot, action: ActionSpec) -> Mirror:
-    """Build the exchange of left and right in observations."""
+def observe_style(targets: Array, features: Array) -> tuple[Array, Array]:
+    """Build the terms of style: targets (..., 4, 3) as (..., 12), and measured features (..., 3).
+
+    Angles are counted from a quarter turn, so that a mirror image changes a sign.
+    """
+    flat = (*targets.shape[:-2], targets.shape[-2] * targets.shape[-1])
+    return (targets - UPRIGHT).reshape(flat), features - UPRIGHT
+
+
+def mirror_of_observation(robot: Robot, memory: Mirror, style: StyleInput | None = None) -> Mirror:
+    """Build the exchange of left and right in observations, from that in a policy's memory."""
     joints = Mirror(robot.mirror_index, robot.mirror_sign)
-    actions = Mirror(np.arange(action.size), action.mirror_sign(robot))
-    return Mirror.join((VECTOR, ROTATION, joints, joints, joints, actions, SAME))
+    parts = [VECTOR, ROTATION, joints, joints, joints, memory, SAME]
+    if style is None:
+        return Mirror.join(parts)
+    parts += [VECTOR] * (len(LOOKAHEAD) + 1)  # of features, the side angle changes
+    return Mirror.join([*parts, MAP] if style.height_map else parts)

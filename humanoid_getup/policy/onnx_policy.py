@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,17 @@ from drivers.state import Command, State
 from humanoid_getup.evaluation.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import ContractError, PolicyContract
-from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
+from humanoid_getup.policy.observation import (
+    UNKNOWN_GROUND,
+    Sensed,
+    compute_torque_share,
+    observe,
+    observe_style,
+)
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
+from humanoid_getup.style.guide import StyleGuide
+from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
@@ -23,7 +33,10 @@ QUIET = 4  # onnxruntime's log level: fatal errors only
 
 
 class OnnxNetwork:
-    """Maps observations to actions as the graph of an ONNX file does."""
+    """Maps observations to actions as the graph of an ONNX file does.
+
+    A second output, if the graph has one, is what the network remembers: part of its next input.
+    """
 
     def __init__(self, file: Path) -> None:
         """Load a file.
@@ -47,24 +60,28 @@ class OnnxNetwork:
             reason = " ".join(str(error).split())
             raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
         self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
-        faults = [
-            f"{len(values)} {name}, expected 1"
-            for name, values in (
-                ("inputs", self._session.get_inputs()),
-                ("outputs", self._session.get_outputs()),
-            )
-            if len(values) != 1
-        ]
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        faults = [f"{len(inputs)} inputs, expected 1"] if len(inputs) != 1 else []
+        if len(outputs) not in (1, 2):
+            faults.append(f"{len(outputs)} outputs, expected 1, or 2 with a memory")
         if faults:
             raise NetworkError(f"the network has {' and '.join(faults)}")
-        self._input, self._output = self._session.get_inputs()[0], self._session.get_outputs()[0]
+        self._input, self._outputs = inputs[0], outputs
 
-    def find_faults(self, observation_size: int, action_size: int) -> list[str]:
-        """List deviations from a network that maps (N, observation) to (N, action)."""
+    def find_faults(
+        self, observation_size: int, action_size: int, memory_size: int | None = None
+    ) -> list[str]:
+        """List deviations from a network that maps (N, observation) to (N, action).
+
+        With a memory, it maps to (N, memory) as well.
+        """
+        sizes = [action_size] if memory_size is None else [action_size, memory_size]
+        if len(self._outputs) != len(sizes):
+            return [f"the network has {len(self._outputs)} outputs, expected {len(sizes)}"]
         faults = []
         for name, value, size in (
             ("input", self._input, observation_size),
-            ("output", self._output, action_size),
+            *zip(("output", "memory"), self._outputs, sizes, strict=False),
         ):
             if value.type != "tensor(float)":
                 faults.append(f"network {name}: {value.type}, expected tensor(float)")
@@ -73,10 +90,14 @@ class OnnxNetwork:
                 faults.append(f"network {name}: shape {shape}, expected (N, {size})")
         return faults
 
-    def __call__(self, observations: NDArray[np.float32]) -> Array:
-        """Map observations, (N, size), to actions, (N, k)."""
-        (actions,) = self._session.run(None, {self._input.name: observations})
-        return np.asarray(actions, dtype=float)
+    def __call__(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
+        """Map observations, (N, size), to actions (N, k) and to what is remembered of them, (N, m).
+
+        Without a memory of its own, that is the actions, clipped.
+        """
+        found = self._session.run(None, {self._input.name: observations})
+        actions, *memory = (np.asarray(values, dtype=float) for values in found)
+        return actions, memory[0] if memory else np.clip(actions, -1.0, 1.0)
 
 
 LONGEST = 12.0  # s; includes further tries of the policy itself
@@ -108,9 +129,13 @@ class OnnxPolicy:
         *,
         torque_limit: float | None = None,
         longest: float = LONGEST,
+        style: Style | None = None,
     ) -> None:
         """Prepare to run a policy that fits the robot; :meth:`load` checks it."""
         self.robot, self.contract, self.longest = robot, contract, longest
+        self.style = style
+        """What it follows; ``None`` for a policy that follows no style."""
+        self.guide = StyleGuide(robot) if style else None
         self.action = contract.action
         self.fault: str | None = None
         """Why it failed, if it did."""
@@ -132,11 +157,13 @@ class OnnxPolicy:
         torque_limit: float | None = None,
         *,
         longest: float = LONGEST,
+        style: Style | None = None,
     ) -> OnnxPolicy:
         """Load a policy that fits a robot and its control period [s].
 
         The torque limit [N·m] is that of every servo; after ``longest`` [s] the policy is done,
-        standing or not.
+        standing or not. A policy that follows style curves takes, of all named styles, the one
+        that begins nearest to the robot if no style is given.
 
         Raises:
             OSError: if the file cannot be read.
@@ -149,14 +176,21 @@ class OnnxPolicy:
         except (NetworkError, ContractError) as error:
             raise PolicyError(file, [str(error)]) from error
         faults = contract.find_mismatches(robot, period or robot.control_period)
-        faults += network.find_faults(contract.observation_size, len(contract.action.names))
+        memory = contract.style.memory if contract.style else None
+        faults += network.find_faults(contract.observation_size, len(contract.action.names), memory)
+        if style is not None and contract.style is None:
+            faults.append(f"it follows no style curves, expected no style '{style.name}' with it")
         if faults:
             raise PolicyError(file, faults)
         # A weight that is not finite makes every action not finite.
         blank = np.zeros((1, contract.observation_size), dtype=np.float32)
-        if not np.isfinite(network(blank)).all():
+        if not all(np.isfinite(values).all() for values in network(blank)):
             raise PolicyError(file, ["the network returns NaN or infinity"])
-        return OnnxPolicy(robot, contract, network, torque_limit=torque_limit, longest=longest)
+        if contract.style is not None and style is None:
+            style = load_any_style(robot)
+        return OnnxPolicy(
+            robot, contract, network, torque_limit=torque_limit, longest=longest, style=style
+        )
 
     @property
     def done(self) -> bool:
@@ -194,40 +228,62 @@ class OnnxPolicy:
 
     def observe(self, sensed: Sensed) -> NDArray[np.float32]:
         """Build the observation at the beginning of a policy step, (size,)."""
-        return observe(self.robot, sensed, self._following, self._last_action, self._torque_share)
+        more: Sequence[Array] = ()
+        if self.guide is not None:
+            terms = observe_style(self.guide.targets, self.guide.features)
+            more = [term[0] for term in terms]
+            if self.contract.style is not None and self.contract.style.height_map:
+                more.append(UNKNOWN_GROUND)
+        return observe(self.robot, sensed, self._following, self._memory, self._torque_share, more)
 
-    def act(self, observations: NDArray[np.float32]) -> Array:
-        """Compute actions from observations, (N, size) to (N, k), before any clipping."""
+    def act(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
+        """Compute actions and memory from observations, (N, size) to (N, k) and (N, m).
+
+        Actions are not yet clipped.
+        """
         return self._network(observations)
 
     def _start_at(self, joint_pos: Array) -> None:
         self._target = self._following = joint_pos
-        self._last_action = np.zeros(self.action.size)
+        self._memory = np.zeros(self.contract.style.memory if self.style else self.action.size)
+        self._is_first = True
         self._cycle = 0
         self._steady = 0  # policy steps in a row in which it stands
 
     def _decide(self, state: State) -> None:
         sensed = self.sense(state)
-        action = self.act(self.observe(sensed)[None])[0]
+        self._follow_style(sensed)
+        (action,), (memory,) = self.act(self.observe(sensed)[None])
         self._target = self._following
         if not np.isfinite(action).all():
             names = self.action.names
             bad = ", ".join(names[i] for i in np.flatnonzero(~np.isfinite(action)))
             self.fault = f"the network returns NaN or infinity: {bad}"
             return
-        self._last_action = np.clip(action, -1.0, 1.0)
+        self._memory = memory
         self._following = next_target(
             self.robot,
             self.action,
             self._target,
             sensed.joint_pos,
             sensed.gravity,
-            self._last_action,
+            np.clip(action, -1.0, 1.0),
         )
         moved = float(np.abs(self._following - self._target).max())
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)
         steady = upright and moved <= STILL_TARGET * self._step_time
         self._steady = self._steady + 1 if steady else 0
+
+    def _follow_style(self, sensed: Sensed) -> None:
+        """Measure the style features; choose curves at first, go along them later."""
+        if self.guide is None or self.style is None:
+            return
+        self.guide.measure(sensed.gravity[None], sensed.joint_pos[None])
+        if self._is_first:
+            self.guide.enter_all([self.style.choose(self.guide.features[0])])
+            self._is_first = False
+        else:
+            self.guide.advance(self._step_time)
 
 
 def find_policy(robot: Robot, name: str) -> Path:

@@ -24,8 +24,10 @@ from humanoid_getup.policy.observation import (
 )
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.style.features import COUNT as FEATURE_COUNT
 from robots import Robot, load_robot
 from robots.quaternion import Array
+from sim2real.environment.action_head import ActionHead, DirectHead
 from sim2real.environment.initial_states import (
     StartPool,
     list_motion_starts,
@@ -33,9 +35,17 @@ from sim2real.environment.initial_states import (
     pool_rng,
     sample_stands,
 )
-from sim2real.environment.privileged_state import list_critic_terms, observe_privileged
+from sim2real.environment.privileged_state import (
+    list_critic_terms,
+    observe_privileged,
+)
 from sim2real.environment.randomization import RANDOMIZATIONS, DomainRandomization
 from sim2real.environment.rewards import QUICK, REWARDS, Reward, RewardInputs, score
+from sim2real.environment.style_task import (
+    StyleReward,
+    StyleTask,
+    reward_style,
+)
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
@@ -130,10 +140,20 @@ class GetUpEnv(VectorEnv):
     metadata: ClassVar = {"autoreset_mode": AutoresetMode.SAME_STEP}
 
     def __init__(
-        self, robot: Robot, action: ActionSpec, pool: StartPool, options: EnvOptions
+        self,
+        robot: Robot,
+        action: ActionSpec,
+        pool: StartPool,
+        options: EnvOptions,
+        style: StyleTask | None = None,
     ) -> None:
-        """Build the robots; the pool holds settled falls in a training world of theirs."""
+        """Build the robots; the pool holds settled falls in a training world of theirs.
+
+        With style curves they are rewarded for following these.
+        """
         self.robot, self.action, self.options, self.pool = robot, action, options, pool
+        self.style = style
+        self.head: ActionHead = style.head if style else DirectHead(robot, action)
         randomization = options.randomization
         has_delays = randomization is not None and randomization.delay[1] > 0.0
         world = build_training_world(
@@ -152,21 +172,26 @@ class GetUpEnv(VectorEnv):
             threads=options.threads,
             noise=noise,
         )
-        self._motions = list_motion_starts(robot, world.model)
+        self._motions = (
+            style.library.state_qpos if style else list_motion_starts(robot, world.model)
+        )
+        self._nothing = np.zeros((n, FEATURE_COUNT))  # features that no curve asks for
         self._stands = sample_stands(robot, world.model, STANDS, np.random.default_rng(0))
         self.step_time = robot.control_period * action.cycles
-        self.terms = list_terms(robot, action)
+        self.terms = list_terms(robot, action, style.input if style else None)
         self._critic_terms = list_critic_terms(robot)
         size = sum(term.size for term in self.terms)
         space = gymnasium.spaces.Box
         self.single_observation_space = space(-np.inf, np.inf, (size,), FLOAT)
-        self.single_action_space = space(-1.0, 1.0, (action.size,), FLOAT)
+        outputs, limit = len(self.head.names), self.head.limit
+        self.single_action_space = space(-limit, limit, (outputs,), FLOAT)
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
         self._force = _AssistiveForce(options.assistive_force, options.assistive_force)
         self._rng = np.random.default_rng(0)
         self._target = np.zeros((n, robot.n))
-        self._last_action = np.zeros((n, action.size))
+        self.memory = np.zeros((n, outputs))
+        """What each policy remembers of its last actions, (N, m)."""
         self._episodes = _Episodes(
             age=np.zeros(n, dtype=int),
             length=np.full(n, round(EPISODE / self.step_time)),
@@ -206,7 +231,8 @@ class GetUpEnv(VectorEnv):
     ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Step all robots by one policy step."""
         requested = np.asarray(actions, dtype=float)
-        action = np.clip(requested, -1.0, 1.0)
+        wanted = self.style.guide.wanted if self.style else self._nothing
+        action, memory = self.head.act(requested, self.memory, wanted)
         measured, gravity = self._sensed.joint_pos, self._sensed.gravity
         following = next_target(self.robot, self.action, self._target, measured, gravity, action)
         self.sim.follow(self._target, following)
@@ -215,20 +241,23 @@ class GetUpEnv(VectorEnv):
         self._sensed = self.sim.sense(self._rng if self.options.randomization else None)
         inputs = RewardInputs(
             **vars(state),
-            requested=requested,
-            action=action,
-            last_action=self._last_action,
+            requested=requested / self.head.limit,
+            action=memory,
+            last_action=self.memory,
             away=self._sensed.joint_pos - self.robot.standing.joint_pos,
+            style=self._follow_style(memory),
         )
-        self._last_action = action
+        self.memory = memory
         reward, parts = score(self.options.rewards, inputs, self._force.cost_share)
         reward[self.sim.diverged] = 0.0
         self._push()
-        ended, report = self._end(inputs)
+        terminated = self._find_lost(inputs)
+        ended, report = self._end(inputs, terminated)
         truncated = np.zeros(self.num_envs, dtype=bool)
         truncated[ended] = True
+        truncated &= ~terminated
         if len(ended):
-            report |= {"final_obs": self._observe(), "_final_obs": truncated}
+            report |= {"final_obs": self._observe(), "_final_obs": truncated | terminated}
             self._begin(ended)
         observation = self._observe()
         info = {
@@ -237,7 +266,6 @@ class GetUpEnv(VectorEnv):
             "rewards": {name: float(part.mean()) for name, part in parts.items()},
             **report,
         }
-        terminated = np.zeros(self.num_envs, dtype=bool)
         return observation, reward.astype(FLOAT), terminated, truncated, info
 
     def _push(self) -> None:
@@ -249,14 +277,38 @@ class GetUpEnv(VectorEnv):
         speed = randomization.push_speed
         self.sim.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
 
-    def _end(self, inputs: RewardInputs) -> tuple[NDArray[np.int_], dict[str, Any]]:
+    def _follow_style(self, memory: Array) -> StyleReward | None:
+        """Measure how near the robots are to their curves after a policy step."""
+        if self.style is None:
+            return None
+        self.style.guide.measure(self._sensed.gravity, self._sensed.joint_pos)
+        layout, qvel = self.robot.layout(self.sim.model), self.sim.read("qvel")
+        turning = slice(layout.root_dof + 3, layout.root_dof + 6)
+        return reward_style(
+            self.sim.measure_features(),
+            self.style.advance(self.step_time),
+            np.concatenate([qvel[:, layout.dof], qvel[:, turning]], axis=1),
+            self._sensed.joint_pos - self.robot.standing.joint_pos,
+            self.style.head.offsets(memory),
+        )
+
+    def _find_lost(self, inputs: RewardInputs) -> NDArray[np.bool_]:
+        """Find the robots whose episode ends because they have lost their curve, (N,)."""
+        if self.style is None or inputs.style is None:
+            return np.zeros(self.num_envs, dtype=bool)
+        return self.style.find_lost(inputs.style, inputs, self.step_time)
+
+    def _end(
+        self, inputs: RewardInputs, lost: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int_], dict[str, Any]]:
         """Find the episodes that are over; count the outcomes of those from falls."""
         e = self._episodes
         e.age += 1
         e.held = np.where(inputs.standing, e.held + 1, 0)
         succeeded = e.held >= round(HELD / self.step_time)
         succeeded &= ~self.sim.diverged
-        ended = np.flatnonzero((e.age >= e.length) | (succeeded & e.ends_early) | self.sim.diverged)
+        is_over = (e.age >= e.length) | (succeeded & e.ends_early) | self.sim.diverged | lost
+        ended = np.flatnonzero(is_over)
         from_fall = ended[e.start[ended] >= 0]
         self.pool.note(e.start[from_fall], succeeded[from_fall])
         self._force.note(succeeded[from_fall])
@@ -270,7 +322,8 @@ class GetUpEnv(VectorEnv):
         stands = self._stands[rng.integers(0, STANDS, count)]
         qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], stands)
         along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
-        qpos[along] = self._motions[rng.integers(0, max(len(self._motions), 1), along.sum())]
+        states = rng.integers(0, max(len(self._motions), 1), count)
+        qpos[along] = self._motions[states[along]]
         if o.randomization:
             drawn = o.randomization.sample(self.sim.world, count, rng)
             self.sim.set_parameters(ids, drawn)
@@ -278,20 +331,38 @@ class GetUpEnv(VectorEnv):
         self.sim.set_assistive_force(ids, rng.uniform(0.0, self._force.lift, count))
         layout = self.robot.layout(self.sim.model)
         self._target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
-        self._last_action[ids] = 0.0
+        self.memory[ids] = 0.0  # as on a robot that lies
         e = self._episodes
         e.age[ids] = e.held[ids] = 0
         e.start[ids] = start
         e.ends_early[ids] = rng.random(count) < o.ends_early
         self._sensed = self.sim.sense(rng if o.randomization else None)
+        if self.style is not None:
+            self.style.guide.measure(self._sensed.gravity, self._sensed.joint_pos)
+            library = self.style.library
+            # A robot that stands has followed any curve to its end.
+            rows = np.where(along, library.state_curve[states], -1)
+            share = np.where(along, library.state_share[states], np.where(start >= 0, 0.0, 1.0))
+            left = self.style.begin(ids, rows, share, rng)
+            e.length[ids] = np.ceil(left / self.step_time)
+            on_the_way = ids[start < 0]
+            self.memory[on_the_way] = self.style.head.remember(
+                self._target[on_the_way], self.style.guide.wanted[on_the_way]
+            )
 
     def _observe(self) -> Floats:
         share = compute_torque_share(self.robot, self.action, self.sim.parameters.torque_limit)
-        return observe(self.robot, self._sensed, self._target, self._last_action, share)
+        more = self.style.observe() if self.style else ()
+        return observe(self.robot, self._sensed, self._target, self.memory, share, more)
+
+    def mirror_of_observation(self) -> Mirror:
+        """Return how left and right are exchanged in the policy's observation."""
+        style = self.style.input if self.style else None
+        return mirror_of_observation(self.robot, self.head.mirror, style)
 
     def mirror_of_critic(self) -> Mirror:
         """Return how left and right are exchanged in the critic's observation."""
-        seen = mirror_of_observation(self.robot, self.action)
+        seen = self.mirror_of_observation()
         return Mirror.join((seen, *(term.mirror for term in self._critic_terms), SAME))
 
     def save_state(self) -> dict[str, Any]:
@@ -302,9 +373,10 @@ class GetUpEnv(VectorEnv):
             "success": self.pool.success.copy(),
             "help": copy.copy(self._force),
             "target": self._target.copy(),
-            "last_action": self._last_action.copy(),
+            "memory": self.memory.copy(),
             "sensed": self._sensed,
             "episodes": copy.deepcopy(self._episodes),
+            "style": self.style.save_state() if self.style else None,
         }
 
     def restore_state(self, state: dict[str, Any]) -> None:
@@ -313,9 +385,11 @@ class GetUpEnv(VectorEnv):
         self._rng.bit_generator.state = state["rng"]
         self.pool.success[:] = state["success"]
         self._force = copy.copy(state["help"])
-        self._target, self._last_action = state["target"].copy(), state["last_action"].copy()
+        self._target, self.memory = state["target"].copy(), state["memory"].copy()
         self._sensed = state["sensed"]
         self._episodes = copy.deepcopy(state["episodes"])
+        if self.style is not None:
+            self.style.restore_state(state["style"])
 
     def _observe_privileged(self, observation: Floats) -> Floats:
         state, held = self.sim.measure_privileged_state(), self._episodes.held * self.step_time

@@ -47,6 +47,8 @@ class PrivilegedState:
     """Fraction of the servos' stall torque, (N, n)."""
     fall_speed: Array
     """Downward speed of the torso [1/s], (N,)."""
+    head_contact: NDArray[np.bool_]
+    """Whether the head touches the world; False without a head, (N,)."""
     head_fall: Array
     """Downward speed of the head [1/s]; 0 without a head, (N,)."""
 

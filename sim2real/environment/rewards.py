@@ -9,6 +9,7 @@ import numpy as np
 
 from robots.quaternion import Array
 from sim2real.environment.privileged_state import PrivilegedState
+from sim2real.environment.style_task import StyleReward
 
 SOLES_LOW = 0.3  # fraction of the standing neck height
 MOST_REQUESTED = 4.0  # unclipped action from which the cost saturates
@@ -29,6 +30,8 @@ class RewardInputs(PrivilegedState):
     """Clipped actions of the last policy step, (N, k)."""
     away: Array
     """Angle of each joint from standing [rad], (N, n)."""
+    style: StyleReward | None = None
+    """How near the robots are to style curves; ``None`` without any."""
 
 
 def way_up(m: RewardInputs) -> Array:
@@ -102,6 +105,17 @@ def head_strike(m: RewardInputs) -> Array:
     return m.head_fall**2 * np.exp(-((m.height / NECK_LOW) ** 2))
 
 
+def follow_style(m: RewardInputs) -> Array:
+    """Reward following the style curves by natural postures ([Frezzato22], equation 2).
+
+    Raises:
+        ValueError: without style curves.
+    """
+    if m.style is None:
+        raise ValueError("the rewards are those of style curves, expected a training with curves")
+    return m.style.total
+
+
 @dataclass(frozen=True)
 class Reward:
     """A reward term and its weight."""
@@ -148,7 +162,17 @@ GENTLE = (
     Reward(dropping, -0.50),
     Reward(head_strike, -10.00),  # 0.5 m/s cost five steps of standing
 )
-REWARDS = {"quick": QUICK, "robust": ROBUST, "gentle": GENTLE}
+STYLED = (
+    Reward(follow_style, 1.00),
+    Reward(stands, 0.50),  # the goal, by which success is counted
+    Reward(haste, -0.05),
+    Reward(action_change, -0.02),
+    Reward(joint_speed, -0.10),
+    Reward(torque, -0.20),
+    Reward(dropping, -0.02),
+    Reward(head_strike, -0.50),
+)
+REWARDS = {"quick": QUICK, "robust": ROBUST, "gentle": GENTLE, "styled": STYLED}
 
 
 def score(

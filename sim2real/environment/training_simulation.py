@@ -15,6 +15,7 @@ from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
+from humanoid_getup.style.features import torso_angles
 from robots import quaternion
 from robots.quaternion import Array
 from sim2real.environment.privileged_state import PrivilegedState
@@ -22,6 +23,10 @@ from sim2real.environment.randomization import ObservationNoise
 from sim2real.environment.training_world import SensorAddresses
 
 BACKLASH_TORQUE = 0.3  # N·m that keep a gear at the end of its backlash
+# Heights of a body are over the mean of the ground around it: of the paper's height map of 1 m by
+# 1 m, in neck heights of its human.
+AROUND = 0.5 / 1.46
+AROUND_X, AROUND_Y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2))
 RECORDED = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
 
 
@@ -41,6 +46,8 @@ class Record:
     """Whether the head touched the world, (N, T)."""
     head_speed: Array
     """[m/s], (N, T)"""
+    features: Array
+    """Style features at the end of each policy step, (N, steps, 3)."""
 
 
 class TrainingSim(VecSim):
@@ -127,6 +134,7 @@ class TrainingSim(VecSim):
         stance = self._meter.measure(record["qpos"], record["site_xpos"], contact)
         return Record(
             qpos=record["qpos"][:, -1:],
+            features=self.measure_features()[:, np.newaxis],
             upright=is_upright(stance, self.robot),
             torque=record["actuator_force"][..., self._servos],
             joint_vel=record["qvel"][..., self._layout.dof],
@@ -190,8 +198,26 @@ class TrainingSim(VecSim):
             joint_speed=qvel[:, layout.dof] / self.robot.max_velocity,
             torque=self.torque / self.robot.max_torque,
             fall_speed=np.maximum(-root_vel[:, 2], 0.0) / size,
+            head_contact=sensors[:, self._addresses.head_contact].sum(axis=1) > 0,
             head_fall=np.maximum(-head_velocity[:, 2:].sum(axis=1), 0.0) / size,
         )
+
+    def measure_features(self) -> Array:
+        """Measure the style features, which the robot's sensors cannot, (N, 3)."""
+        qpos, neck = self.read("qpos"), self.read("site_xpos")[:, self._neck]
+        height = (neck[:, 2] - self._ground(neck)) / self.robot.standing_neck_height
+        gravity = quaternion.gravity_in_body(qpos[:, self._layout.root_orientation])
+        return np.concatenate([height[:, None], torso_angles(gravity)], axis=-1)
+
+    def _ground(self, point: Array) -> Array:
+        """Compute the height of the ground under points (N, 3) [m], on average around them."""
+        ground = self.world.scene.ground
+        if ground.is_level:
+            return np.zeros(len(point))
+        reach = AROUND * self.robot.standing_neck_height
+        x = point[:, :1] + reach * AROUND_X
+        y = point[:, 1:2] + reach * AROUND_Y
+        return ground.height(x, y).mean(axis=1)
 
     def save_state(self) -> dict[str, Any]:
         """Return the complete state, for :meth:`restore_state`."""

@@ -10,7 +10,7 @@ import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from humanoid_getup.policy.observation import Floats, mirror_of_observation
+from humanoid_getup.policy.observation import Floats
 from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
 
@@ -27,18 +27,21 @@ class RslEnv(VecEnv):
         """Wrap an environment; ``on_step`` gets each step's mean reward and information."""
         self.env, self.device, self._on_step = env, device, on_step
         self.num_envs = env.num_envs
-        self.num_actions = env.action.size
+        self.num_actions = len(env.head.names)
         self.max_episode_length = env.longest
         self.cfg = {}
         mirrors = {
-            "policy": mirror_of_observation(env.robot, env.action),
+            "policy": env.mirror_of_observation(),
             "critic": env.mirror_of_critic(),
         }
         self.mirrors = {
             group: (torch.as_tensor(mirror.index, device=device), self._to_float(mirror.sign))
             for group, mirror in mirrors.items()
         }
-        self.action_sign = self._to_float(env.action.mirror_sign(env.robot))
+        self.action_mirror = (
+            torch.as_tensor(env.head.mirror.index, device=device),
+            self._to_float(env.head.mirror.sign),
+        )
         self.observations = TensorDict({}, batch_size=[self.num_envs])
 
     def begin(self, seed: int, rng: np.random.Generator) -> None:
@@ -64,13 +67,14 @@ class RslEnv(VecEnv):
         self, actions: torch.Tensor
     ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, object]]:
         """Step all robots by one policy step."""
-        observation, reward, _, ended, info = self.env.step(actions.cpu().numpy())
+        observation, reward, terminated, truncated, info = self.env.step(actions.cpu().numpy())
         self.observations = self._pack(observation, info["critic"])
         self._on_step(float(reward.mean()), info)
-        done = torch.as_tensor(ended, device=self.device)
+        done = torch.as_tensor(terminated | truncated, device=self.device)
         log = {f"Rewards/{name}": value for name, value in info["rewards"].items()}
         log["Train/lift"] = info["assistive_force"]
-        extras = {"time_outs": done, "log": log}
+        timed_out = torch.as_tensor(truncated, device=self.device)
+        extras = {"time_outs": timed_out, "log": log}
         return self.observations, torch.as_tensor(reward, device=self.device), done, extras
 
     def _to_float(self, values: Array) -> torch.Tensor:
@@ -90,5 +94,6 @@ def mirror_batch(
         mirrored = TensorDict(images, batch_size=obs.batch_size)
         obs = cast(TensorDict, torch.cat([obs, mirrored]))  # pyright: ignore[reportArgumentType, reportCallIssue]
     if actions is not None:
-        actions = torch.cat((actions, actions * env.action_sign))
+        index, sign = env.action_mirror
+        actions = torch.cat((actions, actions[:, index] * sign))
     return obs, actions

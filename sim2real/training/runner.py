@@ -9,6 +9,7 @@ import torch
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
+from humanoid_getup.policy.observation import SAME, Mirror
 from sim2real.training.action_extension import extend_actions
 from sim2real.training.checkpoint import (
     CHECKPOINT,
@@ -19,6 +20,9 @@ from sim2real.training.checkpoint import (
 from sim2real.training.config import STEPS, Recipe, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
+from sim2real.training.symmetric_model import as_exchange
+
+Mirrors = tuple[Mirror, Mirror, Mirror]
 
 
 class TrainingRunner(OnPolicyRunner):
@@ -82,8 +86,12 @@ class TrainingRunner(OnPolicyRunner):
         return self.device.startswith("cuda")
 
 
-def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
-    """Build rsl-rl's configuration; values without a comment are its defaults."""
+def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> dict[str, Any]:
+    """Build rsl-rl's configuration; values without a comment are its defaults.
+
+    With the mirrors of observation, critic's observation and outputs, both networks are
+    symmetric by construction; without, they learn symmetry from mirrored mini-batches.
+    """
     gaussian = {
         "class_name": "GaussianDistribution",
         "init_std": recipe.first_std,
@@ -96,14 +104,20 @@ def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
         "activation": "elu",
         "obs_normalization": True,
     }
+    actor, critic = network | {"distribution_cfg": gaussian}, dict(network)
+    if mirrors is not None:
+        own = {"class_name": "sim2real.training.symmetric_model:SymmetricModel"}
+        inputs, critic_inputs, outputs = map(as_exchange, mirrors)
+        actor |= own | {"inputs": inputs, "outputs": outputs}
+        critic |= own | {"inputs": critic_inputs, "outputs": as_exchange(SAME)}
     return {
         "seed": seed,
         "num_steps_per_env": STEPS,
         "save_interval": 25,
         "obs_groups": {"actor": ["policy"], "critic": ["critic"]},
         "logger": "tensorboard",
-        "actor": network | {"distribution_cfg": gaussian},
-        "critic": dict(network),
+        "actor": actor,
+        "critic": critic,
         "algorithm": {
             "class_name": "sim2real.training.ppo:AveragingPPO",
             "num_learning_epochs": 4,  # as in the first policy that learned to rise
@@ -120,7 +134,7 @@ def build_config(recipe: Recipe, seed: int) -> dict[str, Any]:
             "max_grad_norm": 1.0,
             "symmetry_cfg": {
                 "data_augmentation_func": mirror_batch,
-                "use_data_augmentation": True,
+                "use_data_augmentation": mirrors is None,
                 "use_mirror_loss": False,
             },
         },

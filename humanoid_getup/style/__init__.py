@@ -1,0 +1,1 @@
+"""Style: curves of neck height and torso orientation that a rise follows."""

@@ -1,0 +1,172 @@
+"""Style curves: what neck height and torso angles a rise should have over time.
+
+A feature curve of [Frezzato22], section 4.1, is a cardinal cubic B-spline through nine control
+points that are equally apart in time; a rise is held at its end (equation 1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from humanoid_getup.style.features import mirror_features
+from robots.quaternion import Array
+
+POINTS = 9
+PIECES = POINTS - 1
+LOOKAHEAD = np.array([0.0, 0.1, 0.2, 0.3])  # s, of the targets that a policy observes
+HIGHEST = 1.2  # share of the standing neck height; a robot on its toes stands higher than 1
+LEAST_END = 0.9  # the neck height of a stand, by which rises are judged
+LONGEST = 60.0  # s
+PLACES = np.linspace(0.0, 1.0, POINTS)
+"""Share of the duration at each control point."""
+BLEND_SHARE = 0.25  # of the duration, over which a curve is entered from where a robot lies
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StyleCurves:
+    """The style of a rise: its features over time."""
+
+    neck_height: Array
+    """Control points of the neck height, as a share of standing, (9,)."""
+    side: Array
+    """Control points of the angle between the torso's right side and the vertical [rad], (9,)."""
+    front: Array
+    """Control points of the angle between the torso's front and the vertical [rad], (9,)."""
+    duration: float
+    """[s]"""
+    _pieces: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if problems := self._find_faults():
+            raise ValueError("; ".join(problems))
+        object.__setattr__(self, "_pieces", _fit(self.points))
+
+    @staticmethod
+    def of(points: Array, duration: float) -> StyleCurves:
+        """Make curves from control points, (9, 3), in the order of the features."""
+        height, side, front = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+        return StyleCurves(neck_height=height, side=side, front=front, duration=duration)
+
+    @property
+    def points(self) -> Array:
+        """Return the control points, (9, 3), in the order of the features."""
+        return np.stack([self.neck_height, self.side, self.front], axis=-1)
+
+    @property
+    def pieces(self) -> Array:
+        """Return the polynomials between the control points, (8, 4, 3), highest power first.
+
+        Their variable is the share of the duration since the piece's own beginning.
+        """
+        return self._pieces
+
+    def sample(self, time: Array) -> Array:
+        """Compute the features (..., 3) at times [s], (...); a stand is held at the end."""
+        share = np.clip(np.asarray(time, dtype=float) / self.duration, 0.0, 1.0)
+        return evaluate(self._pieces[np.newaxis], share[np.newaxis])[0]
+
+    def mirrored(self) -> StyleCurves:
+        """Exchange left and right."""
+        return StyleCurves.of(mirror_features(self.points), self.duration)
+
+    def lasting(self, duration: float) -> StyleCurves:
+        """Return the same curves with another duration [s]."""
+        return replace(self, duration=duration)
+
+    def _find_faults(self) -> list[str]:
+        problems = []
+        for name, values, upper, unit in (
+            ("neck_height", self.neck_height, HIGHEST, ""),
+            ("side", self.side, math.pi, " rad"),
+            ("front", self.front, math.pi, " rad"),
+        ):
+            if np.shape(values) != (POINTS,):
+                problems.append(f"{name} has shape {np.shape(values)}, expected ({POINTS},)")
+                continue
+            wrong = np.flatnonzero(~((values >= 0.0) & (values <= upper)))  # nan as well
+            if len(wrong):
+                problems.append(
+                    f"{name} is {values[wrong[0]]:g}{unit} at point {wrong[0] + 1}, "
+                    f"expected 0 to {upper:.4g}{unit}"
+                )
+        if not 0.0 < self.duration <= LONGEST:
+            problems.append(
+                f"duration is {self.duration:g} s, expected above 0 s, at most {LONGEST:g} s"
+            )
+        if not problems and self.neck_height[-1] < LEAST_END:
+            problems.append(
+                f"neck_height ends at {self.neck_height[-1]:.3g} of standing, expected "
+                f"{LEAST_END:g} or more: a rise ends in a stand"
+            )
+        return problems
+
+
+def _fit(points: Array) -> Array:
+    """Interpolate control points (9, 3), at rest at both ends, by polynomials (8, 4, 3)."""
+    return np.moveaxis(CubicSpline(PLACES, points, bc_type="clamped").c, 0, 1)
+
+
+def evaluate(pieces: Array, share: Array) -> Array:
+    """Evaluate curves (N, 8, 4, 3) at shares of their durations, (N, ...), as (N, ..., 3)."""
+    at = np.clip((share * PIECES).astype(int), 0, PIECES - 1)
+    rest = (share - at / PIECES)[..., np.newaxis]
+    each = np.arange(len(pieces)).reshape(-1, *(1,) * (share.ndim - 1))
+    c = pieces[each, at]  # (N, ..., 4, 3)
+    return ((c[..., 0, :] * rest + c[..., 1, :]) * rest + c[..., 2, :]) * rest + c[..., 3, :]
+
+
+class CurveTargets:
+    """The targets of N robots, each on curves of its own; one code for training and robot.
+
+    Each curve is entered from the features that were measured: their difference from it fades
+    within the first quarter of the time that is left.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._pieces = np.zeros((n, PIECES, 4, 3))
+        self.duration = np.ones(n)
+        """[s], (N,)"""
+        self._entered = np.zeros(n)  # s
+        self._offset = np.zeros((n, 3))
+
+    def enter(
+        self, ids: NDArray[np.int_], pieces: Array, duration: Array, measured: Array, time: Array
+    ) -> None:
+        """Let some robots follow curves from times on.
+
+        Args:
+            ids: Which robots, (m,).
+            pieces: Their curves, (m, 8, 4, 3).
+            duration: Of the whole curves [s], (m,).
+            measured: Features of the robots, (m, 3).
+            time: When on the curve they are [s], (m,).
+        """
+        self._pieces[ids], self.duration[ids], self._entered[ids] = pieces, duration, time
+        self._offset[ids] = measured - evaluate(pieces, np.clip(time / duration, 0.0, 1.0))
+
+    def at(self, time: Array) -> Array:
+        """Compute targets (N, ..., 3) at times on the curves [s], (N, ...)."""
+        ahead = (slice(None), *(np.newaxis,) * (time.ndim - 1))
+        duration, entered = self.duration[ahead], self._entered[ahead]
+        blend = np.maximum(BLEND_SHARE * (duration - entered), 1e-3)
+        left = 1.0 - np.clip((time - entered) / blend, 0.0, 1.0)
+        fade = left * left * (3.0 - 2.0 * left)
+        targets = evaluate(self._pieces, np.clip(time / duration, 0.0, 1.0))
+        return targets + fade[..., np.newaxis] * self._offset[(*ahead, slice(None))]
+
+    def save_state(self) -> dict[str, Array]:
+        """Return the complete state, for :meth:`restore_state`."""
+        return {name: getattr(self, name).copy() for name in STATE}
+
+    def restore_state(self, state: dict[str, Array]) -> None:
+        """Restore a state of :meth:`save_state`."""
+        for name in STATE:
+            setattr(self, name, state[name].copy())
+
+
+STATE = ("_pieces", "duration", "_entered", "_offset")

@@ -1,0 +1,62 @@
+"""Extraction of style curves from recorded features, motions and simulated rises."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.style.curves import LEAST_END, PLACES, StyleCurves
+from humanoid_getup.style.features import COUNT, angle_distance, torso_angles
+from robots import Robot, quaternion
+from robots.kinematics import site_heights
+from robots.quaternion import Array
+
+# A body that differs less than this from its first or last sample has not begun or has ended.
+STILL_HEIGHT = 0.03  # share of the standing neck height
+STILL_ANGLE = np.radians(5.0)
+
+
+class ExtractionError(ValueError):
+    """A record does not hold a rise; the message says why."""
+
+
+def measure_features(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
+    """Measure style features (T, 3) of a robot on flat ground at MuJoCo positions (T, nq)."""
+    height = site_heights(model, qpos, robot.neck_site) / robot.standing_neck_height
+    orientation = qpos[:, robot.layout(model).root_orientation]
+    angles = torso_angles(quaternion.gravity_in_body(orientation))
+    return np.concatenate([height[:, None], angles], axis=-1)
+
+
+def trim(features: Array) -> slice:
+    """Find the samples of features (T, 3) from the first to the last movement."""
+    moved = _differs(features, features[0])
+    unfinished = _differs(features, features[-1])
+    if not moved.any():
+        raise ExtractionError("nothing moves, expected a rise")
+    first = max(int(np.argmax(moved)) - 1, 0)
+    last = len(features) - 1 - int(np.argmax(unfinished[::-1])) + 1
+    return slice(first, min(last, len(features) - 1) + 1)
+
+
+def extract_curves(time: Array, features: Array) -> StyleCurves:
+    """Make curves through nine equally spaced samples of features (T, 3) at times (T,) [s].
+
+    Raises:
+        ExtractionError: if they do not end standing.
+    """
+    if features.shape != (len(time), COUNT):
+        raise ExtractionError(f"features have shape {features.shape}, expected ({len(time)}, 3)")
+    if features[-1, 0] < LEAST_END:
+        raise ExtractionError(
+            f"the neck ends at {features[-1, 0]:.2f} of its standing height, expected "
+            f"{LEAST_END:g} or more"
+        )
+    share = (time - time[0]) / (time[-1] - time[0])
+    points = [np.interp(PLACES, share, column) for column in features.T]
+    return StyleCurves.of(np.stack(points, axis=-1), float(time[-1] - time[0]))
+
+
+def _differs(features: Array, still: Array) -> Array:
+    is_higher = np.abs(features[:, 0] - still[0]) > STILL_HEIGHT
+    return is_higher | (angle_distance(features, still) > STILL_ANGLE)

@@ -1,0 +1,44 @@
+"""A style: curves for one or several ways of lying, of which a rise follows the nearest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.features import angle_distance
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """A named way of rising."""
+
+    name: str
+    about: str = ""
+    """What it is, in one line."""
+    curves: tuple[StyleCurves, ...]
+    """One for each way of lying; their mirror images belong to them."""
+
+    def __post_init__(self) -> None:
+        if not self.curves:
+            raise ValueError(f"style '{self.name}' has no curves, expected one or more")
+
+    def choose(self, features: Array) -> StyleCurves:
+        """Choose the curves, or their mirror image, that begin nearest to measured features (3,).
+
+        Among those that begin alike, the ones that are not mirrored are chosen.
+        """
+        every = list(self.curves)
+        every += [curve.mirrored() for curve in self.curves]
+        distance = [round(float(angle_distance(c.points[0], features)), 6) for c in every]
+        return every[int(np.argmin(distance))]
+
+    def scaled(self, factor: float) -> Style:
+        """Return the style with all durations multiplied by a factor."""
+        return Style(
+            name=self.name,
+            about=self.about,
+            curves=tuple(curve.lasting(factor * curve.duration) for curve in self.curves),
+        )

@@ -1,0 +1,152 @@
+"""Style files: styles as TOML, with angles in degrees and durations for a length of legs."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from humanoid_getup.style.curves import POINTS, StyleCurves
+from humanoid_getup.style.style import Style
+from robots import Robot
+from robots.files import write_atomically
+from robots.kinematics import leg_length
+from robots.quaternion import Array
+from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
+
+FOLDER = Path(__file__).parent / "named"
+SUFFIX = ".toml"
+LONGEST = 60.0  # s
+TALLEST = 10.0  # m
+
+Points = Annotated[Array, on_axes(1)]
+Seconds = Annotated[float, positive(LONGEST, "s")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvesTable:
+    """Curves as they are written, nine control points each."""
+
+    start: str = ""
+    """How the body lies at their beginning; for readers only."""
+    neck_height: Points
+    side_deg: Points
+    front_deg: Points
+    duration: Annotated[float, Meta(ge=0.0, le=LONGEST, description="seconds, up to 60")] = 0.0
+    """[s]; the style's own if left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StyleTable:
+    """A style as it is written."""
+
+    about: str = ""
+    leg_length: Annotated[float, positive(TALLEST, "m")]
+    """Length of the legs of the body that the durations are of [m]."""
+    duration: Seconds = LONGEST
+    """Of all curves that do not say otherwise [s]."""
+    curves: Annotated[
+        tuple[CurvesTable, ...], Meta(min_length=1, description="one or more tables [[curves]]")
+    ]
+
+
+class StyleError(ValueError):
+    """A style is unknown, or its file is wrong; the message is one line."""
+
+
+def list_styles() -> list[str]:
+    """List the styles that have a name."""
+    return sorted(file.stem for file in FOLDER.glob(f"*{SUFFIX}"))
+
+
+def load_style(name: str, robot: Robot) -> Style:
+    """Load a style by name, or from a TOML file, with durations for a robot.
+
+    Durations of bodies that move alike grow with the square root of the length of their legs.
+
+    Raises:
+        StyleError: if there is no such style, or its file is wrong.
+    """
+    if name.endswith(SUFFIX):
+        return read_style(Path(name), robot)
+    if name not in list_styles():
+        raise StyleError(
+            f"unknown style '{name}', expected {', '.join(list_styles())} or a {SUFFIX} file"
+        )
+    return read_style(FOLDER / f"{name}{SUFFIX}", robot)
+
+
+def load_any_style(robot: Robot) -> Style:
+    """Load all named styles as one, of which a robot follows the curves that begin nearest."""
+    styles = [load_style(name, robot) for name in list_styles()]
+    curves = tuple(curve for style in styles for curve in style.curves)
+    return Style(name="any", about="the nearest of all named styles", curves=curves)
+
+
+def read_style(file: Path, robot: Robot) -> Style:
+    """Read a style file, with durations for a robot.
+
+    Raises:
+        StyleError: naming all that is wrong.
+    """
+    problems: list[str] = []
+    try:
+        content = load_toml(file)
+        table = read_table(StyleTable, content, "", problems)
+        problems += find_unknown_keys(StyleTable, content)
+    except ValueError as error:
+        raise StyleError(f"style file {file}: {error}") from error
+    curves: list[StyleCurves] = []
+    if not problems:
+        factor = math.sqrt(leg_length(robot) / table.leg_length)
+        for number, row in enumerate(table.curves, start=1):
+            try:
+                curves.append(_build(row, table.duration, factor))
+            except ValueError as error:
+                problems.append(f"curves {number}: {error}")
+    if problems:
+        raise StyleError(f"style file {file}: {'; '.join(problems)}")
+    return Style(name=file.stem, about=table.about, curves=tuple(curves))
+
+
+def write_style(style: Style, robot: Robot, file: Path) -> None:
+    """Write a style file whose durations are those of a robot."""
+    lines = [
+        f"about = {json.dumps(style.about, ensure_ascii=False)}",
+        f"leg_length = {leg_length(robot):.4f}  # m; of {robot.name}, whose durations these are",
+    ]
+    for curve in style.curves:
+        lines += [
+            "",
+            "[[curves]]",
+            f"duration = {curve.duration:.4f}  # s",
+            f"neck_height = {_list(curve.neck_height, 4)}",
+            f"side_deg = {_list(np.degrees(curve.side), 2)}",
+            f"front_deg = {_list(np.degrees(curve.front), 2)}",
+        ]
+    write_atomically(file, "\n".join(lines) + "\n")
+
+
+def _build(row: CurvesTable, duration: float, factor: float) -> StyleCurves:
+    for key in ("neck_height", "side_deg", "front_deg"):
+        values = getattr(row, key)
+        if len(values) != POINTS:
+            raise ValueError(f"{key} has {len(values)} points, expected {POINTS}")
+        if key != "neck_height" and not np.all((values >= 0.0) & (values <= 180.0)):
+            wrong = values[~((values >= 0.0) & (values <= 180.0))][0]
+            raise ValueError(f"{key} holds {wrong:g}°, expected 0 to 180°")
+    return StyleCurves(
+        neck_height=row.neck_height,
+        side=np.radians(row.side_deg),
+        front=np.radians(row.front_deg),
+        duration=factor * (row.duration or duration),
+    )
+
+
+def _list(values: Array, digits: int) -> str:
+    return f"[{', '.join(f'{value:.{digits}f}' for value in values)}]"

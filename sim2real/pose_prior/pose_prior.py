@@ -1,0 +1,168 @@
+"""The pose prior: a decoder from latent parameters and style targets to joint angles.
+
+It is the conditional variational autoencoder of [Frezzato22], section 3.5, made symmetric: to
+exchange left and right in the latent parameters and in the targets exchanges left and right in
+the posture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.style.features import COUNT, mirror_features
+from robots import Robot
+from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
+from robots.quaternion import Array
+from robots.validation import shown
+
+LAYERS = 3
+VECTORS = (
+    "latent_sign",
+    "latent_mean",
+    "latent_std",
+    "pos_mean",
+    "pos_std",
+    "feature_mean",
+    "feature_std",
+)
+NETWORKS = ("encoder", "decoder")
+PARTS = [f"{n}_{part}{i}" for n in NETWORKS for i in range(LAYERS) for part in ("weight", "bias")]
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Fully connected layers with hyperbolic tangents between them."""
+
+    weights: tuple[Array, ...]
+    """Of each layer, (outputs, inputs)."""
+    biases: tuple[Array, ...]
+    """Of each layer, (outputs,)."""
+
+    def __call__(self, *inputs: Array) -> Array:
+        """Map the concatenated inputs, (N, ...), to outputs."""
+        x = np.concatenate(inputs, axis=-1).astype(np.float32)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            x = np.tanh(x @ weight.T + bias)
+        return x @ self.weights[-1].T + self.biases[-1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosePrior:
+    """Decodes latent parameters, which are standard normal over the postures of rises."""
+
+    robot: Robot
+    latent_sign: Array
+    """Sign of each latent parameter when left and right are exchanged, (k,)."""
+    latent_mean: Array
+    """Mean of what the encoder yields over the postures, (k,)."""
+    latent_std: Array
+    """Standard deviation of the same, (k,)."""
+    pos_mean: Array
+    """Mean joint angles [rad], (n,)."""
+    pos_std: Array
+    """Standard deviation of joint angles [rad], (n,)."""
+    feature_mean: Array
+    """Mean of the style features, (3,)."""
+    feature_std: Array
+    """Standard deviation of the style features, (3,); huge if they are not used."""
+    encoder: Network
+    """Maps standardized postures and features to mean and log variance of latents."""
+    decoder: Network
+    """Maps latents and standardized features to standardized postures."""
+
+    @property
+    def size(self) -> int:
+        """Return how many latent parameters there are."""
+        return len(self.latent_sign)
+
+    def decode(self, latent: Array, features: Array) -> Array:
+        """Decode joint angles [rad], (N, n), from latents (N, k) and style features (N, 3)."""
+        mirrored = self._decode(latent * self.latent_sign, mirror_features(features))
+        return 0.5 * (self._decode(latent, features) + self.robot.mirror_joints(mirrored))
+
+    def encode(self, joint_pos: Array, features: Array) -> Array:
+        """Encode joint angles [rad], (N, n), with style features (N, 3), as latents (N, k)."""
+        mirror = self.robot.mirror_joints
+        mirrored = self._encode(mirror(joint_pos), mirror_features(features))
+        return 0.5 * (self._encode(joint_pos, features) + mirrored * self.latent_sign)
+
+    def _decode(self, latent: Array, features: Array) -> Array:
+        pos = self.decoder(latent * self.latent_std + self.latent_mean, self._condition(features))
+        return pos * self.pos_std + self.pos_mean
+
+    def _encode(self, joint_pos: Array, features: Array) -> Array:
+        pos = (joint_pos - self.pos_mean) / self.pos_std
+        latent = self.encoder(pos, self._condition(features))[:, : self.size]
+        return (latent - self.latent_mean) / self.latent_std
+
+    def _condition(self, features: Array) -> Array:
+        return (features - self.feature_mean) / self.feature_std
+
+    def save(self, file: Path) -> None:
+        """Write the prior to an .npz file."""
+        arrays: dict[str, Any] = {key: getattr(self, key) for key in VECTORS}
+        for name in NETWORKS:
+            network: Network = getattr(self, name)
+            for layer in range(LAYERS):
+                arrays[f"{name}_weight{layer}"] = network.weights[layer]
+                arrays[f"{name}_bias{layer}"] = network.biases[layer]
+        names = {"robot": self.robot.name, "joints": "\n".join(self.robot.joint_names)}
+        save_arrays(file, arrays | names)
+
+    @staticmethod
+    def load(file: Path, robot: Robot) -> PosePrior:
+        """Read the prior of a robot.
+
+        Raises:
+            ValueError: if the file holds no prior of this robot.
+        """
+        try:
+            arrays = load_arrays(file, ("robot", "joints", *VECTORS, *PARTS))
+            name = to_text(arrays.pop("robot"), "robot")
+            if name != robot.name:
+                raise ArchiveError(f"it is of robot '{name}', expected '{robot.name}'")
+            joints = to_text(arrays.pop("joints"), "joints").split("\n")
+            if tuple(joints) != robot.joint_names:
+                raise ArchiveError(f"its joints are {shown(joints)}, not those of '{robot.name}'")
+            return _build(robot, arrays)
+        except (OSError, ArchiveError) as error:
+            raise ValueError(
+                f"{file} holds no pose prior, expected an .npz of `getup prior`: {error}"
+            ) from error
+
+
+def _build(robot: Robot, arrays: dict[str, Array]) -> PosePrior:
+    """Check the shapes of a prior's arrays."""
+    k, n = arrays["latent_sign"].size, robot.n
+    sizes = dict.fromkeys(VECTORS, COUNT)
+    sizes |= {key: k for key in VECTORS if key.startswith("latent")}
+    sizes |= {key: n for key in VECTORS if key.startswith("pos")}
+    vectors = {key: _finite(arrays, key, (size,)) for key, size in sizes.items()}
+    ends = {"encoder": (n + COUNT, 2 * k), "decoder": (k + COUNT, n)}
+    networks = {name: _read_network(arrays, name, *ends[name]) for name in NETWORKS}
+    return PosePrior(robot=robot, **vectors, **networks)
+
+
+def _read_network(arrays: dict[str, Array], name: str, inputs: int, outputs: int) -> Network:
+    hidden = [arrays[f"{name}_bias{layer}"].size for layer in range(LAYERS - 1)]
+    sizes = [inputs, *hidden, outputs]
+    pairs = [
+        (
+            _finite(arrays, f"{name}_weight{i}", (sizes[i + 1], sizes[i])),
+            _finite(arrays, f"{name}_bias{i}", (sizes[i + 1],)),
+        )
+        for i in range(LAYERS)
+    ]
+    weights, biases = zip(*pairs, strict=True)
+    return Network(tuple(w.astype(np.float32) for w in weights), tuple(map(np.float32, biases)))
+
+
+def _finite(arrays: dict[str, Array], key: str, shape: tuple[int, ...]) -> Array:
+    values = to_numbers(arrays[key], key, shape)
+    if not np.isfinite(values).all():
+        raise ArchiveError(f"{key} is not finite")
+    return values

@@ -1,0 +1,197 @@
+"""Fits the pose prior: the conditional variational autoencoder of [Frezzato22], section 3.5."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+
+from humanoid_getup.style.features import COUNT, mirror_features
+from robots import Robot
+from robots.quaternion import Array
+from sim2real.pose_prior.pose_prior import Network, PosePrior
+
+VARIANCE = 0.85  # share of the postures' variance that the latent parameters account for
+UNUSED = 1e9  # standard deviation of features that a plain autoencoder does not get
+LEAST_STD = 0.02  # rad, for joints that hardly move in the postures
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """Hyperparameters; the defaults are those of [Frezzato22], section 3.5."""
+
+    hidden: int = 256
+    epochs: int = 100
+    batch: int = 128
+    beta: float = 1e-6
+    """Weight of the divergence of the latent parameters from a standard normal distribution."""
+    learning_rate: float = 1e-4
+    conditional: bool = True
+    """Whether the decoder gets the style features; a plain autoencoder's input is zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Postures:
+    """Postures and their style features, in units of standard deviations."""
+
+    robot: Robot
+    joint_pos: Array
+    """[rad], (F, n)"""
+    features: Array
+    """(F, 3)"""
+
+    @property
+    def pos_mean(self) -> Array:
+        """Return the mean of the postures and their mirror images [rad], (n,)."""
+        mean = self.joint_pos.mean(axis=0)
+        return 0.5 * (mean + self.robot.mirror_joints(mean))
+
+    @property
+    def pos_std(self) -> Array:
+        """Return the standard deviation of the same [rad], (n,)."""
+        away = self.joint_pos - self.pos_mean
+        squares = np.mean(away**2, axis=0)
+        both = 0.5 * (squares + squares[self.robot.mirror_index])
+        return np.maximum(np.sqrt(both), LEAST_STD)
+
+    @property
+    def feature_mean(self) -> Array:
+        """Return the mean of the features and their mirror images, (3,)."""
+        mean = self.features.mean(axis=0)
+        return 0.5 * (mean + mirror_features(mean))
+
+    @property
+    def feature_std(self) -> Array:
+        """Return the standard deviation of the same, (3,)."""
+        return np.sqrt(np.mean((self.features - self.feature_mean) ** 2, axis=0))
+
+
+def count_latents(postures: Postures) -> Array:
+    """Choose the latent parameters: their signs under the exchange of left and right, (k,).
+
+    Each principal component of postures and their mirror images is symmetric or antisymmetric;
+    as many are taken as account for `VARIANCE`.
+    """
+    away = (postures.joint_pos - postures.pos_mean) / postures.pos_std
+    mirrored = postures.robot.mirror_joints(away)
+    parts = [(0.5 * (away + mirrored), 1.0), (0.5 * (away - mirrored), -1.0)]
+    components = [
+        (float(value) ** 2, sign)
+        for part, sign in parts
+        for value in np.linalg.svd(part, compute_uv=False)
+    ]
+    components.sort(reverse=True)
+    share = np.cumsum([value for value, _ in components])
+    count = int(np.searchsorted(share, VARIANCE * share[-1])) + 1
+    return np.array(sorted((sign for _, sign in components[:count]), reverse=True))
+
+
+class Autoencoder(nn.Module):
+    """An autoencoder that exchanges left and right in postures as in latent parameters.
+
+    Everything is in standard deviations; the condition's mirror image changes one sign.
+    """
+
+    def __init__(self, robot: Robot, latent_sign: Array, options: FitOptions) -> None:
+        super().__init__()
+        n, k, hidden = robot.n, len(latent_sign), options.hidden
+        self.encoder = _make_network(n + COUNT, hidden, 2 * k)
+        self.decoder = _make_network(k + COUNT, hidden, n)
+        as_float = {"dtype": torch.float32}
+        self.latent_sign = torch.tensor(latent_sign, **as_float)
+        self.joint_sign = torch.tensor(robot.mirror_sign, **as_float)
+        self.joint_index = torch.tensor(robot.mirror_index)
+        self.condition_sign = torch.tensor([1.0, -1.0, 1.0])
+
+    def encode(self, pos: torch.Tensor, condition: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Return mean and log variance of the latent parameters, (N, k) each."""
+        mean, log_var = self._encode(pos, condition)
+        other_mean, other_var = self._encode(self._mirror(pos), condition * self.condition_sign)
+        return 0.5 * (mean + other_mean * self.latent_sign), 0.5 * (log_var + other_var)
+
+    def decode(self, latent: torch.Tensor, condition: torch.Tensor) -> torch.Tensor:
+        """Return joint angles, (N, n)."""
+        pos = self.decoder(torch.cat([latent, condition], dim=-1))
+        turned = torch.cat([latent * self.latent_sign, condition * self.condition_sign], dim=-1)
+        return 0.5 * (pos + self._mirror(self.decoder(turned)))
+
+    def _encode(self, pos: torch.Tensor, condition: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        return self.encoder(torch.cat([pos, condition], dim=-1)).chunk(2, dim=-1)
+
+    def _mirror(self, pos: torch.Tensor) -> torch.Tensor:
+        return pos[:, self.joint_index] * self.joint_sign
+
+
+def fit_prior(
+    postures: Postures,
+    seed: int,
+    options: FitOptions | None = None,
+    report: Callable[[int, float], None] = lambda *_: None,
+) -> PosePrior:
+    """Fit a pose prior; after each epoch its number and the loss are reported."""
+    options = options or FitOptions()
+    generator = torch.Generator().manual_seed(seed)
+    torch.manual_seed(seed)
+    latent_sign = count_latents(postures)
+    model = Autoencoder(postures.robot, latent_sign, options)
+    pos = _scale(postures.joint_pos, postures.pos_mean, postures.pos_std)
+    condition = _scale(postures.features, postures.feature_mean, postures.feature_std)
+    if not options.conditional:
+        condition = condition / UNUSED
+    optimizer = torch.optim.Adam(model.parameters(), lr=options.learning_rate)
+    for epoch in range(options.epochs):
+        total = 0.0
+        for rows in torch.randperm(len(pos), generator=generator).split(options.batch):
+            mean, log_var = model.encode(pos[rows], condition[rows])
+            noise = torch.randn(mean.shape, generator=generator)
+            latent = mean + noise * (0.5 * log_var).exp()
+            error = (model.decode(latent, condition[rows]) - pos[rows]).square().mean()
+            divergence = 0.5 * (mean.square() + log_var.exp() - 1.0 - log_var).sum(dim=-1).mean()
+            loss = error + options.beta * divergence
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            total += float(error.detach()) * len(rows)
+        report(epoch, total / len(pos))
+    with torch.no_grad():
+        latent, _ = model.encode(pos, condition)
+    # The mean over postures and their mirror images: that of antisymmetric parameters is 0.
+    mean = 0.5 * (latent.mean(dim=0) * (1.0 + model.latent_sign))
+    used = 1.0 if options.conditional else UNUSED
+    return PosePrior(
+        robot=postures.robot,
+        latent_sign=latent_sign,
+        latent_mean=mean.numpy().astype(float),
+        latent_std=(latent - mean).square().mean(dim=0).sqrt().numpy().astype(float),
+        pos_mean=postures.pos_mean,
+        pos_std=postures.pos_std,
+        feature_mean=postures.feature_mean,
+        feature_std=postures.feature_std * used,
+        encoder=_read_weights(model.encoder),
+        decoder=_read_weights(model.decoder),
+    )
+
+
+def _read_weights(network: nn.Sequential) -> Network:
+    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
+    return Network(
+        tuple(layer.weight.detach().numpy() for layer in layers),
+        tuple(layer.bias.detach().numpy() for layer in layers),
+    )
+
+
+def _make_network(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Linear(inputs, hidden),
+        nn.Tanh(),
+        nn.Linear(hidden, hidden),
+        nn.Tanh(),
+        nn.Linear(hidden, outputs),
+    )
+
+
+def _scale(values: Array, mean: Array, std: Array) -> torch.Tensor:
+    return torch.as_tensor((values - mean) / std, dtype=torch.float32)

@@ -1,0 +1,81 @@
+"""The graph of a styled policy: actor, filter, decoder and offsets in one network."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from humanoid_getup.policy.action import ActionSpec
+from humanoid_getup.policy.observation import UPRIGHT, Term
+from robots.quaternion import Array
+from sim2real.environment.action_head import FILTER_SHARE, MOST_OUTPUT, OFFSET_SCALE
+from sim2real.pose_prior.pose_prior import Network, PosePrior
+
+FEATURE_SIGN = torch.tensor([1.0, -1.0, 1.0])  # of features counted from upright, mirrored
+
+
+class StyledNetwork(nn.Module):
+    """Maps observations to actions and to the memory, as `PriorHead` does with an actor."""
+
+    def __init__(
+        self, actor: nn.Module, terms: tuple[Term, ...], action: ActionSpec, prior: PosePrior
+    ) -> None:
+        """Join an actor with the decoder of its pose prior."""
+        super().__init__()
+        self.actor, self.size = actor, prior.size
+        ends = np.cumsum([0, *(term.size for term in terms)])
+        starts = {term.name: int(start) for term, start in zip(terms, ends, strict=False)}
+        first = starts["last_action"]
+        self.memory = slice(first, first + prior.size + prior.robot.n)
+        self.wanted = slice(starts["style_targets"], starts["style_targets"] + len(UPRIGHT))
+        self.decoder = _build(prior.decoder)
+        self.mirror_index = prior.robot.mirror_index.tolist()
+        buffers = {
+            "latent_sign": prior.latent_sign,
+            "latent_mean": prior.latent_mean,
+            "latent_std": prior.latent_std,
+            "pos_mean": prior.pos_mean,
+            "pos_std": prior.pos_std,
+            "feature_mean": prior.feature_mean - UPRIGHT,
+            "feature_std": prior.feature_std,
+            "mirror_sign": prior.robot.mirror_sign,
+            "home": action.home,
+            "scale": action.scale,
+        }
+        for name, values in buffers.items():
+            self.register_buffer(name, torch.tensor(np.asarray(values), dtype=torch.float32))
+        self.register_buffer("feature_sign", FEATURE_SIGN)
+
+    def forward(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Map observations (N, size) to actions (N, n) and memory (N, m)."""
+        outputs = self.actor(x).clamp(-MOST_OUTPUT, MOST_OUTPUT)
+        memory = FILTER_SHARE * outputs + (1.0 - FILTER_SHARE) * x[:, self.memory]
+        latent, wanted = memory[:, : self.size], x[:, self.wanted]
+        b: Any = self
+        turned = self._decode(latent * b.latent_sign, wanted * b.feature_sign)
+        mirrored = turned[:, self.mirror_index] * b.mirror_sign
+        pos = 0.5 * (self._decode(latent, wanted) + mirrored)
+        pos = pos + OFFSET_SCALE * memory[:, self.size :]
+        return (pos - b.home) / b.scale, memory
+
+    def _decode(self, latent: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+        b: Any = self
+        condition = (wanted - b.feature_mean) / b.feature_std
+        x = torch.cat([latent * b.latent_std + b.latent_mean, condition], dim=-1)
+        return self.decoder(x) * b.pos_std + b.pos_mean
+
+
+def _build(network: Network) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for weight, bias in zip(network.weights, network.biases, strict=True):
+        layer = nn.Linear(weight.shape[1], weight.shape[0])
+        layer.weight.data, layer.bias.data = _tensor(weight), _tensor(bias)
+        layers += [layer, nn.Tanh()]
+    return nn.Sequential(*layers[:-1])
+
+
+def _tensor(values: Array) -> torch.Tensor:
+    return torch.tensor(values, dtype=torch.float32)

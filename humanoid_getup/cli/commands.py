@@ -72,6 +72,15 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     ),
     "preflight": ("motions.Preflight", "preflight.preflight", "Judge if a motion may be played."),
     "replay": ("motions.Replay", "replay.replay_log", "Replay a flight log and compare."),
+    "style": ("", "", "List, show, edit or extract styles of rising."),
+    "style list": ("style.ListStyles", "style.list_styles", "List the named styles."),
+    "style show": ("style.ShowStyles", "style.show", "Print and draw the curves of styles."),
+    "style edit": ("style.EditStyle", "style.edit", "Raise sooner or later, slower, faster, hold."),
+    "style extract": (
+        "style.ExtractStyle",
+        "style.extract",
+        "Extract a style from a motion, a flight log or a clip.",
+    ),
     "scenes": ("motions.ListScenes", "scenes.list_scenes", "List or draw the scenes."),
     "robots": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
 }

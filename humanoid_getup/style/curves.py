@@ -20,7 +20,8 @@ POINTS = 9
 PIECES = POINTS - 1
 LOOKAHEAD = np.array([0.0, 0.1, 0.2, 0.3])  # s, of the targets that a policy observes
 HIGHEST = 1.2  # share of the standing neck height; a robot on its toes stands higher than 1
-LEAST_END = 0.9  # the neck height of a stand, by which rises are judged
+# The neck height and the tilt [rad] of a stand, by which rises are judged.
+LEAST_END, MOST_LEAN = 0.9, math.radians(15.0)
 LONGEST = 60.0  # s
 PLACES = np.linspace(0.0, 1.0, POINTS)
 """Share of the duration at each control point."""
@@ -98,11 +99,21 @@ class StyleCurves:
             problems.append(
                 f"duration is {self.duration:g} s, expected above 0 s, at most {LONGEST:g} s"
             )
-        if not problems and self.neck_height[-1] < LEAST_END:
+        return problems or self._find_faults_of_end()
+
+    def _find_faults_of_end(self) -> list[str]:
+        problems = []
+        if self.neck_height[-1] < LEAST_END:
             problems.append(
                 f"neck_height ends at {self.neck_height[-1]:.3g} of standing, expected "
                 f"{LEAST_END:g} or more: a rise ends in a stand"
             )
+        for name, value in (("side", self.side[-1]), ("front", self.front[-1])):
+            if abs(value - math.pi / 2) > MOST_LEAN:
+                problems.append(
+                    f"{name} ends at {math.degrees(value):.0f}°, expected 75 to 105°: a rise ends "
+                    "upright"
+                )
         return problems
 
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from humanoid_getup.policy.action import ActionSpec
-from humanoid_getup.policy.observation import Mirror
+from humanoid_getup.policy.observation import UPRIGHT, Mirror
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.pose_prior.pose_prior import PosePrior
@@ -15,6 +15,9 @@ from sim2real.pose_prior.pose_prior import PosePrior
 FILTER_SHARE = 0.4  # of a new output in the filtered one, each policy step
 MOST_OUTPUT = 3.0  # largest output: latent parameters are standard normal over the postures
 MOST_LATENT = 2.5  # of a posture that is encoded, so that the filter can follow
+# Share of the neck height, and angle [rad], off the stance from which outputs count fully.
+CALM_HEIGHT, CALM_ANGLE = 0.2, 0.5
+CALMEST = 0.2
 OFFSET_SCALE = 0.3  # rad of a joint's offset from the decoded posture by an output of one
 
 
@@ -36,13 +39,16 @@ class ActionHead(Protocol):
         """Return how left and right are exchanged in outputs and in the memory."""
         ...
 
-    def act(self, outputs: Array, memory: Array, features: Array) -> tuple[Array, Array]:
+    def act(
+        self, outputs: Array, memory: Array, wanted: Array, measured: Array, /
+    ) -> tuple[Array, Array]:
         """Compute actions (N, k) and the next memory (N, m).
 
         Args:
             outputs: Of the network, (N, m).
             memory: Of the last policy step, (N, m).
-            features: Style features that are wanted now, (N, 3).
+            wanted: Style features that the curves ask for now, (N, 3).
+            measured: Style features of the robots, (N, 3).
         """
         ...
 
@@ -56,7 +62,9 @@ class DirectHead:
         self.names = action.names
         self.mirror = Mirror(np.arange(action.size), action.mirror_sign(robot))
 
-    def act(self, outputs: Array, _memory: Array, _features: Array) -> tuple[Array, Array]:
+    def act(
+        self, outputs: Array, _memory: Array, _wanted: Array, _measured: Array
+    ) -> tuple[Array, Array]:
         """Clip the outputs."""
         action = np.clip(outputs, -1.0, 1.0)
         return action, action
@@ -75,28 +83,46 @@ class PriorHead:
         joints = Mirror(robot.mirror_index, robot.mirror_sign)
         self.mirror = Mirror.join((Mirror(np.arange(k), prior.latent_sign), joints))
 
-    def act(self, outputs: Array, memory: Array, features: Array) -> tuple[Array, Array]:
+    def act(
+        self, outputs: Array, memory: Array, wanted: Array, measured: Array
+    ) -> tuple[Array, Array]:
         """Filter the outputs, decode the posture, and add the offsets."""
         new = np.clip(outputs, -self.limit, self.limit)
         memory = FILTER_SHARE * new + (1.0 - FILTER_SHARE) * memory
-        pos = self.prior.decode(memory[:, : self.prior.size], features) + self.offsets(memory)
+        scaled = memory * find_calm(measured)
+        latent, offset = scaled[:, : self.prior.size], scaled[:, self.prior.size :]
+        pos = self.prior.decode(latent, wanted) + OFFSET_SCALE * offset
         return (pos - self._action.home) / self._action.scale, memory
 
-    def invert(self, target: Array, memory: Array, features: Array) -> Array:
+    def invert(self, target: Array, memory: Array, wanted: Array, measured: Array) -> Array:
         """Compute outputs (N, m) that lead to joint targets [rad], (N, n), or near to them.
 
         What the latent parameters do not reach is left to the offsets.
         """
-        wanted = self.remember(target, features)
-        outputs = (wanted - (1.0 - FILTER_SHARE) * memory) / FILTER_SHARE
+        following = self.remember(target, wanted, measured)
+        outputs = (following - (1.0 - FILTER_SHARE) * memory) / FILTER_SHARE
         return np.clip(outputs, -self.limit, self.limit)
 
-    def remember(self, target: Array, features: Array) -> Array:
+    def remember(self, target: Array, wanted: Array, measured: Array) -> Array:
         """Compute the memory (N, m) of a robot whose joint targets are and were [rad], (N, n)."""
-        latent = np.clip(self.prior.encode(target, features), -MOST_LATENT, MOST_LATENT)
-        offset = (target - self.prior.decode(latent, features)) / OFFSET_SCALE
-        return np.clip(np.concatenate([latent, offset], axis=-1), -self.limit, self.limit)
+        calm = find_calm(measured)
+        most = MOST_LATENT * calm
+        latent = np.clip(self.prior.encode(target, wanted), -most, most)
+        offset = (target - self.prior.decode(latent, wanted)) / OFFSET_SCALE
+        memory = np.concatenate([latent, offset], axis=-1) / calm
+        return np.clip(memory, -self.limit, self.limit)
 
-    def offsets(self, memory: Array) -> Array:
+    def offsets(self, memory: Array, measured: Array) -> Array:
         """Return the joint offsets from the decoded posture [rad], (N, n)."""
-        return OFFSET_SCALE * memory[:, self.prior.size :]
+        return OFFSET_SCALE * (memory * find_calm(measured))[:, self.prior.size :]
+
+
+def find_calm(measured: Array) -> Array:
+    """Compute the factor on outputs, (N, 1), by the measured style features (N, 3).
+
+    It is small for a robot that stands: outputs that explore, or answer delayed measurements,
+    would throw it over. Its posture is then nearly the decoded one.
+    """
+    off = np.abs(measured - UPRIGHT - np.array([1.0, 0.0, 0.0]))
+    far = (off / np.array([CALM_HEIGHT, CALM_ANGLE, CALM_ANGLE])).max(axis=-1, keepdims=True)
+    return np.clip(far, CALMEST, 1.0)

@@ -231,8 +231,9 @@ class GetUpEnv(VectorEnv):
     ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Step all robots by one policy step."""
         requested = np.asarray(actions, dtype=float)
-        wanted = self.style.guide.wanted if self.style else self._nothing
-        action, memory = self.head.act(requested, self.memory, wanted)
+        guide = self.style.guide if self.style else None
+        wanted, found = (guide.wanted, guide.features) if guide else (self._nothing, self._nothing)
+        action, memory = self.head.act(requested, self.memory, wanted, found)
         measured, gravity = self._sensed.joint_pos, self._sensed.gravity
         following = next_target(self.robot, self.action, self._target, measured, gravity, action)
         self.sim.follow(self._target, following)
@@ -289,7 +290,7 @@ class GetUpEnv(VectorEnv):
             self.style.advance(self.step_time),
             np.concatenate([qvel[:, layout.dof], qvel[:, turning]], axis=1),
             self._sensed.joint_pos - self.robot.standing.joint_pos,
-            self.style.head.offsets(memory),
+            self.style.head.offsets(memory, self.style.guide.features),
         )
 
     def _find_lost(self, inputs: RewardInputs) -> NDArray[np.bool_]:
@@ -346,8 +347,9 @@ class GetUpEnv(VectorEnv):
             left = self.style.begin(ids, rows, share, rng)
             e.length[ids] = np.ceil(left / self.step_time)
             on_the_way = ids[start < 0]
+            guide = self.style.guide
             self.memory[on_the_way] = self.style.head.remember(
-                self._target[on_the_way], self.style.guide.wanted[on_the_way]
+                self._target[on_the_way], guide.wanted[on_the_way], guide.features[on_the_way]
             )
 
     def _observe(self) -> Floats:

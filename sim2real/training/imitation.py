@@ -56,7 +56,7 @@ class MotionExpert:
         target = task.library.interpolate_targets(task.row, share)
         known = np.isfinite(target).all(axis=1)
         target = np.where(known[:, None], target, env.robot.standing.joint_pos)
-        outputs = task.head.invert(target, env.memory, task.guide.wanted)
+        outputs = task.head.invert(target, env.memory, task.guide.wanted, task.guide.features)
         return outputs, known
 
 

@@ -11,7 +11,14 @@ from torch import nn
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import UPRIGHT, Term
 from robots.quaternion import Array
-from sim2real.environment.action_head import FILTER_SHARE, MOST_OUTPUT, OFFSET_SCALE
+from sim2real.environment.action_head import (
+    CALM_ANGLE,
+    CALM_HEIGHT,
+    CALMEST,
+    FILTER_SHARE,
+    MOST_OUTPUT,
+    OFFSET_SCALE,
+)
 from sim2real.pose_prior.pose_prior import Network, PosePrior
 
 FEATURE_SIGN = torch.tensor([1.0, -1.0, 1.0])  # of features counted from upright, mirrored
@@ -31,6 +38,8 @@ class StyledNetwork(nn.Module):
         first = starts["last_action"]
         self.memory = slice(first, first + prior.size + prior.robot.n)
         self.wanted = slice(starts["style_targets"], starts["style_targets"] + len(UPRIGHT))
+        first = starts["style_features"]
+        self.measured = slice(first, first + len(UPRIGHT))
         self.decoder = _build(prior.decoder)
         self.mirror_index = prior.robot.mirror_index.tolist()
         buffers = {
@@ -42,6 +51,8 @@ class StyledNetwork(nn.Module):
             "feature_mean": prior.feature_mean - UPRIGHT,
             "feature_std": prior.feature_std,
             "mirror_sign": prior.robot.mirror_sign,
+            "standing": np.array([1.0, 0.0, 0.0]),
+            "calm_range": np.array([CALM_HEIGHT, CALM_ANGLE, CALM_ANGLE]),
             "home": action.home,
             "scale": action.scale,
         }
@@ -53,12 +64,14 @@ class StyledNetwork(nn.Module):
         """Map observations (N, size) to actions (N, n) and memory (N, m)."""
         outputs = self.actor(x).clamp(-MOST_OUTPUT, MOST_OUTPUT)
         memory = FILTER_SHARE * outputs + (1.0 - FILTER_SHARE) * x[:, self.memory]
-        latent, wanted = memory[:, : self.size], x[:, self.wanted]
         b: Any = self
+        off = (x[:, self.measured] - b.standing).abs() / b.calm_range
+        scaled = memory * off.amax(dim=1, keepdim=True).clamp(CALMEST, 1.0)
+        latent, wanted = scaled[:, : self.size], x[:, self.wanted]
         turned = self._decode(latent * b.latent_sign, wanted * b.feature_sign)
         mirrored = turned[:, self.mirror_index] * b.mirror_sign
         pos = 0.5 * (self._decode(latent, wanted) + mirrored)
-        pos = pos + OFFSET_SCALE * memory[:, self.size :]
+        pos = pos + OFFSET_SCALE * scaled[:, self.size :]
         return (pos - b.home) / b.scale, memory
 
     def _decode(self, latent: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:

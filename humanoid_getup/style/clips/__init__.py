@@ -1,0 +1,1 @@
+"""Clips of motion capture: read for their style features alone."""

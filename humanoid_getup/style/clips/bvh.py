@@ -1,0 +1,125 @@
+"""BVH files: a skeleton as nested joints, then a line of channels for each frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from humanoid_getup.style.clips.clip import Clip, ClipError
+from robots.files import read_bounded
+from robots.quaternion import Array
+
+MOST_BYTES = 256 * 2**20
+CENTIMETER = 0.01  # m; what BVH files are nearly always in
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of the skeleton."""
+
+    name: str
+    parent: int
+    """Row of its parent; -1 for the root."""
+    offset: Array
+    """From its parent in the rest pose, (3,)."""
+    channels: tuple[str, ...]
+    """Such as Xposition or Zrotation, in order."""
+
+
+def read_bvh(file: Path) -> Clip:
+    """Read a clip.
+
+    Raises:
+        OSError: if the file cannot be read.
+        ClipError: if it is no BVH file.
+    """
+    try:
+        text = read_bounded(file, MOST_BYTES).decode("utf-8")
+        head, _, motion = text.partition("MOTION")
+        joints = _read_skeleton(head.split())
+        period, frames = _read_frames(motion, sum(len(joint.channels) for joint in joints))
+    except (ValueError, IndexError) as error:
+        raise ClipError(f"clip {file}: it is not a BVH file: {error}") from error
+    places = _place(joints, frames)
+    still = np.zeros((1, frames.shape[1]))
+    rest = {name: path[0] for name, path in _place(joints, still).items()}
+    return Clip(file=file, period=period, joints=places, rest=rest, unit=CENTIMETER)
+
+
+def _read_skeleton(words: list[str]) -> list[Joint]:
+    if not words or words[0] != "HIERARCHY":
+        raise ValueError("HIERARCHY is missing")
+    joints: list[Joint] = []
+    open_rows: list[int] = []
+    at, ends, name = 1, 0, ""
+    offset = np.zeros(3)
+    while at < len(words):
+        word = words[at]
+        if word in ("ROOT", "JOINT"):
+            name, at = words[at + 1], at + 2
+        elif word == "End":
+            name, ends, at = f"{joints[open_rows[-1]].name} end {ends}", ends + 1, at + 2
+        elif word == "{":
+            joints.append(Joint(name, open_rows[-1] if open_rows else -1, np.zeros(3), ()))
+            open_rows.append(len(joints) - 1)
+            at += 1
+        elif word == "OFFSET":
+            offset = np.array([float(value) for value in words[at + 1 : at + 4]])
+            row = joints[open_rows[-1]]
+            joints[open_rows[-1]] = Joint(row.name, row.parent, offset, row.channels)
+            at += 4
+        elif word == "CHANNELS":
+            count = int(words[at + 1])
+            row, names = joints[open_rows[-1]], tuple(words[at + 2 : at + 2 + count])
+            joints[open_rows[-1]] = Joint(row.name, row.parent, row.offset, names)
+            at += 2 + count
+        elif word == "}":
+            open_rows.pop()
+            at += 1
+        else:
+            raise ValueError(f"unexpected '{word[:40]}' in the skeleton")
+    if not joints or open_rows:
+        raise ValueError("the skeleton is not complete")
+    return joints
+
+
+def _read_frames(text: str, channels: int) -> tuple[float, Array]:
+    lines = [line for line in text.splitlines() if line.strip()]
+    if len(lines) < 3 or not lines[0].startswith("Frames:"):
+        raise ValueError("the frames are missing")
+    count, period = int(lines[0].split()[1]), float(lines[1].split()[-1])
+    rows = [[float(value) for value in line.split()] for line in lines[2:]]
+    if len(rows) != count or any(len(row) != channels for row in rows) or not period > 0.0:
+        raise ValueError(f"expected {count} frames of {channels} numbers")
+    return period, np.array(rows)
+
+
+def _place(joints: list[Joint], frames: Array) -> dict[str, Array]:
+    """Compute the position of each joint in all frames, (T, 3)."""
+    places: list[Array] = []
+    turns: list[Rotation] = []
+    at = 0
+    for joint in joints:
+        values = frames[:, at : at + len(joint.channels)]
+        at += len(joint.channels)
+        moved, angles, axes = np.tile(joint.offset, (len(frames), 1)), [], ""
+        for value, channel in zip(values.T, joint.channels, strict=True):
+            axis, kind = "XYZ".index(channel[0].upper()), channel[1:].lower()
+            if kind == "position":
+                moved[:, axis] = value
+            else:
+                angles.append(value)
+                axes += channel[0].upper()
+        own = Rotation.identity(len(frames))
+        if angles:
+            own = Rotation.from_euler(axes, np.stack(angles, axis=-1), degrees=True)
+        if joint.parent < 0:
+            places.append(moved)
+            turns.append(own)
+        else:
+            places.append(places[joint.parent] + turns[joint.parent].apply(moved))
+            turns.append(turns[joint.parent] * own)
+    return {joint.name: place for joint, place in zip(joints, places, strict=True)}

@@ -1,0 +1,95 @@
+"""A clip of a moving body, and the style features of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from humanoid_getup.style.features import COUNT
+from robots.quaternion import Array
+
+# What capture systems and editors call the joints that the features need.
+LEFT_HIPS = ("lfemur", "LeftUpLeg", "LeftHip", "LeftThigh", "lThigh", "LHipJoint", "L_Hip")
+RIGHT_HIPS = ("rfemur", "RightUpLeg", "RightHip", "RightThigh", "rThigh", "RHipJoint", "R_Hip")
+NECKS = ("lowerneck", "Neck", "neck", "Neck1", "NeckBase")
+FEET = ("foot", "toe", "ankle")
+FLOOR_PERCENTILE = 5.0  # of the lowest foot's height over a clip: where the floor is
+UP = {"y": 1, "z": 2}
+
+
+class ClipError(ValueError):
+    """A file is not a clip of a body; the message is the reason, in one line."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clip:
+    """Joint positions over time, and in the rest pose, in which the body stands."""
+
+    file: Path
+    period: float
+    """Time between two frames [s]."""
+    joints: Mapping[str, Array]
+    """Positions of each joint by name, (T, 3), in any unit of length."""
+    rest: Mapping[str, Array]
+    """Positions in the rest pose, (3,), in the same unit."""
+    unit: float = 1.0
+    """One unit of length [m]."""
+    up: str = "y"
+    """Axis that points up."""
+
+    @property
+    def time(self) -> Array:
+        """Return the time of each frame [s], (T,)."""
+        return self.period * np.arange(len(next(iter(self.joints.values()))))
+
+    @property
+    def leg_length(self) -> float:
+        """Return the distance from the hips to the lowest foot in the rest pose [m]."""
+        left, right = self._find(LEFT_HIPS, "left hip"), self._find(RIGHT_HIPS, "right hip")
+        hips = 0.5 * (self.rest[left] + self.rest[right])
+        return self.unit * float((hips - self._lowest(self.rest))[UP[self.up]])
+
+    def measure_features(self) -> Array:
+        """Measure the style features, (T, 3).
+
+        The height is that of the neck's base over the floor, as a share of that in the rest pose.
+        Front and side are those of [Frezzato22], figure 4, from hips and neck.
+        """
+        axis = UP[self.up]
+        neck_name = self._find(NECKS, "neck")
+        left = self.joints[self._find(LEFT_HIPS, "left hip")]
+        right = self.joints[self._find(RIGHT_HIPS, "right hip")]
+        neck = self.joints[neck_name]
+        side = right - left
+        front = np.cross(neck - 0.5 * (left + right), side)
+        standing = self.rest[neck_name][axis] - self._lowest(self.rest)[axis]
+        feet = [name for name in self.joints if _is_foot(name)]
+        lowest = np.min([self.joints[name][:, axis] for name in feet], axis=0)
+        floor = np.percentile(lowest, FLOOR_PERCENTILE)
+        features = np.empty((len(neck), COUNT))
+        features[:, 0] = (neck[:, axis] - floor) / standing
+        for column, vector in ((1, side), (2, front)):
+            share = vector[:, axis] / np.linalg.norm(vector, axis=1)
+            features[:, column] = np.arccos(np.clip(share, -1.0, 1.0))
+        return features
+
+    def _find(self, names: tuple[str, ...], what: str) -> str:
+        found = [name for name in names if name in self.joints]
+        if not found:
+            raise ClipError(
+                f"clip {self.file}: it has no {what}, expected a joint {', '.join(names)}"
+            )
+        return found[0]
+
+    def _lowest(self, pose: Mapping[str, Array]) -> Array:
+        feet = [pose[name] for name in pose if _is_foot(name)]
+        if not feet:
+            raise ClipError(f"clip {self.file}: it has no joint of a foot")
+        return min(feet, key=lambda point: point[UP[self.up]])
+
+
+def _is_foot(name: str) -> bool:
+    return any(part in name.lower() for part in FEET)

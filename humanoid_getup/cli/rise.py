@@ -39,6 +39,7 @@ from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.selection import StrategySelector
 from humanoid_getup.strategies.stored_motion import StoredMotion
+from humanoid_getup.strategies.styled_rise import PLANNED, StyledRise
 from humanoid_getup.strategies.track_record import (
     PLAN,
     POLICY,
@@ -51,6 +52,7 @@ from robots.kinematics import read_posture
 WHERE_IT_LAY = "where the robot lay"
 OWN_START = "the motion's own"
 DEFAULT_POLICY = "robust"
+STYLED_POLICY = "styled"
 
 
 def rise(command: Rise) -> int:
@@ -74,9 +76,9 @@ def run_policy(command: RunPolicy) -> int:
     world = load_world(command)
     policy = load_policy(world.robot, command.policy, command.torque_limit, command.longest)
     name = Path(command.policy).stem
-    strategy = LearnedRise(
-        world, policy, torque_limit=make_torque_limit(command, world.robot), name=name
-    )
+    limit = make_torque_limit(command, world.robot)
+    learned = LearnedRise(world, policy, torque_limit=limit, name=name)
+    strategy = _apply_style(learned, command.style)
     return _get_up(command, strategy, extra={"method": POLICY})
 
 
@@ -114,13 +116,31 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
             keys=load_keys(world, command.key),
         )
         strategies[StrategyId(PLAN)] = use_cache(command, planner)
-    name = command.policy or DEFAULT_POLICY
+    name = command.policy or (STYLED_POLICY if command.style else DEFAULT_POLICY)
     learned = StrategyId(POLICY, name)
     is_known = records.knows(learned) and robot.body.is_original
     if command.method == POLICY or is_known:
         policy = load_policy(robot, name, command.torque_limit)
-        strategies[learned] = LearnedRise(world, policy, torque_limit=limit, name=name)
+        rise = LearnedRise(world, policy, torque_limit=limit, name=name)
+        strategies[learned] = _apply_style(rise, command.style)
     return StrategySelector(strategies, records)
+
+
+def _apply_style(learned: LearnedRise, style: str | None) -> Strategy:
+    """Let a policy follow the style of a command, if it has one."""
+    if style is None:
+        return learned
+    with refusing():
+        if style == PLANNED:
+            limit = learned.torque_limit
+            return StyledRise(learned, PlannedRise(learned.world, torque_limit=limit))
+        return LearnedRise(
+            learned.world,
+            learned.policy,
+            torque_limit=learned.torque_limit,
+            name=learned.name,
+            style=style,
+        )
 
 
 def _get_up(

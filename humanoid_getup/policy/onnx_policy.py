@@ -192,6 +192,25 @@ class OnnxPolicy:
             robot, contract, network, torque_limit=torque_limit, longest=longest, style=style
         )
 
+    def following(self, style: Style) -> OnnxPolicy:
+        """Return the same policy with another style to follow.
+
+        Raises:
+            ValueError: if it follows no style curves.
+        """
+        if self.contract.style is None:
+            raise ValueError(
+                f"the policy follows no style curves, expected no style '{style.name}' with it"
+            )
+        return OnnxPolicy(
+            self.robot,
+            self.contract,
+            self._network,
+            torque_limit=self.torque_limit,
+            longest=self.longest,
+            style=style,
+        )
+
     @property
     def done(self) -> bool:
         """Return whether the robot has stood long enough, the time is up, or it failed."""

@@ -15,6 +15,8 @@ from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
+from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_file import load_style
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.torque_limit import check_torque_limit
 
@@ -29,8 +31,9 @@ class PolicyPlan(RisePlan):
 
     @property
     def title(self) -> str:
-        """Name the policy."""
-        return f"policy {self.name}"
+        """Name the policy, and its style."""
+        style = self.policy.style
+        return f"policy {self.name}, style {style.name}" if style else f"policy {self.name}"
 
     def controller(self, _strategy: Strategy) -> Supervisor:
         """Make the supervised policy."""
@@ -44,7 +47,8 @@ class PolicyPlan(RisePlan):
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""
-        return super().record() | {"policy": self.name}
+        style = self.policy.style
+        return super().record() | {"policy": self.name, "style": style and style.name}
 
 
 class LearnedRise:
@@ -57,6 +61,7 @@ class LearnedRise:
         *,
         torque_limit: TorqueLimit = FULL_TORQUE,
         name: str | None = None,
+        style: Style | str | None = None,
     ) -> None:
         """Load a policy, or take a loaded one.
 
@@ -64,6 +69,8 @@ class LearnedRise:
             policy: Name of one of the robot's policies, an .onnx file, or a loaded policy.
             torque_limit: Of the servos; a loaded policy must have been loaded with it.
             name: For reports; ``None`` for the name of the file.
+            style: What a policy that follows style curves should follow: a style, the name of
+                one, or a style file; ``None`` for the nearest of all named styles.
 
         Raises:
             ValueError: if the policy is unknown, does not fit the robot, or was loaded with
@@ -79,8 +86,11 @@ class LearnedRise:
                 f"the policy was loaded with a torque limit of {policy.torque_limit} N·m, "
                 f"expected {torque_limit.value} N·m as the strategy has"
             )
-        self._policy, self._name = policy, name or "policy"
+        if style is not None:
+            given = style if isinstance(style, Style) else load_style(style, world.robot)
+            policy = policy.following(given)
+        self.policy, self.name = policy, name or "policy"
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
         """Plan to run the policy."""
-        return PolicyPlan(status=RiseStatus.LEARNED, policy=self._policy, name=self._name)
+        return PolicyPlan(status=RiseStatus.LEARNED, policy=self.policy, name=self.name)

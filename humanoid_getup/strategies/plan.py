@@ -126,6 +126,7 @@ class RisePlan:
             "connection": joined and joined.name,
             "strategy": joined and joined.strategy,
             "policy": None,
+            "style": None,
             "plan_cache": None,
             "balanced": None,
             "keys": [key.record() for key in self.keys],

@@ -17,6 +17,7 @@ from humanoid_getup.cli.options.shared import (
     PolicyName,
     PreferenceOptions,
     RunOptions,
+    StyleOption,
 )
 from humanoid_getup.cli.output import find_folder_faults
 
@@ -30,7 +31,8 @@ class Rise(PreferenceOptions, RunOptions):
     method: Literal["plan", "policy", "auto"] = "plan"
     """Plan a motion, run a policy, or use what has the better track record for the start."""
     policy: PolicyName | None = None
-    """With --method policy or auto; default: robust."""
+    """With --method policy or auto; default: robust, or styled with --style."""
+    style: StyleOption = None
     planning: bool = True
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True
@@ -62,6 +64,8 @@ class Rise(PreferenceOptions, RunOptions):
         named = " and ".join(name for name, is_given in given.items() if is_given)
         if named and self.method == "policy":
             faults.append(f"{named}: expected --method plan or auto with it")
+        if self.style is not None and self.method != "policy":
+            faults.append(f"--style is {self.style}, expected --method policy with it")
         if self.method == "policy":
             faults += self.refuse_body(A_POLICY)
         if self.key and not (self.method == "plan" and self.planning and self.filtering):
@@ -76,6 +80,7 @@ class RunPolicy(RunOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
     policy: Positional[PolicyName]
+    style: StyleOption = None
     longest: Annotated[float | None, positive("s"), arg(metavar="S")] = None
     """Time after which the run ends, standing or not [s]; default: 12."""
     only_original: ClassVar[str] = A_POLICY

@@ -49,6 +49,14 @@ PolicyName = Annotated[
 ]
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")]
 PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
+StyleOption = Annotated[
+    str | None,
+    arg(
+        metavar="STYLE|planned",
+        help="What a policy that follows style curves follows: a style, see `getup style list`, a "
+        "style file, or the curves of a motion that is planned; default: the nearest style.",
+    ),
+]
 Seed = Annotated[int, at_least(0), arg(help="Random seed.")]
 TorqueLimitValue = Annotated[
     float | None,

@@ -24,6 +24,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "plan": ("plan.Plan", "plan.plan", "Plan a path only, without physics."),
     "sit": ("stand.Sit", "stand.sit", "Sit and lie down from a stand."),
     "hold": ("stand.Hold", "stand.hold", "Hold a robot in its stand until a key is pressed."),
+    "prior": ("prior.MakePrior", "prior.make_prior", "Make the pose prior of styled policies."),
     "train": ("policies.Train", "train.train", "Train a policy, or continue a training."),
     "eval": ("policies.Evaluate", "evaluate.evaluate", "Evaluate a policy on settled falls."),
     "export": ("policies.Export", "export.export", "Export the policy of a training."),

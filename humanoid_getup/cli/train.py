@@ -30,6 +30,8 @@ def train(command: Train) -> int:
     """Train, or continue a training."""
     if command.parent is not None and not command.parent.is_dir():
         raise BadInputError(f"--from is {command.parent}, expected the folder of a training")
+    if command.prior is not None and not command.prior.is_dir():
+        raise BadInputError(f"--prior is {command.prior}, expected the folder of a pose prior")
     robot = load_robot(command)
     with phase("loading torch"), needing("train"):
         import torch
@@ -54,6 +56,7 @@ def train(command: Train) -> int:
             device=command.device,
             threads=command.threads,
             parent=command.parent,
+            prior=command.prior,
             report=progress.note,
         )
     if leads:

@@ -21,7 +21,7 @@ from robots.validation import shown
 FOLDER = Path(__file__).parent / "named"
 STEEPEST = 30.0  # degrees
 SLOPE, ROUGH = "slope", "rough"
-ROUGHNESS = {"easy": 0.05, "medium": 0.10, "hard": 0.20}
+ROUGHNESS: dict[str, float] = {"easy": 0.05, "medium": 0.10, "hard": 0.20}
 """Largest height over or under the mean of a grid crossing, as a share of the leg's length."""
 # [Frezzato22], section 3.2, perturbs tiles of 1 m for humans, whose legs are 0.9 m long.
 TILE = 1.1  # legs

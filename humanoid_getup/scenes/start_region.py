@@ -39,13 +39,22 @@ class StartRegion:
     def sample(self, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw where a robot is dropped [m], (2,), and in which orientation, (4,)."""
         if self.start_class is None:
-            return np.zeros(2), quaternion.normalize(rng.normal(size=4))
-        place = np.array([rng.uniform(*self.x), rng.uniform(*self.y)])
+            orientation = quaternion.normalize(rng.normal(size=4))
+            return self._draw_place(rng) if self._has_place else np.zeros(2), orientation
+        place = self._draw_place(rng)
         heading, spread = rng.uniform(*self.heading), rng.normal(0.0, SPREAD, 3)
         turned = quaternion.multiply(quaternion.from_yaw(heading), lying(self.start_class))
         axis = spread / max(float(np.linalg.norm(spread)), 1e-12)
         shaken = quaternion.from_axis_angle(axis, float(np.linalg.norm(spread)))
         return place, quaternion.normalize(quaternion.multiply(turned, shaken))
+
+    @property
+    def _has_place(self) -> bool:
+        """Return whether robots lie somewhere else than at the origin."""
+        return (*self.x, *self.y) != (0.0, 0.0, 0.0, 0.0)
+
+    def _draw_place(self, rng: np.random.Generator) -> Array:
+        return np.array([rng.uniform(*self.x), rng.uniform(*self.y)])
 
     def move(self, posture: Posture, rng: np.random.Generator) -> Posture:
         """Move a lying robot to a place in the region, and turn its head to a heading there."""
@@ -57,7 +66,7 @@ class StartRegion:
 
     def spans(self, position: Array) -> bool:
         """Return whether a torso's position [m], (3,), is in the region or its margin."""
-        if self.start_class is None:
+        if self.start_class is None and not self._has_place:
             return True
         low, high = np.array([self.x, self.y, self.z]).T
         low, high = low - self.margin * WIDENED, high + self.margin * WIDENED

@@ -34,6 +34,7 @@ def build_library(
     rows: list[int] = []
     shares: list[float] = []
     targets: list[Array] = []
+    sources: list[str] = []
     placed = _place(robot, model, rises)
     mirrored = mirror_positions(robot, model, placed)
     for rise in range(len(rises)):
@@ -51,10 +52,12 @@ def build_library(
             rows += [len(curves)] * len(frames)
             shares += list((frames - first) / (end - 1 - first))
             curves.append(own)
+            sources.append(rises.sources[rise])
     targets += [np.full_like(targets[0], np.nan)] * len(authored)
     return CurveLibrary.of(
         [*curves, *authored],
         np.array(targets),
+        (*sources, *[""] * len(authored)),
         (np.array(states), np.array(rows), np.array(shares)),
     )
 

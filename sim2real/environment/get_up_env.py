@@ -23,7 +23,7 @@ from humanoid_getup.policy.observation import (
     observe,
 )
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.style.features import COUNT as FEATURE_COUNT
 from robots import Robot, load_robot
 from robots.quaternion import Array
@@ -46,6 +46,7 @@ from sim2real.environment.style_task import (
     StyleTask,
     reward_style,
 )
+from sim2real.environment.terrain import TerrainCurriculum
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
@@ -79,7 +80,9 @@ class EnvOptions:
     success."""
     ends_early: float = 0.5
     """Fraction of episodes that end once the robot has stood for ``HELD``."""
-    scene: str = "flat"
+    scene: str | Scene = "flat"
+    origin: tuple[float, float] = (0.0, 0.0)
+    """Where robots are placed that do not start with a fall: on flat ground [m]."""
     physics_step: float = PHYSICS_STEP
     """[s]"""
     threads: int = 0
@@ -156,9 +159,10 @@ class GetUpEnv(VectorEnv):
         self.head: ActionHead = style.head if style else DirectHead(robot, action)
         randomization = options.randomization
         has_delays = randomization is not None and randomization.delay[1] > 0.0
+        scene = options.scene
         world = build_training_world(
             robot,
-            load_scene(options.scene, robot),
+            load_scene(scene, robot) if isinstance(scene, str) else scene,
             options.physics_step,
             LONGEST_DELAY if has_delays else 0.0,
         )
@@ -188,8 +192,9 @@ class GetUpEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
         self._force = _AssistiveForce(options.assistive_force, options.assistive_force)
+        self._terrain = TerrainCurriculum(pool.level)
         self._rng = np.random.default_rng(0)
-        self._target = np.zeros((n, robot.n))
+        self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
         """What each policy remembers of its last actions, (N, m)."""
         self._episodes = _Episodes(
@@ -222,6 +227,7 @@ class GetUpEnv(VectorEnv):
             self._force = _AssistiveForce(
                 self.options.assistive_force, self.options.assistive_force
             )
+            self._terrain = TerrainCurriculum(self.pool.level)
         self._begin(np.arange(self.num_envs))
         observation = self._observe()
         return observation, {"critic": self._observe_privileged(observation)}
@@ -234,18 +240,18 @@ class GetUpEnv(VectorEnv):
         guide = self.style.guide if self.style else None
         wanted, found = (guide.wanted, guide.features) if guide else (self._nothing, self._nothing)
         action, memory = self.head.act(requested, self.memory, wanted, found)
-        measured, gravity = self._sensed.joint_pos, self._sensed.gravity
-        following = next_target(self.robot, self.action, self._target, measured, gravity, action)
-        self.sim.follow(self._target, following)
-        self._target = following
+        measured, gravity = self.sensed.joint_pos, self.sensed.gravity
+        following = next_target(self.robot, self.action, self.target, measured, gravity, action)
+        self.sim.follow(self.target, following)
+        self.target = following
         state = self.sim.measure_privileged_state()
-        self._sensed = self.sim.sense(self._rng if self.options.randomization else None)
+        self.sensed = self.sim.sense(self._rng if self.options.randomization else None)
         inputs = RewardInputs(
             **vars(state),
             requested=requested / self.head.limit,
             action=memory,
             last_action=self.memory,
-            away=self._sensed.joint_pos - self.robot.standing.joint_pos,
+            away=self.sensed.joint_pos - self.robot.standing.joint_pos,
             style=self._follow_style(memory),
         )
         self.memory = memory
@@ -264,6 +270,8 @@ class GetUpEnv(VectorEnv):
         info = {
             "critic": self._observe_privileged(observation),
             "assistive_force": self._force.lift,
+            "level": self._terrain.open,
+            "task_reward": float(inputs.style.task.mean()) if inputs.style else 0.0,
             "rewards": {name: float(part.mean()) for name, part in parts.items()},
             **report,
         }
@@ -282,14 +290,14 @@ class GetUpEnv(VectorEnv):
         """Measure how near the robots are to their curves after a policy step."""
         if self.style is None:
             return None
-        self.style.guide.measure(self._sensed.gravity, self._sensed.joint_pos)
+        self.style.guide.measure(self.sensed.gravity, self.sensed.joint_pos)
         layout, qvel = self.robot.layout(self.sim.model), self.sim.read("qvel")
         turning = slice(layout.root_dof + 3, layout.root_dof + 6)
         return reward_style(
             self.sim.measure_features(),
             self.style.advance(self.step_time),
             np.concatenate([qvel[:, layout.dof], qvel[:, turning]], axis=1),
-            self._sensed.joint_pos - self.robot.standing.joint_pos,
+            self.sensed.joint_pos - self.robot.standing.joint_pos,
             self.style.head.offsets(memory, self.style.guide.features),
         )
 
@@ -313,33 +321,35 @@ class GetUpEnv(VectorEnv):
         from_fall = ended[e.start[ended] >= 0]
         self.pool.note(e.start[from_fall], succeeded[from_fall])
         self._force.note(succeeded[from_fall])
+        self._terrain.note(e.start[from_fall], succeeded[from_fall])
         return ended, {"falls": len(from_fall), "stood": int(succeeded[from_fall].sum())}
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
         """Place some robots for their next episode."""
         rng, o, count = self._rng, self.options, len(ids)
         kind = rng.random(count)
-        start = np.where(kind < o.falls, self.pool.draw(count, rng), -1)
+        start = np.where(kind < o.falls, self.pool.draw(count, rng, self._terrain.open), -1)
         stands = self._stands[rng.integers(0, STANDS, count)]
         qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], stands)
         along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
         states = rng.integers(0, max(len(self._motions), 1), count)
         qpos[along] = self._motions[states[along]]
+        layout = self.robot.layout(self.sim.model)
+        qpos[start < 0, layout.root_qpos : layout.root_qpos + 2] += o.origin
         if o.randomization:
             drawn = o.randomization.sample(self.sim.world, count, rng)
             self.sim.set_parameters(ids, drawn)
         self.sim.place(ids, qpos)
         self.sim.set_assistive_force(ids, rng.uniform(0.0, self._force.lift, count))
-        layout = self.robot.layout(self.sim.model)
-        self._target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
+        self.target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
         self.memory[ids] = 0.0  # as on a robot that lies
         e = self._episodes
         e.age[ids] = e.held[ids] = 0
         e.start[ids] = start
         e.ends_early[ids] = rng.random(count) < o.ends_early
-        self._sensed = self.sim.sense(rng if o.randomization else None)
+        self.sensed = self.sim.sense(rng if o.randomization else None)
         if self.style is not None:
-            self.style.guide.measure(self._sensed.gravity, self._sensed.joint_pos)
+            self.style.guide.measure(self.sensed.gravity, self.sensed.joint_pos)
             library = self.style.library
             # A robot that stands has followed any curve to its end.
             rows = np.where(along, library.state_curve[states], -1)
@@ -349,13 +359,18 @@ class GetUpEnv(VectorEnv):
             on_the_way = ids[start < 0]
             guide = self.style.guide
             self.memory[on_the_way] = self.style.head.remember(
-                self._target[on_the_way], guide.wanted[on_the_way], guide.features[on_the_way]
+                self.target[on_the_way], guide.wanted[on_the_way], guide.features[on_the_way]
             )
 
     def _observe(self) -> Floats:
         share = compute_torque_share(self.robot, self.action, self.sim.parameters.torque_limit)
         more = self.style.observe() if self.style else ()
-        return observe(self.robot, self._sensed, self._target, self.memory, share, more)
+        return observe(self.robot, self.sensed, self.target, self.memory, share, more)
+
+    @property
+    def mirrors(self) -> tuple[Mirror, Mirror, Mirror]:
+        """Return the mirrors of observation, critic's observation, and the head's outputs."""
+        return self.mirror_of_observation(), self.mirror_of_critic(), self.head.mirror
 
     def mirror_of_observation(self) -> Mirror:
         """Return how left and right are exchanged in the policy's observation."""
@@ -374,9 +389,10 @@ class GetUpEnv(VectorEnv):
             "rng": self._rng.bit_generator.state,
             "success": self.pool.success.copy(),
             "help": copy.copy(self._force),
-            "target": self._target.copy(),
+            "terrain": self._terrain.save_state(),
+            "target": self.target.copy(),
             "memory": self.memory.copy(),
-            "sensed": self._sensed,
+            "sensed": self.sensed,
             "episodes": copy.deepcopy(self._episodes),
             "style": self.style.save_state() if self.style else None,
         }
@@ -387,8 +403,9 @@ class GetUpEnv(VectorEnv):
         self._rng.bit_generator.state = state["rng"]
         self.pool.success[:] = state["success"]
         self._force = copy.copy(state["help"])
-        self._target, self.memory = state["target"].copy(), state["memory"].copy()
-        self._sensed = state["sensed"]
+        self._terrain.restore_state(state["terrain"])
+        self.target, self.memory = state["target"].copy(), state["memory"].copy()
+        self.sensed = state["sensed"]
         self._episodes = copy.deepcopy(state["episodes"])
         if self.style is not None:
             self.style.restore_state(state["style"])

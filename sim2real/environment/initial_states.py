@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.falls import FallError, drop
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
@@ -19,6 +21,7 @@ from robots import Robot
 from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
 from robots.kinematics import mirror_positions, place
 from robots.quaternion import Array
+from sim2real.environment.terrain import Terrain
 
 # rad/s and m/s; with coarse physics steps a robot at rest moves at up to 0.03; rolling and
 # sliding are faster.
@@ -45,15 +48,19 @@ class StartPool:
     """MuJoCo positions, (P, nq)."""
     success: Array
     """Running fraction of episodes that ended standing, (P,)."""
+    level: NDArray[np.int_]
+    """Level of the terrain on which each state is, 0 for flat ground, (P,)."""
 
     @staticmethod
-    def of(qpos: Array) -> StartPool:
+    def of(qpos: Array, level: NDArray[np.int_] | None = None) -> StartPool:
         """Make a pool whose success rates are 0."""
-        return StartPool(qpos, np.zeros(len(qpos)))
+        flat = np.zeros(len(qpos), dtype=int)
+        return StartPool(qpos, np.zeros(len(qpos)), flat if level is None else level)
 
-    def draw(self, count: int, rng: np.random.Generator) -> NDArray[np.int_]:
-        """Draw rows of the pool, hard ones more often."""
+    def draw(self, count: int, rng: np.random.Generator, highest: int = 0) -> NDArray[np.int_]:
+        """Draw rows of the pool up to the highest level, hard ones more often."""
         weight = LEAST + (1.0 - LEAST) * (1.0 - self.success)
+        weight = np.where(self.level <= highest, weight, 0.0)
         total = np.cumsum(weight)
         return np.searchsorted(total, rng.uniform(0.0, total[-1], count))
 
@@ -63,7 +70,8 @@ class StartPool:
 
     def save(self, file: Path, robot: Robot) -> None:
         """Write the initial states and the robot's name to an .npz file."""
-        save_arrays(file, {"qpos": self.qpos, "robot": robot.name})
+        arrays = {"qpos": self.qpos, "robot": robot.name}
+        save_arrays(file, arrays | ({"level": self.level} if self.level.any() else {}))
 
     @staticmethod
     def load(file: Path, robot: Robot, width: int) -> StartPool:
@@ -73,16 +81,19 @@ class StartPool:
             ValueError: if the file holds no initial states of this robot.
         """
         try:
-            arrays = load_arrays(file, ("qpos", "robot"))
+            arrays = load_arrays(file, ("qpos", "robot"), optional=("level",))
             name = to_text(arrays["robot"], "robot")
             qpos = to_numbers(arrays["qpos"], "qpos", (None, width))
             if name != robot.name:
                 raise ArchiveError(f"it is of robot '{name}', expected '{robot.name}'")
+            level = arrays.get("level")
+            if level is not None:
+                level = to_numbers(level, "level", (len(qpos),)).astype(int)
         except (OSError, ArchiveError) as error:
             raise ValueError(
                 f"{file} holds no starts, expected an .npz of falls: {error}"
             ) from error
-        return StartPool.of(qpos)
+        return StartPool.of(qpos, level)
 
 
 def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
@@ -90,6 +101,18 @@ def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
     sim = VecSim(world, min(count, BATCH))
     falls = drop_falls(sim, count, rng)
     return StartPool.of(np.concatenate([falls, mirror_positions(world.robot, world.model, falls)]))
+
+
+def make_terrain_pool(
+    world: World, terrain: Terrain, count: int, rng: np.random.Generator
+) -> StartPool:
+    """Make a pool of ``count`` settled falls on each patch of a terrain, the world's scene."""
+    falls, levels = [], []
+    sim = VecSim(world, min(count, BATCH))
+    for patch in terrain.patches:
+        falls.append(drop_falls(sim, count, rng, (patch.region,)))
+        levels.append(np.full(count, patch.level))
+    return StartPool.of(np.concatenate(falls), np.concatenate(levels))
 
 
 def pool_rng(seed: int) -> np.random.Generator:
@@ -100,8 +123,12 @@ def pool_rng(seed: int) -> np.random.Generator:
     return np.random.default_rng([seed, POOL_SEED])
 
 
-def drop_falls(sim: VecSim, count: int, rng: np.random.Generator) -> Array:
+def drop_falls(
+    sim: VecSim, count: int, rng: np.random.Generator, regions: Sequence[StartRegion] = ()
+) -> Array:
     """Drop robots with torque off in random postures until ``count`` have settled, (count, nq).
+
+    They fall in some regions of the scene; what rolls out of all of them is left out.
 
     Raises:
         FallError: if too few settle.
@@ -109,7 +136,11 @@ def drop_falls(sim: VecSim, count: int, rng: np.random.Generator) -> Array:
     found: list[Array] = []
     rounds = MOST_ROUNDS * math.ceil(count / sim.n)
     for _ in range(rounds):
-        qpos, settled = drop(sim, SETTLED_SPEED, rng)
+        qpos, settled = drop(sim, SETTLED_SPEED, rng, regions=regions)
+        if regions:
+            root = sim.robot.layout(sim.model).root_position
+            inside = [any(region.spans(row[root]) for region in regions) for row in qpos]
+            settled &= np.array(inside)
         found.append(qpos[settled])
         if sum(map(len, found)) >= count:
             return np.concatenate(found)[:count]

@@ -19,6 +19,7 @@ from sim2real.environment.action_head import PriorHead
 from sim2real.environment.privileged_state import PrivilegedState
 
 NEAR = np.radians(30.0)  # largest angle between a start and the beginning of a curve
+AUTHORED = 0.5  # of episodes, with authored curves instead of those of rises
 STAND_TIME = 3.0  # s that an episode goes on after its curve has ended
 LOST_REWARD = 0.1  # of the task, below which a robot has lost its curve
 LOST_TIME = 0.3  # s for which that, or the head on the ground, ends an episode
@@ -97,6 +98,8 @@ class CurveLibrary:
     joint_target: Array
     """Targets of the servos at equally spaced shares of the duration [rad], (C, K, n): those of
     the rise that a curve is of; NaN for authored curves."""
+    sources: tuple[str, ...]
+    """Where each curve's rise comes from; empty for authored curves, (C,)."""
     state_qpos: Array
     """MuJoCo positions of the robot along the curves, (S, nq)."""
     state_curve: NDArray[np.int_]
@@ -108,6 +111,7 @@ class CurveLibrary:
     def of(
         curves: Sequence[StyleCurves],
         joint_target: Array,
+        sources: tuple[str, ...],
         states: tuple[Array, NDArray[np.int_], Array],
     ) -> CurveLibrary:
         """Make a library from curves, the targets of their rises, and states along them."""
@@ -116,6 +120,7 @@ class CurveLibrary:
             duration=np.array([curve.duration for curve in curves]),
             is_stretched=np.isfinite(joint_target).all(axis=(1, 2)),
             joint_target=joint_target,
+            sources=sources,
             state_qpos=states[0],
             state_curve=states[1],
             state_share=states[2],
@@ -129,8 +134,17 @@ class CurveLibrary:
     def draw_near(self, features: Array, rng: np.random.Generator) -> NDArray[np.int_]:
         """Draw curves that begin near measured features (m, 3); the nearest if none does, (m,)."""
         distance = angle_distance(features[:, None], self.starts[None])  # (m, C)
-        key = np.where(distance <= NEAR, rng.random(distance.shape) - 1.0, distance)
-        return np.argmin(key, axis=1)
+        # Weighted draws without loops: the largest of u^(1/w) ([Efraimidis06]).
+        weight = np.where(self.is_stretched, 1.0, self._authored_weight)
+        drawn = -(rng.random(distance.shape) ** (1.0 / weight))
+        return np.argmin(np.where(distance <= NEAR, drawn, distance), axis=1)
+
+    @property
+    def _authored_weight(self) -> float:
+        """Return the weight of an authored curve, if one of a rise has 1."""
+        authored = int(np.sum(~self.is_stretched))
+        rises = len(self.is_stretched) - authored
+        return AUTHORED / (1.0 - AUTHORED) * max(rises, 1) / max(authored, 1)
 
     def interpolate_targets(self, rows: NDArray[np.int_], share: Array) -> Array:
         """Interpolate the targets of curves at shares of their durations, (m,), as (m, n)."""

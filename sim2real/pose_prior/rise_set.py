@@ -17,6 +17,7 @@ from robots import Robot
 from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
 from robots.quaternion import Array
 
+POLICY_SOURCE = "policy: "  # begins the source of a rise by a policy, before its name
 PERIOD = 0.048  # s between two frames of a rise
 
 

@@ -9,12 +9,30 @@ from typing import Any
 
 import msgspec
 
-from humanoid_getup.policy.action import ActionSpec, choose_actions
+from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.contract import Fact
 from robots import Robot
 from robots.validation import shown
 
 STEPS = 20  # policy steps of every robot between two updates
+
+
+@dataclass(frozen=True, kw_only=True)
+class StyleRecipe:
+    """Hyperparameters of a training with style curves."""
+
+    falls: float = 0.5
+    """Share of episodes that start with a settled fall."""
+    motions: float = 0.4
+    """Share that starts along a rise; the rest starts standing."""
+    terrain: bool = True
+    """Whether robots leave flat ground as they succeed."""
+    terrain_falls: int = 256
+    """Settled falls on each patch of the terrain."""
+    imitates: bool = True
+    """Whether the policy begins by imitating rises."""
+    uses_prior: bool = True
+    """Whether its postures come from the pose prior; else they are joint angles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +75,15 @@ class Recipe:
     supported; for an initial policy that rises, 0.3 bridges the change of conditions.
     """
 
+    learning_rate: float = 1e-3
+    """Initial one; it is adapted to the divergence."""
+    style: StyleRecipe | None = None
+    """``None`` for a policy that follows no style curves."""
+
     def choose_actions(self, robot: Robot) -> ActionSpec:
         """Build the action space of the policy, PWM limit included."""
+        if self.style is not None:
+            return build_posture_spec(robot, self.pwm_limit)
         return choose_actions(robot, self.wide, self.pwm_limit)
 
 
@@ -80,6 +105,20 @@ RECIPES = {
     # its speed: slow motions land softly.
     "gentle": replace(
         ONWARD, rewards="gentle", randomization="mild", iterations=400, pwm_limit=0.55
+    ),
+    # What it imitates is spoilt by more noise, and by larger steps at first.
+    "styled": Recipe(
+        rewards="styled",
+        randomization="mild",
+        wide=True,
+        iterations=4000,
+        hidden=(256, 256),
+        entropy=0.0,
+        first_std=0.2,
+        most_std=0.5,
+        learning_rate=5e-5,
+        lift=0.2,
+        style=StyleRecipe(),
     ),
 }
 

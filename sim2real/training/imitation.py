@@ -1,12 +1,14 @@
-"""Imitation: before it explores, a policy learns what planned motions do.
+"""Imitation: before it explores, a policy learns what planned motions and other policies do.
 
-Robots replay the motions in the training environment under its domain randomization; what a
-policy would observe then is stored with the outputs that lead to the motion's next targets. In a
-second part the policy itself moves the robots, and learns to come back to the motion.
+Experts move the robots of the training environment along the rises that the curves are of, under
+its domain randomization; what the policy would observe is stored with the outputs that lead to
+the expert's targets. Then the policy itself moves them, and the experts say what would have been
+right ([Ross11], DAgger).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +19,7 @@ from tensordict import TensorDict
 
 from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.style_task import StyleTask
+from sim2real.training.experts import Expert, find_experts
 from sim2real.training.rsl_rl_env import RslEnv
 
 STEPS = 200  # policy steps of each part
@@ -36,38 +38,17 @@ class Example:
     outputs: torch.Tensor
 
 
-class MotionExpert:
-    """Knows the outputs that lead to the targets of the motion whose curves a robot follows."""
-
-    def __init__(self, env: GetUpEnv) -> None:
-        if env.style is None:
-            raise ValueError("motions are imitated along style curves, expected an env with them")
-        self._env, self._task = env, env.style
-
-    @property
-    def task(self) -> StyleTask:
-        """Return the curves."""
-        return self._task
-
-    def act(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Compute outputs (N, m), and whose curve has a motion, (N,)."""
-        task, env = self._task, self._env
-        share = (task.guide.time + env.step_time) / task.guide.duration
-        target = task.library.interpolate_targets(task.row, share)
-        known = np.isfinite(target).all(axis=1)
-        target = np.where(known[:, None], target, env.robot.standing.joint_pos)
-        outputs = task.head.invert(target, env.memory, task.guide.wanted, task.guide.features)
-        return outputs, known
-
-
 def imitate(actor: MLPModel, env: RslEnv, rng: np.random.Generator) -> list[float]:
     """Let an actor imitate the motions of an environment; return the final loss of each part."""
-    expert = MotionExpert(env.env)
+    task = env.env.style
+    if task is None:
+        raise ValueError("rises are imitated along style curves, expected an environment with them")
+    experts = find_experts(env.env, task)
     examples: list[Example] = []
     losses = []
     optimizer = torch.optim.Adam(actor.mlp.parameters(), lr=LEARNING_RATE)
     for part in range(PARTS):
-        examples += _collect(actor, env, expert, rng, is_replayed=part == 0)
+        examples += _collect(actor, env, experts, rng, is_replayed=part == 0)
         losses.append(_fit(actor, env, examples, optimizer, is_first=part == 0))
     return losses
 
@@ -75,14 +56,14 @@ def imitate(actor: MLPModel, env: RslEnv, rng: np.random.Generator) -> list[floa
 def _collect(
     actor: MLPModel,
     env: RslEnv,
-    expert: MotionExpert,
+    experts: Sequence[Expert],
     rng: np.random.Generator,
     *,
     is_replayed: bool,
 ) -> list[Example]:
     examples = []
     for _ in range(STEPS):
-        outputs, known = expert.act()
+        outputs, known = _ask(env.env, experts)
         observed = env.get_observations()["policy"]
         rows = torch.from_numpy(np.flatnonzero(known))
         wanted = torch.as_tensor(outputs, dtype=torch.float32)
@@ -94,6 +75,19 @@ def _collect(
                 moved = actor(env.get_observations())
         env.step(moved)
     return examples
+
+
+def _ask(env: GetUpEnv, experts: Sequence[Expert]) -> tuple[Array, NDArray[np.bool_]]:
+    """Compute the outputs (N, m) that lead to the experts' targets, and whose are known, (N,)."""
+    wanted = np.tile(env.robot.standing.joint_pos, (env.num_envs, 1))
+    known = np.zeros(env.num_envs, dtype=bool)
+    for expert in experts:
+        targets, is_known = expert.find_targets()
+        wanted[is_known], known = targets[is_known], known | is_known
+    task = env.style
+    assert task is not None
+    guide = task.guide
+    return task.head.invert(wanted, env.memory, guide.wanted, guide.features), known
 
 
 def _fit(

@@ -32,6 +32,11 @@ class TrainReport:
     reward: float
     lift: float
     """Upper limit of the assistive force, as a fraction of the weight."""
+    return_rate: float = 0.0
+    """Mean task reward of following style curves, 0 without: the average return rate of
+    [Frezzato22], section 6.4."""
+    level: int = 0
+    """Highest level of the terrain that is open."""
 
 
 class IterationLog:
@@ -46,6 +51,7 @@ class IterationLog:
     ) -> None:
         self._file, self._recipe, self._report, self._process = file, recipe, report, process
         self._rewards: list[float] = []
+        self._task_rewards: list[float] = []
         self._falls = self._stood = 0
         self._start, self._seconds_before = time.monotonic(), 0.0
         self._iteration = 0
@@ -66,6 +72,7 @@ class IterationLog:
     def __call__(self, reward: float, info: dict[str, Any]) -> None:
         """Count one policy step by its mean reward and the environment's information."""
         self._rewards.append(reward)
+        self._task_rewards.append(info["task_reward"])
         self._falls, self._stood = self._falls + info["falls"], self._stood + info["stood"]
         if len(self._rewards) < STEPS:
             return
@@ -78,8 +85,11 @@ class IterationLog:
             stood=self._stood,
             reward=round(float(np.mean(self._rewards)), 4),
             lift=round(info["assistive_force"], 3),
+            return_rate=round(float(np.mean(self._task_rewards)), 4),
+            level=info["level"],
         )
-        self._rewards, self._iteration = [], self._iteration + 1
+        self._rewards, self._task_rewards = [], []
+        self._iteration += 1
         self._falls = self._stood = 0
         if not self._process.leads:
             return

@@ -30,6 +30,8 @@ class RslEnv(VecEnv):
         self.num_actions = len(env.head.names)
         self.max_episode_length = env.longest
         self.cfg = {}
+        self.reports = True
+        """Whether ``on_step`` is called."""
         mirrors = {
             "policy": env.mirror_of_observation(),
             "critic": env.mirror_of_critic(),
@@ -69,7 +71,8 @@ class RslEnv(VecEnv):
         """Step all robots by one policy step."""
         observation, reward, terminated, truncated, info = self.env.step(actions.cpu().numpy())
         self.observations = self._pack(observation, info["critic"])
-        self._on_step(float(reward.mean()), info)
+        if self.reports:
+            self._on_step(float(reward.mean()), info)
         done = torch.as_tensor(terminated | truncated, device=self.device)
         log = {f"Rewards/{name}": value for name, value in info["rewards"].items()}
         log["Train/lift"] = info["assistive_force"]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
@@ -19,9 +21,12 @@ from sim2real.training.checkpoint import (
 )
 from sim2real.training.config import STEPS, Recipe, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
+from sim2real.training.imitation import imitate
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 from sim2real.training.symmetric_model import as_exchange
 
+IMITATED_FALLS = 0.4  # share of episodes from settled falls while rises are imitated
+CRITIC_ROUNDS, CRITIC_RATE = 12, 1e-3
 Mirrors = tuple[Mirror, Mirror, Mirror]
 
 
@@ -81,6 +86,52 @@ class TrainingRunner(OnPolicyRunner):
         networks = extend_actions(state, self.env.env.terms, before, self.env.env.action)
         self.alg.load(networks, {"actor": True, "critic": True}, True)
 
+    def imitate(self, seed: int) -> list[float]:
+        """Let a new policy imitate rises, and the critic judge it; return the losses.
+
+        Afterwards normalizers stay as they are: their drift would distort what was learned.
+        """
+        env = self.env.env
+        usual, self.env.reports = env.options, False
+        env.options = replace(usual, falls=IMITATED_FALLS, assistive_force=0.0)
+        self.env.begin(seed, np.random.default_rng(seed))
+        losses = imitate(self.alg._raw_actor, self.env, np.random.default_rng(seed))
+        env.options = usual
+        self.env.begin(seed, np.random.default_rng(seed))
+        losses += [self._teach_critic() for _ in range(CRITIC_ROUNDS)]
+        self.freeze_normalizers()
+        self.env.begin(seed, np.random.default_rng(seed))
+        self.env.reports = True
+        return losses
+
+    def freeze_normalizers(self) -> None:
+        """Keep the statistics of observations as they are."""
+        for model in (self.alg._raw_actor, self.alg._raw_critic):
+            normalizer: Any = model.obs_normalizer
+            normalizer.freeze()
+
+    def _teach_critic(self) -> float:
+        """Teach the critic what the present policy earns; return its mean squared error."""
+        alg = self.alg
+        alg.train_mode()
+        with torch.inference_mode():
+            observed = self.env.get_observations()
+            for _ in range(STEPS):
+                observed, rewards, dones, extras = self.env.step(alg.act(observed))
+                alg.process_env_step(observed, rewards, dones, extras)
+            alg.compute_returns(observed)
+        optimizer = torch.optim.Adam(alg.critic.parameters(), lr=CRITIC_RATE)
+        errors = []
+        for batch in alg.storage.mini_batch_generator(4, 4):
+            value = alg.critic(batch.observations.clone())
+            error = (value - batch.returns.clone()).square().mean()
+            optimizer.zero_grad()
+            error.backward()
+            optimizer.step()
+            errors.append(float(error.detach()))
+        alg.storage.clear()
+        return float(np.mean(errors))
+
     @property
     def _on_gpu(self) -> bool:
         return self.device.startswith("cuda")
@@ -128,7 +179,7 @@ def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> d
             "value_loss_coef": 1.0,
             "use_clipped_value_loss": False,  # clipping slows the learning of returns near 30
             "entropy_coef": recipe.entropy,
-            "learning_rate": 1e-3,
+            "learning_rate": recipe.learning_rate,
             "schedule": "adaptive",  # by the desired KL divergence
             "desired_kl": recipe.desired_kl,
             "max_grad_norm": 1.0,

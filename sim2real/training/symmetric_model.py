@@ -50,6 +50,10 @@ class BothSides(nn.Module):
         """Update the statistics by observations and their mirror images."""
         self.normalizer.update(torch.cat([x, self._mirror(x)]))
 
+    def freeze(self) -> None:
+        """Keep the statistics as they are."""
+        self.normalizer.until = 1
+
     def _mirror(self, x: torch.Tensor) -> torch.Tensor:
         buffers: Any = self
         return x[:, buffers.index] * buffers.sign

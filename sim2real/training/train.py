@@ -8,20 +8,27 @@ import os
 import random
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot
 from robots.files import write_atomically
 from sim2real.environment.get_up_env import PHYSICS_STEP, EnvOptions, GetUpEnv
-from sim2real.environment.initial_states import StartPool, make_pool, pool_rng
+from sim2real.environment.initial_states import (
+    StartPool,
+    make_pool,
+    make_terrain_pool,
+    pool_rng,
+)
 from sim2real.environment.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import REWARDS
+from sim2real.environment.terrain import Terrain
 from sim2real.environment.training_world import build_training_world
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import (
@@ -35,6 +42,12 @@ from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
+from sim2real.training.styled_training import (
+    build_style_task,
+    keep_prior,
+    load_head,
+    make_terrain,
+)
 
 POOL = "falls.npz"
 PROGRESS = "progress.csv"
@@ -61,6 +74,7 @@ def train(
     device: str = "cpu",
     threads: int = 0,
     parent: Path | None = None,
+    prior: Path | None = None,
     report: Callable[[TrainReport], None] = lambda _: None,
 ) -> None:
     """Train a policy into a folder; continue from the checkpoint in it, if any.
@@ -69,7 +83,8 @@ def train(
     has its own robots and GPU, and the first one writes.
 
     The device is that of the networks; 0 threads of physics are one per processor. The policy of
-    the training in the folder ``parent``, extended to this action space, is the initial one.
+    the training in the folder ``parent``, extended to this action space, is the initial one. A
+    training with style curves needs the folder of a pose prior, of which it keeps a copy.
 
     Raises:
         OSError: if the parent cannot be read.
@@ -80,31 +95,70 @@ def train(
     process = DistributedProcess.from_environment(os.environ)
     seed, device, common_seed = process.seed(seed), process.device(device), seed
     folder.mkdir(parents=True, exist_ok=True)
+    action = recipe.choose_actions(robot)
+    outputs = action.names
+    if recipe.style is not None:
+        keep_prior(prior, folder)
+        outputs = load_head(robot, action, folder).names
     if process.leads:
-        write_recipe(robot, recipe, common_seed, folder / RECIPE, parent)
+        write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs)
     iteration_log = IterationLog(folder / PROGRESS, recipe, report, process)
-    pool = load_pool(robot, recipe, common_seed, folder / POOL)
-    options = build_options(recipe, threads)
     random.seed(seed)
     torch.manual_seed(seed)
-    action = recipe.choose_actions(robot)
-    env = RslEnv(GetUpEnv(robot, action, pool, options), device, iteration_log)
+    env = RslEnv(
+        build_env(robot, recipe, action, common_seed, folder, threads), device, iteration_log
+    )
     log_file = folder / "rsl_rl.log" if process.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log):
         env.begin(seed, np.random.default_rng(seed))
-        runner = TrainingRunner(env, build_config(recipe, seed), folder, device, process)
+        mirrors = env.env.mirrors if recipe.style else None
+        config = build_config(recipe, seed, mirrors)
+        runner = TrainingRunner(env, config, folder, device, process)
+        imitates = recipe.style is not None and recipe.style.imitates
         if (folder / CHECKPOINT).exists():
             runner.resume()
+            if imitates:
+                runner.freeze_normalizers()
         elif parent is not None:
             runner.inherit(parent)
+        elif imitates:
+            runner.imitate(seed)
         iteration_log.resume(runner.current_learning_iteration)
         left = recipe.iterations - runner.current_learning_iteration
         if left > 0:
             runner.learn(left)
 
 
+def build_env(
+    robot: Robot, recipe: Recipe, action: ActionSpec, seed: int, folder: Path, threads: int
+) -> GetUpEnv:
+    """Build the environment of a training with the falls, and the prior, in its folder.
+
+    Raises:
+        FallError: if too few falls settle.
+        ValueError: if a file is of another robot.
+    """
+    options, style = build_options(recipe, threads), recipe.style
+    if style is None:
+        return GetUpEnv(robot, action, load_pool(robot, recipe, seed, folder / POOL), options)
+    terrain = make_terrain(robot, seed) if style.terrain else None
+    pool = load_pool(robot, recipe, seed, folder / POOL, terrain)
+    options = replace(options, falls=style.falls, motions=style.motions, ends_early=0.0)
+    if terrain is not None:
+        x, y = terrain.flat_center
+        options = replace(options, scene=terrain.scene, origin=(float(x), float(y)))
+    model = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP).model
+    task = build_style_task(robot, model, action, folder, robots=recipe.robots, threads=threads)
+    return GetUpEnv(robot, action, pool, options, task)
+
+
 def write_recipe(
-    robot: Robot, recipe: Recipe, seed: int, file: Path, parent: Path | None = None
+    robot: Robot,
+    recipe: Recipe,
+    seed: int,
+    file: Path,
+    parent: Path | None = None,
+    outputs: tuple[str, ...] | None = None,
 ) -> None:
     """Write the recipe file, or check that the one in its place is the same.
 
@@ -115,7 +169,7 @@ def write_recipe(
     record: dict[str, Any] = {
         "robot": robot.name,
         "seed": seed,
-        "actions": recipe.choose_actions(robot).names,
+        "actions": outputs or recipe.choose_actions(robot).names,
         "recipe": asdict(recipe),
         "rewards": {r.term.__name__: r.weight for r in REWARDS[recipe.rewards]},
         "parent": None if parent is None else _describe_parent(robot, parent),
@@ -141,14 +195,24 @@ def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:
     }
 
 
-def load_pool(robot: Robot, recipe: Recipe, seed: int, file: Path) -> StartPool:
+def load_pool(
+    robot: Robot, recipe: Recipe, seed: int, file: Path, terrain: Terrain | None = None
+) -> StartPool:
     """Load the settled falls that episodes start from; sample them if there is no file.
+
+    On a terrain there are falls on each patch, the mirror images of none.
 
     Raises:
         FallError: if too few falls settle.
         ValueError: if the file does not hold falls of this robot.
     """
-    world = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP)
+    scene = terrain.scene if terrain else FLAT_SCENE
+    world = build_training_world(robot, scene, PHYSICS_STEP)
     if not file.exists():
-        make_pool(world, recipe.falls, pool_rng(seed)).save(file, robot)
+        rng = pool_rng(seed)
+        if terrain is not None and recipe.style is not None:
+            pool = make_terrain_pool(world, terrain, recipe.style.terrain_falls, rng)
+        else:
+            pool = make_pool(world, recipe.falls, rng)
+        pool.save(file, robot)
     return StartPool.load(file, robot, world.model.nq)

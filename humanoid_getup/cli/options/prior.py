@@ -1,0 +1,33 @@
+"""Options of `getup prior`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from tyro.conf import arg
+
+from humanoid_getup.cli.checks import at_least
+from humanoid_getup.cli.options.shared import A_POLICY, RobotOption, Seed
+from humanoid_getup.cli.output import find_folder_faults
+
+
+@dataclass(frozen=True, kw_only=True)
+class MakePrior(RobotOption):
+    """Plan many rises and fit the pose prior to them, which styled policies are trained with."""
+
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder for prior.npz, rises.npz and the planned motions; the same command continues."""
+    rises: Annotated[int, at_least(4)] = 1000
+    """Number of rises to plan; policies add half as many."""
+    policies: tuple[str, ...] = ("robust", "gentle")
+    """Policies of the robot that add rises; with no name, none."""
+    epochs: Annotated[int, at_least(1)] = 100
+    """Passes over the postures."""
+    seed: Seed = 0
+    only_original: ClassVar[str] = A_POLICY
+
+    def find_faults(self) -> list[str]:
+        """Report a folder that cannot be written, too."""
+        return super().find_faults() + find_folder_faults(self.out, ())

@@ -1,0 +1,42 @@
+"""`getup prior`: plan rises, and fit the pose prior to them."""
+
+from __future__ import annotations
+
+from humanoid_getup.cli.errors import needing, refusing
+from humanoid_getup.cli.exit_codes import DID_IT
+from humanoid_getup.cli.inputs import load_robot
+from humanoid_getup.cli.options.prior import MakePrior
+from humanoid_getup.cli.output import console_for, counting, phase
+
+
+def make_prior(command: MakePrior) -> int:
+    """Collect rises, fit the prior, write both."""
+    robot = load_robot(command)
+    with phase("loading torch"), needing("train"):
+        from sim2real.pose_prior.rise_set import RiseSet
+        from sim2real.prior_training.collect import collect_rises
+        from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
+        from sim2real.training.styled_training import PRIOR, RISES
+    with refusing():
+        with counting("rises", command.rises) as count:
+            found = collect_rises(
+                robot, command.rises, command.seed, command.out, command.policies, count
+            )
+        rises = RiseSet.join(robot, found)
+        postures = Postures(robot=robot, joint_pos=rises.joint_pos, features=rises.features)
+        errors = []
+        with counting("epochs", command.epochs) as count:
+
+            def note(_epoch: int, error: float) -> None:
+                errors.append(error)
+                count(1)
+
+            options = FitOptions(epochs=command.epochs)
+            prior = fit_prior(postures, command.seed, options, note)
+        rises.save(command.out / RISES)
+        prior.save(command.out / PRIOR)
+    console_for(None).print(
+        f"{command.out}: {len(rises)} rises, {len(rises.qpos)} postures; {prior.size} latent "
+        f"parameters; the decoder leaves {100.0 * errors[-1]:.1f} % of the variance"
+    )
+    return DID_IT

@@ -1,0 +1,94 @@
+"""What a training with style curves needs besides: prior, rises, curves and terrain."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.policy.action import ActionSpec
+from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.style_file import list_styles, load_style
+from robots import Robot
+from robots.files import atomic_path
+from sim2real.environment.action_head import PriorHead
+from sim2real.environment.curve_library import build_library
+from sim2real.environment.style_task import StyleTask
+from sim2real.environment.terrain import Terrain, build_terrain
+from sim2real.pose_prior.pose_prior import PosePrior
+from sim2real.pose_prior.rise_set import RiseSet
+from sim2real.training.config import TrainingFolderError
+
+PRIOR, RISES = "prior.npz", "rises.npz"
+"""Files of a pose prior's folder, which a training keeps copies of."""
+# The paper's durations of 2.5, 5.1 and 7.6 s, as shares of the second, which styles are made for.
+DURATIONS = (2.5 / 5.1, 1.0, 7.6 / 5.1)
+TERRAIN_SEED = 7_002  # makes the terrain of training differ from every scene's
+
+
+def keep_prior(prior: Path | None, folder: Path) -> None:
+    """Copy the files of a pose prior into the folder of a training that has none yet.
+
+    Raises:
+        OSError: if a file cannot be read.
+        TrainingFolderError: if there is no prior, or the training has another one.
+    """
+    for name in (PRIOR, RISES):
+        kept = folder / name
+        if prior is None:
+            if not kept.exists():
+                raise TrainingFolderError(
+                    f"{folder} has no pose prior, expected --prior with the folder of `getup prior`"
+                )
+        elif not kept.exists():
+            with atomic_path(kept) as partial:
+                shutil.copyfile(prior / name, partial)
+        elif kept.read_bytes() != (prior / name).read_bytes():
+            raise TrainingFolderError(f"{kept} is another file than {prior / name}")
+
+
+def load_head(robot: Robot, action: ActionSpec, folder: Path) -> PriorHead:
+    """Load the pose prior of a training.
+
+    Raises:
+        ValueError: if its file holds no prior of this robot.
+    """
+    return PriorHead(action, PosePrior.load(folder / PRIOR, robot))
+
+
+def build_style_task(
+    robot: Robot,
+    model: mujoco.MjModel,
+    action: ActionSpec,
+    folder: Path,
+    *,
+    robots: int,
+    threads: int,
+) -> StyleTask:
+    """Build the task of a training from the files in its folder.
+
+    Raises:
+        ValueError: if they are not of this robot.
+    """
+    rises = RiseSet.load(folder / RISES, robot)
+    library = build_library(robot, model, rises, list(list_authored(robot)))
+    return StyleTask(robot, robots, library, load_head(robot, action, folder), threads)
+
+
+def list_authored(robot: Robot) -> Iterator[StyleCurves]:
+    """List the named styles' curves with three durations, and their mirror images."""
+    for name in list_styles():
+        for curve in load_style(name, robot).curves:
+            for share in DURATIONS:
+                timed = curve.lasting(share * curve.duration)
+                yield timed
+                if not np.allclose(timed.side, np.pi / 2):
+                    yield timed.mirrored()
+
+
+def make_terrain(robot: Robot, seed: int) -> Terrain:
+    """Make the terrain of a training."""
+    return build_terrain(robot, np.random.default_rng([seed, TERRAIN_SEED]))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from humanoid_getup.evaluation.statistics import summarize, wilson_interval
 from humanoid_getup.policy.action import ActionSpec
-from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.policy.observation import StyleInput
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import Fall
 from humanoid_getup.simulation.world import World
@@ -24,7 +25,13 @@ from sim2real.environment.model_variants import MODEL_VARIANTS, ModelVariant, ba
 from sim2real.environment.randomization import NOISE
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
-from sim2real.policy_evaluation import DURATION, PolicyFunction, PolicyRollouts, roll_out_policy
+from sim2real.policy_evaluation import (
+    DURATION,
+    PolicyFunction,
+    PolicyRollouts,
+    StyleChoice,
+    roll_out_policy,
+)
 
 PHYSICS_STEP = 0.002  # s, the twin's
 PUSH_EVERY = 1.0  # s
@@ -91,7 +98,9 @@ def evaluate_policy(
     perturbation: Perturbation,
     seed: int,
     *,
-    scene: str = "flat",
+    scene: Scene = FLAT_SCENE,
+    style: StyleInput | None = None,
+    choose_style: StyleChoice | None = None,
     duration: float = DURATION,
     threads: int = 0,
     report: Callable[[int], None] = lambda _: None,
@@ -99,7 +108,7 @@ def evaluate_policy(
     """Roll out a policy under a perturbation for a duration [s]; return rollouts in chunks.
 
     The seed is that of everything random: weak servos, pushes, the IMU's axis, noise. After each
-    chunk its number of robots is reported.
+    chunk its number of robots is reported. Style is that of :func:`roll_out_policy`.
     """
     variants: list[ModelVariant] = []
     if perturbation.physics:
@@ -107,7 +116,7 @@ def evaluate_policy(
     if perturbation.backlash:
         variants.append(backlash(perturbation.backlash))
     delays = LONGEST_DELAY if perturbation.delay else 0.0
-    world = build_training_world(robot, load_scene(scene, robot), PHYSICS_STEP, delays, variants)
+    world = build_training_world(robot, scene, PHYSICS_STEP, delays, variants)
     rng = np.random.default_rng(seed)
     records = []
     for first in range(0, len(starts), CHUNK):
@@ -128,6 +137,8 @@ def evaluate_policy(
                 action,
                 policy,
                 qpos,
+                style=style,
+                choose_style=_shift(choose_style, first),
                 duration=duration,
                 rng=rng if perturbation.noise else None,
                 on_step=partial(_push, sim, perturbation.push, rng),
@@ -135,6 +146,11 @@ def evaluate_policy(
         )
         report(len(some))
     return records
+
+
+def _shift(choose: StyleChoice | None, first: int) -> StyleChoice | None:
+    """Let a choice count starts from the first of a chunk."""
+    return None if choose is None else lambda row, features: choose(first + row, features)
 
 
 def summarize_rollouts(
@@ -148,6 +164,10 @@ def summarize_rollouts(
         "rms_torque_nm": np.concatenate([r.rms_torque() for r in records]),
         "peak_torque_nm": np.concatenate([r.peak_torque() for r in records]),
         "head_impact_m_s": np.concatenate([r.head_impact for r in records]),
+        "height_error": np.concatenate([r.style_error()[:, 0] for r in records]),
+        "angle_error_deg": np.concatenate(
+            [np.degrees(r.style_error()[:, 1:].mean(axis=1)) for r in records]
+        ),
         "standing_joint_speed_rad_s": np.concatenate([r.standing_speed() for r in records]),
     }
     everyone = np.ones(len(kinds), dtype=bool)

@@ -26,8 +26,8 @@ from sim2real.environment.training_simulation import Record, TrainingSim
 
 PolicyFunction = Callable[[Floats], tuple[Array, Array]]
 """Maps observations (N, size) to actions (N, k) and to what it remembers of them (N, m)."""
-StyleChoice = Callable[[Array], StyleCurves]
-"""Chooses curves by the features (3,) that a robot measures at its start."""
+StyleChoice = Callable[[int, Array], StyleCurves]
+"""Chooses curves by the number of a start, and the features (3,) that the robot measures there."""
 
 DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
@@ -58,6 +58,19 @@ class PolicyRollouts(Record):
     def head_impact(self) -> Array:
         """Return the largest speed at which each head hit the ground [m/s], (N,)."""
         return find_impact(self.head_contact, self.head_speed)
+
+    def style_error(self) -> Array:
+        """Compute the mean error of each feature while the curves last, (N, 3).
+
+        Neck height is a share of standing, angles are in rad; NaN without style.
+        """
+        if not self.wanted.shape[1]:
+            return np.full((len(self.wanted), COUNT), np.nan)
+        step = self.upright.shape[1] * self.period / self.wanted.shape[1]
+        ends = np.arange(1, self.wanted.shape[1] + 1) * step
+        lasts = (ends <= self.style_duration[:, None] + 1e-9)[..., None]
+        off = np.abs(self.features - self.wanted)
+        return np.sum(off * lasts, axis=1) / np.sum(lasts, axis=1)
 
     def peak_torque(self) -> Array:
         """Return the largest torque of each robot, braking or driving [N·m], (N,)."""
@@ -102,7 +115,7 @@ def roll_out_policy(
     guide = StyleGuide(robot, sim.n) if style and choose_style else None
     if guide is not None and choose_style is not None:
         guide.measure(sensed.gravity, sensed.joint_pos)
-        guide.enter_all([choose_style(features) for features in guide.features])
+        guide.enter_all([choose_style(row, seen) for row, seen in enumerate(guide.features)])
     target = sensed.joint_pos
     memory = np.zeros((sim.n, style.memory if style else action.size))
     share = compute_torque_share(robot, action, sim.parameters.torque_limit)

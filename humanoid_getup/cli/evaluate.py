@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from humanoid_getup.cli.errors import BadInputError, refusing
@@ -23,16 +26,31 @@ from humanoid_getup.cli.policies import load_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.falls import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.styled_rise import PLANNED, read_curves
+from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.style_file import load_any_style, load_style
+from robots.quaternion import Array
 
 FIGURES = ("n", "stood", "stood_interval_95", "stand_time_s", "rms_torque_nm", "head_impact_m_s")
+STYLE_FIGURES = ("height_error", "angle_error_deg")
+NEAREST = "nearest"
+"""Style of a policy that gets none: of all named ones, that which begins nearest."""
 
 
 def evaluate(command: Evaluate) -> int:
-    """Sample falls, let the policy get up from each, judge."""
-    world = load_world(command)
-    limit = make_torque_limit(command, world.robot)
-    policy = load_policy(world.robot, command.policy, limit.value)
+    """Sample falls in each scene, let the policy get up from each in each style, judge."""
+    names = command.scene.split(",")
+    if len(set(names)) < len(names):
+        raise BadInputError(f"--scene is {command.scene}, expected each scene once")
+    if len(names) > 1 and command.falls is not None:
+        raise BadInputError(f"--falls is {command.falls}, expected one --scene with it")
+    worlds = [load_world(replace(command, scene=name)) for name in names]
+    limit = make_torque_limit(command, worlds[0].robot)
+    policy = load_policy(worlds[0].robot, command.policy, limit.value)
     _check_physics(command, policy)
+    styles = _list_styles(command, policy)
     with phase("loading"):
         from sim2real.perturbations import Perturbation, evaluate_policy, summarize_rollouts
     perturbation = Perturbation(
@@ -50,34 +68,88 @@ def evaluate(command: Evaluate) -> int:
         noise=command.noise,
         physics=command.physics,
     )
-    fall_set = _find_falls(command, world)
-    with counting("rises", len(fall_set.falls)) as count:
-        rollouts = evaluate_policy(
-            policy.robot,
-            policy.action,
-            policy.act,
-            [fall.posture for fall in fall_set.falls],
-            perturbation,
-            command.seed,
-            scene=command.scene,
-            report=count,
-        )
+    cases: dict[str, dict[str, Any]] = {}
+    for world in worlds:
+        fall_set = _find_falls(command, world)
+        starts = [fall.posture for fall in fall_set.falls]
+        for style in styles:
+            choose = _make_choice(policy, world, style, fall_set, command.seed)
+            label = ", ".join([world.scene.name, *([style] if style else [])])
+            with counting(f"rises ({label})", len(starts)) as count:
+                rollouts = evaluate_policy(
+                    policy.robot,
+                    policy.action,
+                    policy.act,
+                    starts,
+                    perturbation,
+                    command.seed,
+                    scene=world.scene,
+                    style=policy.contract.style,
+                    choose_style=choose,
+                    report=count,
+                )
+            cases[label] = {
+                "scene": world.scene.name,
+                "style": style,
+                "falls_seed": fall_set.seed,
+                **summarize_rollouts(fall_set.falls, rollouts, CLASSES),
+            }
     figures = {
         "name": "eval",
-        "policy": find_policy(world.robot, command.policy).stem,
+        "policy": find_policy(worlds[0].robot, command.policy).stem,
         "seed": command.seed,
         "n": command.n,
-        "robot": world.robot.name,
-        "scene": command.scene,
-        "falls_seed": fall_set.seed,
-        "falls_scene": fall_set.scene,
+        "robot": worlds[0].robot.name,
         "limit_by": limit.by,
         "trial": perturbation.label,
-        **summarize_rollouts(fall_set.falls, rollouts, CLASSES),
+        "cases": cases,
     }
     write_json(to_json(figures), command.json)
-    console_for(command.json).print(_tabulate(figures))
+    console = console_for(command.json)
+    for label, case in cases.items():
+        console.print(_tabulate(f"{figures['policy']}, {label}: {figures['trial']}", case))
     return DID_IT
+
+
+def _list_styles(command: Evaluate, policy: OnnxPolicy) -> list[str | None]:
+    """List the styles to follow; one ``None`` for a policy without style curves."""
+    if policy.contract.style is None:
+        if command.style is not None:
+            raise BadInputError(
+                f"--style is {command.style}, expected none: policy '{command.policy}' follows no "
+                "style curves"
+            )
+        return [None]
+    return list((command.style or NEAREST).split(","))
+
+
+def _make_choice(
+    policy: OnnxPolicy, world: World, style: str | None, falls: FallSet, seed: int
+) -> Callable[[int, Array], StyleCurves] | None:
+    """Make what chooses the curves of each rise by its number and the features at its start."""
+    if style is None:
+        return None
+    if style == PLANNED:
+        curves = _plan_curves(world, falls, seed)
+        nearest = load_any_style(policy.robot)
+        return lambda row, features: curves[row] or nearest.choose(features)
+    with refusing():
+        robot = policy.robot
+        given = load_any_style(robot) if style == NEAREST else load_style(style, robot)
+    return lambda _row, features: given.choose(features)
+
+
+def _plan_curves(world: World, falls: FallSet, seed: int) -> list[StyleCurves | None]:
+    """Plan a motion for each fall, and read its curves; ``None`` where no plan stands."""
+    planner = PlannedRise(world)
+    found: list[StyleCurves | None] = []
+    with counting("plans", len(falls.falls)) as count:
+        for number, fall in enumerate(falls.falls):
+            plan = planner.plan(fall.posture, np.random.default_rng([seed, number]))
+            is_rise = isinstance(plan, MotionPlan) and plan.motion.rises
+            found.append(read_curves(world.robot, plan.motion) if is_rise else None)
+            count(1)
+    return found
 
 
 def _check_physics(command: Evaluate, policy: OnnxPolicy) -> None:
@@ -107,8 +179,9 @@ def _find_falls(command: Evaluate, world: World) -> FallSet:
     return falls
 
 
-def _tabulate(figures: dict[str, Any]) -> Table:
-    table = Table(f"{figures['policy']}: {figures['trial']}", *FIGURES, box=None)
+def _tabulate(title: str, figures: dict[str, Any]) -> Table:
+    names = FIGURES + (STYLE_FIGURES if figures["style"] else ())
+    table = Table(title, *names, box=None)
     for name, row in (*figures["classes"].items(), ("all", figures["all"])):
-        table.add_row(name, *(format_figure(row[figure]) for figure in FIGURES))
+        table.add_row(name, *(format_figure(row[figure]) for figure in names))
     return table

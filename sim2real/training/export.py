@@ -18,7 +18,7 @@ from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
 from humanoid_getup.policy.contract import PolicyContract
-from humanoid_getup.policy.observation import list_terms
+from humanoid_getup.policy.observation import StyleInput, list_terms, mirror_of_observation
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
 from robots import Robot
@@ -26,7 +26,10 @@ from robots.files import atomic_path
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import TrainingRecord
 from sim2real.training.ppo import AVERAGE
-from sim2real.training.runner import build_config
+from sim2real.training.runner import Mirrors, build_config
+from sim2real.training.styled_network import StyledNetwork
+from sim2real.training.styled_training import load_head
+from sim2real.training.symmetric_model import BothSides, SymmetricModel
 
 OPSET = 18
 SAMPLES = 1000  # observations on which torch and onnxruntime must agree
@@ -60,21 +63,34 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
             or holds NaN or infinity, or the written file does not act like the checkpoint.
     """
     action = training.recipe.choose_actions(robot)
-    if training.robot != robot.name or training.actions != action.names:
+    is_other = training.robot != robot.name
+    has_style = training.recipe.style is not None
+    head = load_head(robot, action, training.folder) if has_style and not is_other else None
+    outputs = head.names if head else action.names
+    if is_other or training.actions != outputs:
         raise ExportError(
             f"{training.folder}: trained for robot '{training.robot}' with actions "
-            f"{', '.join(training.actions)}; expected '{robot.name}' with {', '.join(action.names)}"
+            f"{', '.join(training.actions)}; expected '{robot.name}' with {', '.join(outputs)}"
         )
     checkpoint = read_checkpoint(training.folder / CHECKPOINT)
-    size = sum(term.size for term in list_terms(robot, action))
-    actor = rebuild_actor(training, size, action.size, checkpoint[AVERAGE])
+    style = StyleInput(memory=len(outputs)) if head else None
+    terms = list_terms(robot, action, style)
+    mirrors = None
+    if head is not None:
+        seen = mirror_of_observation(robot, head.mirror, style)
+        mirrors = (seen, seen, head.mirror)  # that of the critic, which is not rebuilt, is any
+    size = sum(term.size for term in terms)
+    actor = rebuild_actor(training, size, len(outputs), checkpoint[AVERAGE], mirrors)
+    network: Any = actor.as_onnx(verbose=False).to("cpu")
+    if head is not None:
+        network = StyledNetwork(network, terms, action, head.prior)
     iterations = int(checkpoint["iter"]) + 1
     provenance = training.provenance | {"iterations": iterations}
-    contract = PolicyContract.of(robot, action, robot.control_period, provenance)
+    contract = PolicyContract.of(robot, action, robot.control_period, provenance, style)
     file.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(file) as partial:
-        _write(actor, contract, partial)
-        difference = _compare(actor, partial, robot)
+        _write(network.eval(), size, contract, partial)
+        difference = _compare(network, _sample_observations(actor), partial, robot)
         bytes_written = partial.stat().st_size
         if bytes_written > MOST_BYTES:
             raise ExportError(
@@ -84,17 +100,22 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
 
 
 def rebuild_actor(
-    training: TrainingRecord, observation_size: int, action_size: int, weights: dict[str, Any]
+    training: TrainingRecord,
+    observation_size: int,
+    action_size: int,
+    weights: dict[str, Any],
+    mirrors: Mirrors | None = None,
 ) -> MLPModel:
     """Build the trained actor without its environment.
 
     Raises:
         ExportError: if the weights are of another network, or not finite.
     """
-    config = build_config(training.recipe, training.seed)
+    config = build_config(training.recipe, training.seed, mirrors)
     actor_config = {key: value for key, value in config["actor"].items() if key != "class_name"}
     example = TensorDict({"policy": torch.zeros(1, observation_size)}, batch_size=[1])
-    actor = MLPModel(example, config["obs_groups"], "actor", action_size, **actor_config)
+    model = SymmetricModel if mirrors else MLPModel
+    actor = model(example, config["obs_groups"], "actor", action_size, **actor_config)
     file = training.folder / CHECKPOINT
     try:
         actor.load_state_dict(weights)
@@ -107,17 +128,15 @@ def rebuild_actor(
     return actor.eval()
 
 
-def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
-    network: Any = actor.as_onnx(verbose=False).to("cpu").eval()
-    (example,) = network.get_dummy_inputs()
+def _write(network: Any, size: int, contract: PolicyContract, file: Path) -> None:
     with _quiet():
         torch.onnx.export(
             network,
-            (example.repeat(2, 1),),  # a batch of one would fix the batch size
+            (torch.zeros(2, size),),  # a batch of one would fix the batch size
             str(file),
             opset_version=OPSET,
-            input_names=network.input_names,
-            output_names=network.output_names,
+            input_names=["obs"],
+            output_names=["actions", "memory"] if contract.style else ["actions"],
             dynamic_shapes={"x": {0: torch.export.Dim("robots")}},
             external_data=False,
             dynamo=True,
@@ -129,23 +148,31 @@ def _write(actor: MLPModel, contract: PolicyContract, file: Path) -> None:
     file.write_bytes(seal_model(model.SerializeToString()))
 
 
-def _compare(actor: MLPModel, file: Path, robot: Robot) -> float:
-    """Compare the file with its actor; return the largest difference of actions.
+def _sample_observations(actor: MLPModel) -> torch.Tensor:
+    """Draw observations as an actor is used to, (N, size)."""
+    normalizer: Any = actor.obs_normalizer
+    if isinstance(normalizer, BothSides):
+        normalizer = normalizer.normalizer
+    noise = torch.randn(SAMPLES, actor.obs_dim, generator=torch.Generator().manual_seed(0))
+    return normalizer.mean + noise * normalizer.std
+
+
+def _compare(network: Any, seen: torch.Tensor, file: Path, robot: Robot) -> float:
+    """Compare the file with its network; return the largest difference of actions and memory.
 
     Raises:
         ExportError: if they differ, or the file cannot be run.
     """
-    normalizer: Any = actor.obs_normalizer
-    noise = torch.randn(SAMPLES, actor.obs_dim, generator=torch.Generator().manual_seed(0))
-    seen = (normalizer.mean + noise * normalizer.std).numpy()
     with torch.no_grad():
-        wanted = actor(TensorDict({"policy": torch.from_numpy(seen)}, batch_size=[SAMPLES])).numpy()
+        found = network(seen)
+    wanted = [values.numpy() for values in (found if isinstance(found, tuple) else (found,))]
     try:
         OnnxPolicy.load(file, robot, robot.control_period)
     except PolicyError as error:
         raise ExportError(f"the written policy cannot be run: {error}") from error
-    network = OnnxNetwork(file)
-    difference = float(np.abs(network(seen) - wanted).max())
+    given = OnnxNetwork(file)(seen.numpy())
+    pairs = zip(given, wanted, strict=False)  # a network without memory has no second output
+    difference = max(float(np.abs(one - other).max()) for one, other in pairs)
     if not difference <= PARITY:
         raise ExportError(
             f"torch and onnxruntime differ by {difference:.1e}, expected at most {PARITY:.0e}"

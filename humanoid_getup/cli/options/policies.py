@@ -68,8 +68,13 @@ class Evaluate(TorqueOptions, WorldOptions):
     """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
 
     policy: Positional[PolicyName]
+    scene: Annotated[str, arg(metavar="SCENE,...")] = "flat"
+    """Names of scenes, see `getup scenes`, or scene files (.toml), with commas between them."""
+    style: Annotated[str | None, arg(metavar="STYLE,...")] = None
+    """Styles that a policy with style curves follows, with commas between them: names, files, or
+    planned for the curves of a motion that is planned for each fall; default: the nearest."""
     n: Annotated[int, at_least(4, step=4)] = 1000
-    """Number of falls, equally many of each class."""
+    """Number of falls in each scene, equally many of each class."""
     falls: Annotated[Path | None, arg(metavar="FILE")] = None
     """File of falls: read if it exists, else written."""
     delay: Annotated[float, between(0.0, 60.0, "ms"), arg(metavar="MS")] = 0.0

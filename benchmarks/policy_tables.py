@@ -119,8 +119,17 @@ def main(options: Options) -> None:
 
     def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[PolicyRollouts]:
         action, act = policy.action, policy.act
+        style = policy.style
         return evaluate_policy(
-            robot, action, act, starts, trial, options.seed, threads=options.threads
+            robot,
+            action,
+            act,
+            starts,
+            trial,
+            options.seed,
+            style=policy.contract.style,
+            choose_style=(lambda _, features: style.choose(features)) if style else None,
+            threads=options.threads,
         )
 
     def measure(key: str, compute: Callable[[], dict[str, Any]]) -> None:

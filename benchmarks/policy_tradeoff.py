@@ -64,7 +64,10 @@ def load_cases(files: tuple[Path, ...]) -> dict[str, dict[str, Any]]:
     cases: dict[str, dict[str, Any]] = {}
     for file in files:
         record = json.loads(file.read_text("utf-8"))
-        cases |= record.get("cases") or {record["policy"]: record["all"]}
+        if record["name"] == "eval":
+            (cases[record["policy"]],) = (case["all"] for case in record["cases"].values())
+        else:
+            cases |= record["cases"]
     return cases
 
 

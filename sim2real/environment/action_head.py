@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from humanoid_getup.policy.action import ActionSpec
-from humanoid_getup.policy.observation import UPRIGHT, Mirror
+from humanoid_getup.policy.observation import UPRIGHT, Mirror, mirror_of_actions
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.pose_prior.pose_prior import PosePrior
@@ -60,7 +60,7 @@ class DirectHead:
 
     def __init__(self, robot: Robot, action: ActionSpec) -> None:
         self.names = action.names
-        self.mirror = Mirror(np.arange(action.size), action.mirror_sign(robot))
+        self.mirror = mirror_of_actions(robot, action)
 
     def act(
         self, outputs: Array, _memory: Array, _wanted: Array, _measured: Array

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from humanoid_getup.style.curves import LEAST_END, StyleCurves
+from humanoid_getup.style.curves import StyleCurves
 from robots import Robot
 from robots.kinematics import mirror_positions, place_postures
 from robots.quaternion import Array
@@ -39,11 +39,12 @@ def build_library(
     mirrored = mirror_positions(robot, model, placed)
     for rise in range(len(rises)):
         first, end = int(rises.first[rise]), int(rises.first[rise + 1])
-        if is_held_out(rise) or rises.features[end - 1, 0] < LEAST_END:
+        if is_held_out(rise) or not LEAST_DURATION <= rises.duration(rise) <= LONGEST:
             continue
-        if not LEAST_DURATION <= rises.duration(rise) <= LONGEST:
+        try:
+            curve = rises.curves(rise)
+        except ValueError:  # it ends as it leans or squats, on the way to its stand
             continue
-        curve = rises.curves(rise)
         target = _resample(rises.joint_target[first:end])
         targets += [target, robot.mirror_joints(target)]
         for qpos, own in ((placed, curve), (mirrored, curve.mirrored())):

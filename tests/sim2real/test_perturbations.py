@@ -17,12 +17,13 @@ from sim2real.perturbations import (
     make_parameters,
     summarize_rollouts,
 )
-from sim2real.policy_evaluation import PolicyRollouts
+from sim2real.policy_evaluation import PolicyRollouts, remember_actions
 
 SHORT = 3.5  # s: a held stand and a little
 SIZE = choose_actions(load_robot("op3"), wide=True).size
 
 
+@remember_actions
 def idle(observations: np.ndarray) -> np.ndarray:
     return np.zeros((len(observations), SIZE))
 

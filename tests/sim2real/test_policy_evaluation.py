@@ -7,7 +7,7 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.kinematics import place
 from sim2real.environment.randomization import ObservationNoise
 from sim2real.environment.training_simulation import TrainingSim
-from sim2real.policy_evaluation import PolicyRollouts, roll_out_policy
+from sim2real.policy_evaluation import PolicyRollouts, remember_actions, roll_out_policy
 
 
 def test_a_robot_that_diverged_never_stood_and_the_others_did(
@@ -24,7 +24,7 @@ def test_a_robot_that_diverged_never_stood_and_the_others_did(
     def idle(observations: np.ndarray) -> np.ndarray:
         return np.zeros((len(observations), action.size))
 
-    rises = roll_out_policy(sim, action, idle, starts, duration=3.5, on_step=hit)
+    rises = roll_out_policy(sim, action, remember_actions(idle), starts, duration=3.5, on_step=hit)
     assert rises.stood.tolist() == [True, False, True]
     assert not rises.upright[1].any()
     assert rises.upright[[0, 2]].all()
@@ -88,7 +88,7 @@ def test_torque_is_that_of_the_way_up_and_speed_that_of_the_last_two_seconds(sto
 def roll_out(world, action, starts, policy, **options) -> PolicyRollouts:
     noise = ObservationNoise(gravity=0.05, gyro=0.05)
     sim = TrainingSim(world, len(starts), cycles=action.cycles, noise=noise, threads=1)
-    return roll_out_policy(sim, action, policy, starts, duration=0.3, **options)
+    return roll_out_policy(sim, action, remember_actions(policy), starts, duration=0.3, **options)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -156,7 +156,7 @@ def test_the_torque_limit_is_observed_and_the_last_positions_are_kept(op3, actio
         seen.append(observations[:, -1])
         return np.zeros((len(observations), action.size))
 
-    rollouts = roll_out_policy(sim, action, idle, falls[:2], duration=0.1)
+    rollouts = roll_out_policy(sim, action, remember_actions(idle), falls[:2], duration=0.1)
     np.testing.assert_array_equal(rollouts.qpos[:, -1], sim.qpos)
     share = min(2.05 / op3.max_torque.max(), action.pwm_limit)
     assert np.array(seen) == pytest.approx(np.full((len(seen), 2), share))

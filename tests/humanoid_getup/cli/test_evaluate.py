@@ -38,10 +38,16 @@ def test_eval_counts_every_class(policy: str, falls: str, tmp_path: Path):
     assert main(arguments) == 0
     figures = json.loads(out.read_text())
     assert (figures["name"], figures["policy"], figures["n"]) == ("eval", "idle", 4)
-    assert (figures["trial"], figures["falls_seed"]) == ("delay 0.02 s", 5)
+    (case,) = figures["cases"].values()
+    assert (figures["trial"], case["falls_seed"]) == ("delay 0.02 s", 5)
     for kind in CLASSES:
-        assert (figures["classes"][kind]["n"], figures["classes"][kind]["stood"]) == (1, 1)
-    assert figures["all"]["stood"] == 4
+        assert (case["classes"][kind]["n"], case["classes"][kind]["stood"]) == (1, 1)
+    assert case["all"]["stood"] == 4
+    assert (case["scene"], case["style"], case["all"]["height_error"]["median"]) == (
+        "flat",
+        None,
+        None,
+    )
 
 
 def test_all_that_is_wrong_is_told_at_once(policy: str, capsys: pytest.CaptureFixture[str]):

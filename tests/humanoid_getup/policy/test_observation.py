@@ -10,6 +10,7 @@ from humanoid_getup.policy.observation import (
     Sensed,
     compute_torque_share,
     list_terms,
+    mirror_of_actions,
     mirror_of_observation,
     observe,
 )
@@ -82,7 +83,10 @@ def test_every_term_is_where_the_list_says():
 
 
 def test_mirroring_twice_changes_nothing():
-    mirror, seen = mirror_of_observation(OP3, ACTION), observe_some(np.random.default_rng(2), 4)
+    mirror, seen = (
+        mirror_of_observation(OP3, mirror_of_actions(OP3, ACTION)),
+        observe_some(np.random.default_rng(2), 4),
+    )
     assert len(mirror.index) == SIZE
     assert not np.array_equal(mirror(seen), seen)
     assert np.array_equal(mirror(mirror(seen)), seen)
@@ -100,5 +104,5 @@ def test_lying_on_one_side_is_the_mirror_of_lying_on_the_other(op3: Robot):
         )
         return observe(op3, sensed, rest, np.zeros(ACTION.size), np.ones(1))
 
-    mirror = mirror_of_observation(op3, ACTION)
+    mirror = mirror_of_observation(op3, mirror_of_actions(op3, ACTION))
     assert mirror(lie(1.0, 2.0)) == pytest.approx(lie(-1.0, -2.0))

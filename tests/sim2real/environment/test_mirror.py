@@ -5,7 +5,6 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.policy.observation import mirror_of_observation
 from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
 
@@ -17,21 +16,23 @@ ASYMMETRY = 0.01
 class Pairs(StartPool):
     """Hands out its starts in order: a fall, and in the other half its mirror image."""
 
-    def draw(self, count, rng):
-        del rng
+    def draw(self, count, rng, highest=0):
+        del rng, highest
         return np.arange(count)
 
 
 def make_pairs(op3, action, qpos):
     options = EnvOptions(robots=len(qpos), falls=1.0, threads=1)
-    env = GetUpEnv(op3, action, Pairs(qpos, np.zeros(len(qpos))), options)
+    env = GetUpEnv(
+        op3, action, Pairs(qpos, np.zeros(len(qpos)), np.zeros(len(qpos), dtype=int)), options
+    )
     observation, info = env.reset(seed=0)
     return env, observation, info["critic"]
 
 
 def test_mirrored_falls_look_mirrored_to_actor_and_critic(op3, action, falls):
     env, seen, known = make_pairs(op3, action, falls)
-    mirror, critic = mirror_of_observation(op3, action), env.mirror_of_critic()
+    mirror, critic = env.mirror_of_observation(), env.mirror_of_critic()
     assert mirror(seen[:8]) == pytest.approx(seen[8:], abs=1e-5)
     assert critic(known[:8]) == pytest.approx(known[8:], abs=1e-5)
     assert np.abs(known[:8] - known[8:]).max() > 0.5
@@ -47,7 +48,7 @@ def test_mirrored_actions_have_mirrored_consequences(op3, action, world, falls):
     spread[[left, right]] += (-0.4, 0.4)  # the soles 0.28 m apart
     flying[:, op3.layout(world.model).qpos] = spread
     env, _, _ = make_pairs(op3, action, flying)
-    mirror, critic = mirror_of_observation(op3, action), env.mirror_of_critic()
+    mirror, critic = env.mirror_of_observation(), env.mirror_of_critic()
     sign, rng = action.mirror_sign(op3), np.random.default_rng(0)
     largest = 0.0
     for _ in range(6):

@@ -1,0 +1,136 @@
+"""Clips of motion capture are read for their style features."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from paths import SHARED
+
+from humanoid_getup.style.clips.acclaim import read_acclaim
+from humanoid_getup.style.clips.bvh import read_bvh
+from humanoid_getup.style.clips.clip import ClipError
+from humanoid_getup.style.curves import PLACES
+
+CMU = SHARED / "mocap" / "cmu"
+
+# A body of one meter to the hips, 50 cm from there to the neck; y is up, z is forward.
+SKELETON_BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT LeftUpLeg
+  {
+    OFFSET 10 0 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    JOINT LeftFoot
+    {
+      OFFSET 0 -100 0
+      CHANNELS 3 Zrotation Xrotation Yrotation
+      End Site
+      {
+        OFFSET 0 0 15
+      }
+    }
+  }
+  JOINT RightUpLeg
+  {
+    OFFSET -10 0 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    JOINT RightFoot
+    {
+      OFFSET 0 -100 0
+      CHANNELS 3 Zrotation Xrotation Yrotation
+    }
+  }
+  JOINT Neck
+  {
+    OFFSET 0 50 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+  }
+}
+MOTION
+Frames: {count}
+Frame Time: 0.05
+"""
+
+
+def write_bvh(file, frames):
+    rows = [" ".join(str(value) for value in [*frame, *[0.0] * 15]) for frame in frames]
+    file.write_text(SKELETON_BVH.replace("{count}", str(len(rows))) + "\n".join(rows) + "\n")
+    return file
+
+
+def test_a_body_that_stands_has_its_neck_at_one_and_a_torso_upright(tmp_path):
+    clip = read_bvh(write_bvh(tmp_path / "a.bvh", [(5, 100, 7, 0, 0, 0), (9, 100, 0, 0, 0, 40)]))
+    assert clip.measure_features() == pytest.approx(np.tile([1.0, *[math.pi / 2] * 2], (2, 1)))
+    assert clip.time == pytest.approx([0.0, 0.05])
+    assert clip.leg_length == pytest.approx(1.0)
+
+
+def test_a_body_that_lies_shows_where_its_front_and_side_point(tmp_path):
+    supine, left = (0, 10, 0, 0, -90, 0), (0, 10, 0, -90, 0, 0)
+    clip = read_bvh(write_bvh(tmp_path / "a.bvh", [supine, left, left]))
+    features = clip.measure_features()
+    assert features[0, 1:] == pytest.approx([math.pi / 2, 0.0], abs=1e-6)
+    assert features[1, 1:] == pytest.approx([0.0, math.pi / 2], abs=1e-6)
+    assert features[0, 0] < 0.2
+
+
+def test_z_may_point_up(tmp_path):
+    turned = (0, 0, 100, 0, 90, 0)  # y of the skeleton becomes z of the world
+    clip = read_bvh(write_bvh(tmp_path / "a.bvh", [turned, turned]))
+    up = replace(clip, up="z").joints["Neck"][0]
+    assert up == pytest.approx([0.0, 0.0, 150.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "fault"),
+    [
+        ("HIERARCHY", "HIERARCH", "HIERARCHY is missing"),
+        ("Frames: 2", "Frames: 3", "expected 3 frames of 21 numbers"),
+        ("OFFSET 10 0 0", "OFFSET 10 0 x", "could not convert"),
+        ("MOTION", "MOTIONS LESS", "it is not a BVH file"),
+        ("CHANNELS 6", "CHANGES 6", "unexpected 'CHANGES'"),
+    ],
+)
+def test_a_file_that_is_no_bvh_is_refused_in_one_line(tmp_path, before, after, fault):
+    file = write_bvh(tmp_path / "a.bvh", [(0, 100, 0, 0, 0, 0)] * 2)
+    file.write_text(file.read_text().replace(before, after))
+    with pytest.raises(ClipError) as caught:
+        read_bvh(file)
+    assert str(caught.value).startswith(f"clip {file}: ")
+    assert fault in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_body_without_the_needed_joints_is_named(tmp_path):
+    file = write_bvh(tmp_path / "a.bvh", [(0, 100, 0, 0, 0, 0)] * 2)
+    file.write_text(file.read_text().replace("JOINT Neck", "JOINT Tail"))
+    with pytest.raises(ClipError, match="it has no neck, expected a joint lowerneck, Neck"):
+        read_bvh(file).measure_features()
+
+
+@pytest.mark.skipif(not CMU.exists(), reason="needs the clips in ../shared/mocap")
+def test_features_of_a_real_clip_are_those_its_source_states():
+    clip = read_acclaim(CMU / "140_03.amc", CMU / "140.asf")
+    rising = clip.measure_features()[120:781]
+    sampled = np.array([np.interp(PLACES, np.linspace(0, 1, 661), column) for column in rising.T])
+    front = [69, 42, 28, 58, 96, 75, 98, 120, 123]
+    side = [159, 132, 112, 95, 99, 103, 104, 89, 97]
+    assert np.degrees(sampled[2]) == pytest.approx(front, abs=0.6)
+    assert np.degrees(sampled[1]) == pytest.approx(side, abs=0.6)
+    neck = clip.unit * clip.joints["lowerneck"][120:781:660, 1] - 0.037
+    assert neck == pytest.approx([0.15, 1.08], abs=0.005)
+    assert clip.leg_length == pytest.approx(0.772, abs=0.001)
+
+
+@pytest.mark.skipif(not CMU.exists(), reason="needs the clips in ../shared/mocap")
+def test_a_clip_of_another_skeleton_is_refused(tmp_path):
+    other = tmp_path / "other.asf"
+    other.write_text((CMU / "140.asf").read_text().replace("lfemur", "lthigh"))
+    with pytest.raises(ClipError, match=r"it is no AMC file of .*other\.asf"):
+        read_acclaim(CMU / "140_03.amc", other)
+    with pytest.raises(ClipError, match="it is not an ASF file"):
+        read_acclaim(CMU / "140_03.amc", CMU / "140_03.amc")

@@ -1,0 +1,118 @@
+"""Style curves pass their control points, rest at both ends, and are entered from a measurement."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from humanoid_getup.style.curves import BLEND_SHARE, PLACES, CurveTargets, StyleCurves
+from humanoid_getup.style.features import mirror_features
+
+UPRIGHT = [1.0, math.pi / 2, math.pi / 2]
+
+
+def make_points(inner: np.ndarray) -> np.ndarray:
+    """Make control points whose last is a stand, from shares of the ranges, (8, 3)."""
+    return np.concatenate([inner * [1.2, math.pi, math.pi], [UPRIGHT]])
+
+
+points_of_rises = arrays(float, (8, 3), elements=st.floats(0.0, 1.0)).map(make_points)
+durations = st.floats(0.1, 60.0)
+
+
+@given(points=points_of_rises, duration=durations)
+def test_curves_pass_their_control_points_at_equal_times(points, duration):
+    curves = StyleCurves.of(points, duration)
+    assert curves.sample(PLACES * duration) == pytest.approx(points, abs=1e-9)
+    assert curves.points == pytest.approx(points)
+
+
+@given(points=points_of_rises, duration=durations)
+def test_curves_begin_and_end_at_rest_and_hold_the_stand(points, duration):
+    curves, step = StyleCurves.of(points, duration), 1e-5 * duration
+    begin = curves.sample(np.array([0.0, step]))
+    end = curves.sample(np.array([duration - step, duration, 3.0 * duration]))
+    assert np.abs(np.diff(begin, axis=0)).max() < 1e-6
+    assert np.abs(np.diff(end, axis=0)).max() < 1e-6
+
+
+@given(points=points_of_rises)
+def test_between_control_points_curves_have_no_kink(points):
+    curves = StyleCurves.of(points, 8.0)  # a control point each second
+    step = 1e-4
+    for knot in range(1, 8):
+        around = curves.sample(knot + step * np.array([-2.0, -1.0, 0.0, 1.0, 2.0]))
+        slope = np.diff(around, axis=0) / step
+        assert np.abs(slope[1] - slope[2]).max() < 0.02
+
+
+@given(points=points_of_rises, time=st.floats(0.0, 5.0))
+def test_mirrored_curves_mirror_every_moment(points, time):
+    curves = StyleCurves.of(points, 4.0)
+    mirrored = curves.mirrored()
+    assert mirrored.sample(time) == pytest.approx(mirror_features(curves.sample(time)))
+    assert mirrored.mirrored().points == pytest.approx(points)
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"side": np.zeros(5)}, r"side has shape \(5,\), expected \(9,\)"),
+        ({"front": np.full(9, 4.0)}, "front is 4 rad at point 1, expected 0 to 3.142 rad"),
+        ({"side": np.full(9, np.nan)}, "side is nan rad at point 1"),
+        ({"neck_height": np.linspace(0.2, 0.8, 9)}, "neck_height ends at 0.8 of standing"),
+        ({"front": np.full(9, math.radians(120.0))}, "front ends at 120°, expected 75 to 105°"),
+        ({"duration": -2.0}, "duration is -2 s, expected above 0 s, at most 60 s"),
+        ({"duration": math.nan}, "duration is nan s"),
+    ],
+)
+def test_impossible_curves_cannot_be_made(change, fault):
+    right = np.full(9, math.pi / 2)
+    whole = {"neck_height": np.linspace(0.2, 1.0, 9), "side": right, "front": right, "duration": 2}
+    StyleCurves(**whole)
+    with pytest.raises(ValueError, match=fault):
+        StyleCurves(**(whole | change))
+
+
+def make_curves(begin: float, duration: float) -> StyleCurves:
+    height = np.linspace(begin, 1.0, 9)
+    right = np.full(9, math.pi / 2)
+    return StyleCurves(neck_height=height, side=right, front=right, duration=duration)
+
+
+def test_each_robot_enters_its_curves_from_what_it_measures_and_then_follows_them():
+    curves = [make_curves(0.2, 4.0), make_curves(0.3, 2.0)]
+    measured = np.array([[0.25, 1.2, 0.4], [0.31, 1.6, 2.0]])
+    targets = CurveTargets(2)
+    targets.enter(
+        np.arange(2),
+        np.array([curve.pieces for curve in curves]),
+        np.array([4.0, 2.0]),
+        measured,
+        np.zeros(2),
+    )
+    assert targets.at(np.zeros(2)) == pytest.approx(measured)
+    blended = np.array([4.0, 2.0]) * BLEND_SHARE
+    wanted = [curve.sample(time) for curve, time in zip(curves, blended, strict=True)]
+    assert targets.at(blended) == pytest.approx(np.array(wanted))
+    ahead = targets.at(np.array([[3.0, 9.0], [1.5, 9.0]]))  # two moments of each robot
+    assert ahead[0] == pytest.approx(curves[0].sample(np.array([3.0, 9.0])))
+    assert ahead[1] == pytest.approx(curves[1].sample(np.array([1.5, 9.0])))
+
+
+def test_a_robot_that_enters_late_leaves_the_others_alone():
+    curves, targets = make_curves(0.2, 4.0), CurveTargets(2)
+    both = np.array([curves.pieces, curves.pieces])
+    targets.enter(
+        np.arange(2), both, np.full(2, 4.0), np.tile([0.2, 1.5, 1.5], (2, 1)), np.zeros(2)
+    )
+    before = targets.at(np.full(2, 2.5))
+    targets.enter(
+        np.array([1]), both[:1], np.array([4.0]), np.array([[0.9, 1.0, 1.0]]), np.array([2.5])
+    )
+    after = targets.at(np.full(2, 2.5))
+    assert np.array_equal(after[0], before[0])
+    assert after[1] == pytest.approx([0.9, 1.0, 1.0])

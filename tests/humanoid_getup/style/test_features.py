@@ -1,0 +1,64 @@
+"""Features are the same for one robot and for many, and those of a simulation's kinematics."""
+
+import math
+
+import numpy as np
+import pytest
+
+from humanoid_getup.style.features import FeatureSense, level, mirror_features, torso_angles
+from robots import quaternion
+from robots.kinematics import lowest_points, place_postures, site_heights
+
+RIGHT = math.pi / 2
+
+
+@pytest.mark.parametrize(
+    ("gravity", "side", "front"),
+    [
+        ((0.0, 0.0, -1.0), RIGHT, RIGHT),  # standing
+        ((-1.0, 0.0, 0.0), RIGHT, 0.0),  # supine: the back is down
+        ((1.0, 0.0, 0.0), RIGHT, math.pi),  # prone
+        ((0.0, 1.0, 0.0), 0.0, RIGHT),  # on the left side: the right one points up
+        ((0.0, -1.0, 0.0), math.pi, RIGHT),
+    ],
+)
+def test_angles_say_how_a_robot_lies(gravity, side, front):
+    assert torso_angles(np.array(gravity)) == pytest.approx([side, front])
+
+
+def draw(robot, rng, count):
+    orientation = quaternion.normalize(rng.normal(size=(count, 4)))
+    return orientation, rng.uniform(robot.lower, robot.upper, (count, robot.n))
+
+
+def test_estimated_features_are_those_of_the_posture_on_level_ground(op3):
+    orientation, joint_pos = draw(op3, np.random.default_rng(0), 40)
+    model = op3.spec().compile()
+    qpos = place_postures(op3, model, np.zeros((40, 3)), orientation, joint_pos)
+    neck = site_heights(model, qpos, op3.neck_site) - lowest_points(model, qpos)
+    found = FeatureSense(op3, 40)(quaternion.gravity_in_body(orientation), joint_pos)
+    assert found[:, 0] == pytest.approx(neck / op3.standing_neck_height)
+    assert found[:, 1:] == pytest.approx(torso_angles(quaternion.gravity_in_body(orientation)))
+
+
+def test_one_robot_measures_to_the_bit_what_it_measures_among_many(op3):
+    orientation, joint_pos = draw(op3, np.random.default_rng(1), 6)
+    gravity = quaternion.gravity_in_body(orientation)
+    many, one = FeatureSense(op3, 6, threads=2)(gravity, joint_pos), FeatureSense(op3)
+    alone = [one(g[None], q[None])[0] for g, q in zip(gravity, joint_pos, strict=True)]
+    assert np.array_equal(many, np.array(alone))
+
+
+def test_mirrored_robots_measure_mirrored_features(op3):
+    orientation, joint_pos = draw(op3, np.random.default_rng(2), 30)
+    gravity, sense = quaternion.gravity_in_body(orientation), FeatureSense(op3, 30)
+    other = sense(gravity * [1.0, -1.0, 1.0], op3.mirror_joints(joint_pos))
+    assert other == pytest.approx(mirror_features(sense(gravity, joint_pos)), abs=0.02)
+
+
+def test_a_levelled_orientation_has_the_same_gravity():
+    gravity = np.random.default_rng(3).normal(size=(200, 3))
+    gravity /= np.linalg.norm(gravity, axis=1, keepdims=True)
+    assert quaternion.gravity_in_body(level(gravity)) == pytest.approx(gravity, abs=1e-6)
+    upside_down = level(np.array([0.0, 0.0, 1.0]))
+    assert np.isfinite(upside_down).all()

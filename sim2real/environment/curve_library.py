@@ -26,7 +26,11 @@ def is_held_out(rise: int) -> bool:
 
 
 def build_library(
-    robot: Robot, model: mujoco.MjModel, rises: RiseSet, authored: Sequence[StyleCurves] = ()
+    robot: Robot,
+    model: mujoco.MjModel,
+    rises: RiseSet,
+    authored: Sequence[StyleCurves] = (),
+    authored_share: float = 0.5,
 ) -> CurveLibrary:
     """Build the curves of a training: of rises and their mirror images, and authored ones."""
     curves: list[StyleCurves] = []
@@ -58,7 +62,8 @@ def build_library(
     return CurveLibrary.of(
         [*curves, *authored],
         np.array(targets),
-        (*sources, *[""] * len(authored)),
+        [*sources, *[""] * len(authored)],
+        authored_share,
         (np.array(states), np.array(rows), np.array(shares)),
     )
 

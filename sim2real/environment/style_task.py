@@ -17,9 +17,9 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.action_head import PriorHead
 from sim2real.environment.privileged_state import PrivilegedState
+from sim2real.pose_prior.rise_set import POLICY_SOURCE
 
 NEAR = np.radians(30.0)  # largest angle between a start and the beginning of a curve
-AUTHORED = 0.5  # of episodes, with authored curves instead of those of rises
 STAND_TIME = 3.0  # s that an episode goes on after its curve has ended
 LOST_REWARD = 0.1  # of the task, below which a robot has lost its curve
 LOST_TIME = 0.3  # s for which that, or the head on the ground, ends an episode
@@ -98,8 +98,10 @@ class CurveLibrary:
     joint_target: Array
     """Targets of the servos at equally spaced shares of the duration [rad], (C, K, n): those of
     the rise that a curve is of; NaN for authored curves."""
-    sources: tuple[str, ...]
-    """Where each curve's rise comes from; empty for authored curves, (C,)."""
+    is_planned: NDArray[np.bool_]
+    """Whether the targets are those of a motion, not of a policy, (C,)."""
+    authored: float
+    """Share of episodes with authored curves instead of those of rises."""
     state_qpos: Array
     """MuJoCo positions of the robot along the curves, (S, nq)."""
     state_curve: NDArray[np.int_]
@@ -111,16 +113,21 @@ class CurveLibrary:
     def of(
         curves: Sequence[StyleCurves],
         joint_target: Array,
-        sources: tuple[str, ...],
+        sources: Sequence[str],
+        authored: float,
         states: tuple[Array, NDArray[np.int_], Array],
     ) -> CurveLibrary:
-        """Make a library from curves, the targets of their rises, and states along them."""
+        """Make a library from curves, the targets and sources of their rises, and states along.
+
+        A source is empty for authored curves, of which a share of episodes takes one.
+        """
         return CurveLibrary(
+            authored=authored,
             pieces=np.array([curve.pieces for curve in curves]),
             duration=np.array([curve.duration for curve in curves]),
             is_stretched=np.isfinite(joint_target).all(axis=(1, 2)),
             joint_target=joint_target,
-            sources=sources,
+            is_planned=np.array([bool(s) and not s.startswith(POLICY_SOURCE) for s in sources]),
             state_qpos=states[0],
             state_curve=states[1],
             state_share=states[2],
@@ -144,7 +151,7 @@ class CurveLibrary:
         """Return the weight of an authored curve, if one of a rise has 1."""
         authored = int(np.sum(~self.is_stretched))
         rises = len(self.is_stretched) - authored
-        return AUTHORED / (1.0 - AUTHORED) * max(rises, 1) / max(authored, 1)
+        return self.authored / (1.0 - self.authored) * max(rises, 1) / max(authored, 1)
 
     def interpolate_targets(self, rows: NDArray[np.int_], share: Array) -> Array:
         """Interpolate the targets of curves at shares of their durations, (m,), as (m, n)."""

@@ -141,7 +141,7 @@ def _build(robot: Robot, arrays: dict[str, Array]) -> PosePrior:
     sizes = dict.fromkeys(VECTORS, COUNT)
     sizes |= {key: k for key in VECTORS if key.startswith("latent")}
     sizes |= {key: n for key in VECTORS if key.startswith("pos")}
-    vectors = {key: _finite(arrays, key, (size,)) for key, size in sizes.items()}
+    vectors = {key: to_numbers(arrays[key], key, (size,)) for key, size in sizes.items()}
     ends = {"encoder": (n + COUNT, 2 * k), "decoder": (k + COUNT, n)}
     networks = {name: _read_network(arrays, name, *ends[name]) for name in NETWORKS}
     return PosePrior(robot=robot, **vectors, **networks)
@@ -152,17 +152,11 @@ def _read_network(arrays: dict[str, Array], name: str, inputs: int, outputs: int
     sizes = [inputs, *hidden, outputs]
     pairs = [
         (
-            _finite(arrays, f"{name}_weight{i}", (sizes[i + 1], sizes[i])),
-            _finite(arrays, f"{name}_bias{i}", (sizes[i + 1],)),
+            to_numbers(arrays[f"{name}_weight{i}"], f"{name}_weight{i}", (sizes[i + 1], sizes[i])),
+            to_numbers(arrays[f"{name}_bias{i}"], f"{name}_bias{i}", (sizes[i + 1],)),
         )
         for i in range(LAYERS)
     ]
     weights, biases = zip(*pairs, strict=True)
     return Network(tuple(w.astype(np.float32) for w in weights), tuple(map(np.float32, biases)))
 
-
-def _finite(arrays: dict[str, Array], key: str, shape: tuple[int, ...]) -> Array:
-    values = to_numbers(arrays[key], key, shape)
-    if not np.isfinite(values).all():
-        raise ArchiveError(f"{key} is not finite")
-    return values

@@ -16,7 +16,7 @@ from sim2real.pose_prior.pose_prior import Network, PosePrior
 
 VARIANCE = 0.85  # share of the postures' variance that the latent parameters account for
 UNUSED = 1e9  # standard deviation of features that a plain autoencoder does not get
-LEAST_STD = 0.02  # rad, for joints that hardly move in the postures
+LEAST_STD = 0.02  # rad, for joints and features that hardly change in the postures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,8 @@ class Postures:
     @property
     def feature_std(self) -> Array:
         """Return the standard deviation of the same, (3,)."""
-        return np.sqrt(np.mean((self.features - self.feature_mean) ** 2, axis=0))
+        squares = np.mean((self.features - self.feature_mean) ** 2, axis=0)
+        return np.maximum(np.sqrt(squares), LEAST_STD)
 
 
 def count_latents(postures: Postures) -> Array:

@@ -23,16 +23,14 @@ class StyleRecipe:
 
     falls: float = 0.5
     """Share of episodes that start with a settled fall."""
+    authored: float = 0.5
+    """Share of episodes with named styles; the others take the curves of rises."""
     motions: float = 0.4
     """Share that starts along a rise; the rest starts standing."""
     terrain: bool = True
     """Whether robots leave flat ground as they succeed."""
     terrain_falls: int = 256
     """Settled falls on each patch of the terrain."""
-    imitates: bool = True
-    """Whether the policy begins by imitating rises."""
-    uses_prior: bool = True
-    """Whether its postures come from the pose prior; else they are joint angles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +96,20 @@ ONWARD = Recipe(
     most_std=0.45,
     lift=0.3,
 )
+# What it imitates is spoilt by more noise, and by larger steps at first.
+STYLED = Recipe(
+    rewards="styled",
+    randomization="torque",
+    wide=True,
+    iterations=1500,
+    hidden=(256, 256),
+    entropy=0.0,
+    first_std=0.2,
+    most_std=0.5,
+    learning_rate=5e-5,
+    lift=0.2,
+    style=StyleRecipe(falls=0.4, motions=0.5, authored=0.25, terrain=False),
+)
 RECIPES = {
     "quick": Recipe(rewards="quick", randomization="torque", wide=False, iterations=500),
     "robust": ONWARD,
@@ -106,19 +118,12 @@ RECIPES = {
     "gentle": replace(
         ONWARD, rewards="gentle", randomization="mild", iterations=400, pwm_limit=0.55
     ),
-    # What it imitates is spoilt by more noise, and by larger steps at first.
-    "styled": Recipe(
-        rewards="styled",
+    "styled-quick": STYLED,
+    "styled": replace(
+        STYLED,
         randomization="mild",
-        wide=True,
-        iterations=4000,
-        hidden=(256, 256),
-        entropy=0.0,
-        first_std=0.2,
-        most_std=0.5,
-        learning_rate=5e-5,
-        lift=0.2,
-        style=StyleRecipe(),
+        iterations=6000,
+        style=StyleRecipe(falls=0.6, motions=0.3, authored=0.5, terrain=True),
     ),
 }
 

@@ -1,14 +1,15 @@
-"""Imitation: before it explores, a policy learns what planned motions and other policies do.
+"""Imitation: before it explores, a policy learns what planned motions do.
 
-Experts move the robots of the training environment along the rises that the curves are of, under
-its domain randomization; what the policy would observe is stored with the outputs that lead to
-the expert's targets. Then the policy itself moves them, and the experts say what would have been
-right ([Ross11], DAgger).
+Robots replay the motions in the training environment under its domain randomization; what the
+policy would observe is stored with the outputs that lead to the motion's next targets. Then the
+policy itself moves them, and learns what would have led back to the motion ([Ross11], DAgger).
+
+Rises of policies are not imitated: their actions are rates, small against the errors of a network
+that has to yield whole postures, and what was learned of them did not stand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from tensordict import TensorDict
 
 from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.training.experts import Expert, find_experts
+from sim2real.environment.style_task import StyleTask
 from sim2real.training.rsl_rl_env import RslEnv
 
 STEPS = 200  # policy steps of each part
@@ -43,12 +44,11 @@ def imitate(actor: MLPModel, env: RslEnv, rng: np.random.Generator) -> list[floa
     task = env.env.style
     if task is None:
         raise ValueError("rises are imitated along style curves, expected an environment with them")
-    experts = find_experts(env.env, task)
     examples: list[Example] = []
     losses = []
     optimizer = torch.optim.Adam(actor.mlp.parameters(), lr=LEARNING_RATE)
     for part in range(PARTS):
-        examples += _collect(actor, env, experts, rng, is_replayed=part == 0)
+        examples += _collect(actor, env, task, rng, is_replayed=part == 0)
         losses.append(_fit(actor, env, examples, optimizer, is_first=part == 0))
     return losses
 
@@ -56,14 +56,14 @@ def imitate(actor: MLPModel, env: RslEnv, rng: np.random.Generator) -> list[floa
 def _collect(
     actor: MLPModel,
     env: RslEnv,
-    experts: Sequence[Expert],
+    task: StyleTask,
     rng: np.random.Generator,
     *,
     is_replayed: bool,
 ) -> list[Example]:
     examples = []
     for _ in range(STEPS):
-        outputs, known = _ask(env.env, experts)
+        outputs, known = find_outputs(env.env, task)
         observed = env.get_observations()["policy"]
         rows = torch.from_numpy(np.flatnonzero(known))
         wanted = torch.as_tensor(outputs, dtype=torch.float32)
@@ -77,17 +77,17 @@ def _collect(
     return examples
 
 
-def _ask(env: GetUpEnv, experts: Sequence[Expert]) -> tuple[Array, NDArray[np.bool_]]:
-    """Compute the outputs (N, m) that lead to the experts' targets, and whose are known, (N,)."""
-    wanted = np.tile(env.robot.standing.joint_pos, (env.num_envs, 1))
-    known = np.zeros(env.num_envs, dtype=bool)
-    for expert in experts:
-        targets, is_known = expert.find_targets()
-        wanted[is_known], known = targets[is_known], known | is_known
-    task = env.style
-    assert task is not None
+def find_outputs(env: GetUpEnv, task: StyleTask) -> tuple[Array, NDArray[np.bool_]]:
+    """Find the outputs (N, m) that lead to the next targets of each robot's motion.
+
+    Only some curves are those of a motion whose targets are known: which, is (N,).
+    """
+    share = (task.guide.time + env.step_time) / task.guide.duration
+    target = task.library.interpolate_targets(task.row, share)
+    known = task.library.is_planned[task.row]
+    target = np.where(known[:, None], target, env.robot.standing.joint_pos)
     guide = task.guide
-    return task.head.invert(wanted, env.memory, guide.wanted, guide.features), known
+    return task.head.invert(target, env.memory, guide.wanted, guide.features), known
 
 
 def _fit(

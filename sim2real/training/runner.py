@@ -19,7 +19,7 @@ from sim2real.training.checkpoint import (
     restore_like,
     write_checkpoint,
 )
-from sim2real.training.config import STEPS, Recipe, TrainingRecord
+from sim2real.training.config import STEPS, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.imitation import imitate
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
@@ -68,6 +68,8 @@ class TrainingRunner(OnPolicyRunner):
         """
         state = read_checkpoint(self._file, self.device)
         self.alg.load(state, None, True)
+        if self.env.env.style is not None:
+            self.freeze_normalizers()
         self.current_learning_iteration = state["iter"] + 1
         if not self._process.leads:
             return
@@ -80,11 +82,23 @@ class TrainingRunner(OnPolicyRunner):
         self.logger.tot_timesteps, self.logger.tot_time = state["timesteps"], state["time"]
 
     def inherit(self, parent: Path) -> None:
-        """Start with the networks of another training, extended to this one's actions."""
+        """Start with the networks of another training, extended to this one's actions.
+
+        A policy with style curves has the same outputs before and after.
+        """
         state = read_checkpoint(parent / CHECKPOINT, self.device)
-        before = TrainingRecord.load(parent).actions
-        networks = extend_actions(state, self.env.env.terms, before, self.env.env.action)
+        before, env = TrainingRecord.load(parent).actions, self.env.env
+        if env.style is None:
+            state = extend_actions(state, env.terms, before, env.action)
+        elif before != env.head.names:
+            raise TrainingFolderError(
+                f"{parent} is a training with outputs {', '.join(before)}; expected "
+                f"{', '.join(env.head.names)}"
+            )
+        networks = {name: state[name] for name in ("actor_state_dict", "critic_state_dict")}
         self.alg.load(networks, {"actor": True, "critic": True}, True)
+        if env.style is not None:
+            self.freeze_normalizers()
 
     def imitate(self, seed: int) -> list[float]:
         """Let a new policy imitate rises, and the critic judge it; return the losses.

@@ -66,6 +66,7 @@ def build_style_task(
     folder: Path,
     *,
     robots: int,
+    authored: float,
     threads: int,
 ) -> StyleTask:
     """Build the task of a training from the files in its folder.
@@ -74,7 +75,7 @@ def build_style_task(
         ValueError: if they are not of this robot.
     """
     rises = RiseSet.load(folder / RISES, robot)
-    library = build_library(robot, model, rises, list(list_authored(robot)))
+    library = build_library(robot, model, rises, list(list_authored(robot)), authored)
     return StyleTask(robot, robots, library, load_head(robot, action, folder), threads)
 
 

@@ -98,7 +98,7 @@ def train(
     action = recipe.choose_actions(robot)
     outputs = action.names
     if recipe.style is not None:
-        keep_prior(prior, folder)
+        keep_prior(prior or parent, folder)
         outputs = load_head(robot, action, folder).names
     if process.leads:
         write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs)
@@ -114,14 +114,11 @@ def train(
         mirrors = env.env.mirrors if recipe.style else None
         config = build_config(recipe, seed, mirrors)
         runner = TrainingRunner(env, config, folder, device, process)
-        imitates = recipe.style is not None and recipe.style.imitates
         if (folder / CHECKPOINT).exists():
             runner.resume()
-            if imitates:
-                runner.freeze_normalizers()
         elif parent is not None:
             runner.inherit(parent)
-        elif imitates:
+        elif recipe.style is not None:
             runner.imitate(seed)
         iteration_log.resume(runner.current_learning_iteration)
         left = recipe.iterations - runner.current_learning_iteration
@@ -148,7 +145,9 @@ def build_env(
         x, y = terrain.flat_center
         options = replace(options, scene=terrain.scene, origin=(float(x), float(y)))
     model = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP).model
-    task = build_style_task(robot, model, action, folder, robots=recipe.robots, threads=threads)
+    task = build_style_task(
+        robot, model, action, folder, robots=recipe.robots, authored=style.authored, threads=threads
+    )
     return GetUpEnv(robot, action, pool, options, task)
 
 

@@ -26,12 +26,12 @@ class Train(RobotOption):
 
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for checkpoint, progress and TensorBoard files."""
-    recipe: Literal["quick", "robust", "gentle", "styled"] = "quick"
+    recipe: Literal["quick", "robust", "gentle", "styled-quick", "styled"] = "quick"
     """Training recipe."""
     parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
     """Folder of a training whose policy is the initial one; default: random weights."""
     prior: Annotated[Path | None, arg(metavar="DIR")] = None
-    """Folder of a pose prior, see `getup prior`; recipe styled needs it at first."""
+    """Folder of a pose prior, see `getup prior`, for a training with style curves."""
     seed: Seed = 0
     threads: Annotated[int, at_least(0)] = 0
     """Threads that step physics; 0: all of the machine."""

@@ -1,0 +1,223 @@
+"""Rewards, curves and ends of a training with style curves."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from humanoid_getup.policy.action import build_posture_spec
+from humanoid_getup.style.style_file import load_any_style
+from robots import Robot
+from sim2real.environment.action_head import PriorHead, find_calm
+from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
+from sim2real.environment.initial_states import StartPool
+from sim2real.environment.rewards import REWARDS
+from sim2real.environment.style_task import (
+    GRACE,
+    HEAD_UP,
+    LOST_TIME,
+    NEAR,
+    CurveLibrary,
+    StyleTask,
+    reward_style,
+)
+from sim2real.pose_prior.pose_prior import Network, PosePrior
+
+RIGHT = np.pi / 2
+STEP = 0.048  # s
+SAMPLES = 5
+
+
+def make_prior(robot: Robot, latents: int = 3) -> PosePrior:
+    """Make a prior of random weights whose first latent alone is antisymmetric."""
+    rng = np.random.default_rng(0)
+
+    def layers(*sizes: int) -> Network:
+        pairs = list(zip(sizes[1:], sizes[:-1], strict=True))
+        weights = tuple(rng.normal(0.0, b**-0.5, (a, b)).astype(np.float32) for a, b in pairs)
+        return Network(weights, tuple(np.zeros(a, dtype=np.float32) for a, _ in pairs))
+
+    return PosePrior(
+        robot=robot,
+        latent_sign=np.array([-1.0, *[1.0] * (latents - 1)]),
+        latent_mean=np.zeros(latents),
+        latent_std=np.full(latents, 0.5),
+        pos_mean=robot.standing.joint_pos,
+        pos_std=np.full(robot.n, 0.3),
+        feature_mean=np.array([0.6, RIGHT, RIGHT]),
+        feature_std=np.array([0.3, 0.5, 0.5]),
+        encoder=layers(robot.n + 3, 16, 16, 2 * latents),
+        decoder=layers(latents + 3, 16, 16, robot.n),
+    )
+
+
+def make_library(robot: Robot, states: np.ndarray) -> CurveLibrary:
+    """Make a library of the named styles and, of the first two, known rises."""
+    curves = list(load_any_style(robot).curves)
+    target = np.full((len(curves), SAMPLES, robot.n), np.nan)
+    target[:2] = robot.standing.joint_pos
+    sources = ["planned: one", "policy: two", *[""] * (len(curves) - 2)]
+    row, share = np.zeros(len(states), dtype=int), np.linspace(0.0, 1.0, len(states))
+    return CurveLibrary.of(curves, target, sources, 0.5, (states, row, share))
+
+
+@pytest.fixture
+def head(op3: Robot) -> PriorHead:
+    return PriorHead(build_posture_spec(op3), make_prior(op3))
+
+
+@pytest.fixture
+def env(op3: Robot, pool: StartPool, head: PriorHead) -> GetUpEnv:
+    robots = 12
+    options = EnvOptions(
+        robots=robots,
+        rewards=REWARDS["styled"],
+        falls=0.5,
+        motions=0.25,
+        ends_early=0.0,
+        threads=1,
+    )
+    task = StyleTask(op3, robots, make_library(op3, pool.qpos[:4]), head, threads=1)
+    made = GetUpEnv(op3, head._action, pool, options, task)
+    made.reset(seed=0)
+    return made
+
+
+def reward(height=0.0, side=0.0, front=0.0, *, wanted=0.5, speed=0.0, away=0.0, offset=0.0):
+    target = np.array([[wanted, RIGHT, RIGHT]])
+    return reward_style(
+        target + np.array([[height, side, front]]),
+        target,
+        np.array([[speed, 0.0]]),
+        np.array([[away, away]]),
+        np.full((1, 20), offset),
+    )
+
+
+def test_the_reward_is_that_of_the_paper_by_hand():
+    assert reward().total == pytest.approx([1.0])
+    assert reward(height=-0.2).total == pytest.approx([np.exp(-0.5)])  # 2.5 per neck height
+    assert reward(side=0.2, front=-0.4).total == pytest.approx([np.exp(-0.9)])  # equation (6)
+    # While the curve asks for half the height, (8) is exp(-10): speed and posture do not count.
+    assert reward(speed=9.0, away=2.0).task == pytest.approx([1.0], abs=1e-4)
+    # At the end it is 1: (7) is exp(-0.05 |w|), (9) is exp(-0.1 sum |q|).
+    assert reward(wanted=1.0, speed=9.0).task == pytest.approx([np.exp(-0.45)])
+    assert reward(wanted=1.0, away=2.0).task == pytest.approx([np.exp(-0.4)])
+    # (3): the naturalness falls with the square of the mean offset, to 0 at 0.2 rad.
+    assert reward(offset=0.1).natural == pytest.approx([0.75])
+    assert reward(offset=0.5).total == pytest.approx([0.0])
+
+
+def test_outputs_that_lead_to_a_posture_lead_there(op3, head):
+    """Through the filter, within what outputs reach."""
+    rng = np.random.default_rng(0)
+    wanted, fallen = rng.uniform(0.4, 1.6, (5, 3)), np.tile([0.3, 0.4, RIGHT], (5, 1))
+    memory = rng.normal(0.0, 0.3, (5, len(head.names)))
+    posture = head.prior.decode(rng.normal(size=(5, 3)), wanted)
+    posture = posture + rng.normal(0.0, 0.02, posture.shape)
+    spec = head._action
+    for _ in range(12):
+        outputs = head.invert(posture, memory, wanted, fallen)
+        action, memory = head.act(outputs, memory, wanted, fallen)
+    assert spec.home + spec.scale * action == pytest.approx(posture, abs=1e-3)
+    memory = head.remember(posture, wanted, fallen)
+    resting, _ = head.act(memory, memory, wanted, fallen)
+    assert spec.home + spec.scale * resting == pytest.approx(posture, abs=1e-3)
+
+
+def test_mirrored_outputs_lead_to_mirrored_actions(op3, head):
+    rng = np.random.default_rng(1)
+    outputs, memory = rng.normal(size=(2, 6, len(head.names)))
+    flip = np.array([1.0, -1.0, 1.0])
+    wanted, measured = rng.uniform(0.2, 2.0, (2, 6, 3))
+    away = np.array([0.0, 2.0 * RIGHT, 0.0])
+    action, after = head.act(outputs, memory, wanted, measured)
+    other, mirrored = head.act(
+        head.mirror(outputs), head.mirror(memory), away + flip * wanted, away + flip * measured
+    )
+    assert mirrored == pytest.approx(head.mirror(after))
+    assert other == pytest.approx(op3.mirror_joints(action), abs=1e-5)
+
+
+def test_outputs_count_less_for_a_robot_that_stands():
+    measured = np.array([[1.0, RIGHT, RIGHT], [0.9, RIGHT, RIGHT], [0.3, RIGHT, 0.0]])
+    assert find_calm(measured)[:, 0] == pytest.approx([0.2, 0.5, 1.0])
+
+
+def test_curves_are_drawn_among_those_that_begin_near(op3, pool):
+    library, rng = make_library(op3, pool.qpos[:4]), np.random.default_rng(2)
+    supine = np.tile([0.3, RIGHT, 0.3], (400, 1))
+    drawn = library.starts[library.draw_near(supine, rng)]
+    assert np.abs(drawn[:, 1:] - supine[:, 1:]).max() <= NEAR
+    upside_down = np.tile([0.9, RIGHT + 1.2, RIGHT - 0.4], (3, 1))
+    assert len(set(library.draw_near(upside_down, rng).tolist())) == 1  # the nearest of all
+
+
+def test_named_styles_are_drawn_as_often_as_asked(op3, pool):
+    library, rng = make_library(op3, pool.qpos[:4]), np.random.default_rng(3)
+    object.__setattr__(library, "pieces", np.tile(library.pieces[:1], (9, 1, 1, 1)))
+    drawn = library.draw_near(np.tile(library.starts[0], (2000, 1)), rng)
+    assert np.mean(drawn >= 2) == pytest.approx(0.5, abs=0.05)
+    durations = library.draw_durations(drawn, rng)
+    assert np.ptp(durations[drawn == 0]) > 0.5  # those of rises are stretched
+    assert np.ptp(durations[drawn == 3]) == 0.0
+
+
+def test_a_robot_that_loses_its_curve_ends_its_episode_after_a_while(env):
+    task = env.style
+    ends = []
+    lost = SimpleNamespace(task=np.where(np.arange(12) == 4, 0.05, 0.5))
+    state = SimpleNamespace(head_contact=np.zeros(12, dtype=bool))
+    for step in range(1, 40):
+        task.advance(STEP)
+        ends.append(task.find_lost(lost, state, STEP))
+        if ends[-1].any():
+            break
+    assert np.flatnonzero(ends[-1]).tolist() == [4]
+    assert step * STEP == pytest.approx(max(LOST_TIME, GRACE), abs=1.01 * STEP)
+
+
+def test_a_head_on_the_ground_counts_once_the_neck_should_be_up(env):
+    task = env.style
+    fine = SimpleNamespace(task=np.ones(12))
+    down = SimpleNamespace(head_contact=np.ones(12, dtype=bool))
+    early = [row for row in range(12) if task.guide.wanted[row, 0] < HEAD_UP]
+    assert early
+    for _ in range(8):
+        task.guide.time[early] = 0.0
+        task.advance(STEP)
+        lost = task.find_lost(fine, down, STEP)
+    assert not lost[early].any()
+    for _ in range(120):
+        task.advance(STEP)
+        lost = task.find_lost(fine, down, STEP)
+    assert lost.all()
+
+
+def test_an_interrupted_environment_goes_on_to_the_bit(op3, env, pool, head):
+    rng = np.random.default_rng(5)
+    actions = rng.normal(0.0, 0.5, (9, 12, len(head.names)))
+    for action in actions[:4]:
+        env.step(action)
+    kept = env.save_state()
+    one = [env.step(action) for action in actions[4:]]
+    env.restore_state(kept)
+    again = [env.step(action) for action in actions[4:]]
+    for before, after in zip(one, again, strict=True):
+        for left, right in zip(before[:4], after[:4], strict=True):
+            assert np.array_equal(left, right)
+
+
+def test_episodes_last_as_long_as_their_curves_and_a_stand(env):
+    task, episodes = env.style, env._episodes
+    left = task.guide.duration - task.guide.time
+    assert episodes.length * env.step_time == pytest.approx(left + 3.0, abs=env.step_time)
+
+
+def test_the_rewards_of_style_need_style(op3, action, pool):
+    env = GetUpEnv(op3, action, pool, EnvOptions(robots=2, rewards=REWARDS["styled"], threads=1))
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="expected a training with curves"):
+        env.step(np.zeros((2, action.size)))

@@ -1,0 +1,151 @@
+"""The pose prior decodes what it encodes, is symmetric, and refuses what is not its robot's."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from humanoid_getup.style.features import mirror_features
+from robots import Robot
+from sim2real.pose_prior.pose_prior import PosePrior
+from sim2real.pose_prior.rise_set import PERIOD, Rise, RiseSet
+from sim2real.prior_training.fit import FitOptions, Postures, count_latents, fit_prior
+
+
+def make_rises(robot: Robot, count: int = 6) -> RiseSet:
+    """Make rises that move two joints of the left side from lying to standing."""
+    model = robot.spec().compile()
+    layout, rises = robot.layout(model), []
+    for number in range(count):
+        frames = 20 + number
+        share = np.linspace(0.0, 1.0, frames)
+        qpos = np.tile(model.qpos0, (frames, 1))
+        height = 0.05 + share * (robot.standing.position[2] - 0.05)
+        angle = -0.5 * np.pi * (1.0 - share)  # from the back to upright
+        qpos[:, layout.root_position] = np.stack([0 * share, 0 * share, height], axis=-1)
+        qpos[:, layout.root_orientation] = np.stack(
+            [np.cos(angle / 2), 0 * angle, np.sin(angle / 2), 0 * angle], axis=-1
+        )
+        joint_pos = np.tile(robot.standing.joint_pos, (frames, 1))
+        joint_pos[:, robot.joint_names.index("l_knee")] += 0.8 * (1.0 - share)
+        joint_pos[:, robot.joint_names.index("l_el")] += 0.1 * number * np.sin(6.0 * share)
+        qpos[:, layout.qpos] = joint_pos
+        source = "planned: made up" if number % 2 else "policy: made up"
+        rises.append(Rise(source=source, qpos=qpos, joint_target=joint_pos + 0.01))
+    return RiseSet.join(robot, rises)
+
+
+@pytest.fixture(scope="module")
+def rises(op3: Robot) -> RiseSet:
+    return make_rises(op3)
+
+
+@pytest.fixture(scope="module")
+def postures(op3: Robot, rises: RiseSet) -> Postures:
+    return Postures(robot=op3, joint_pos=rises.joint_pos, features=rises.features)
+
+
+@pytest.fixture(scope="module")
+def prior(postures: Postures) -> PosePrior:
+    options = FitOptions(hidden=64, epochs=150, learning_rate=3e-3, batch=32)
+    return fit_prior(postures, 0, options)
+
+
+def test_rises_survive_the_trip_through_a_file(op3, rises, tmp_path):
+    file = tmp_path / "rises.npz"
+    rises.save(file)
+    again = RiseSet.load(file, op3)
+    assert again.sources == rises.sources
+    assert np.array_equal(again.first, rises.first)
+    assert again.qpos == pytest.approx(rises.qpos, abs=1e-6)
+    assert again.joint_target == pytest.approx(rises.joint_target, abs=1e-6)
+    curves = again.curves(2)
+    assert curves.duration == pytest.approx(21 * PERIOD)
+    assert curves.neck_height[-1] == pytest.approx(1.0, abs=0.01)
+    assert np.degrees(curves.front[[0, -1]]) == pytest.approx([0.0, 90.0], abs=0.1)
+
+
+def test_as_many_latents_are_chosen_as_the_variance_asks_for(op3, postures):
+    # Two joints of the left side move, which is two symmetric and two antisymmetric motions; the
+    # knee's are the same size, and the elbow's.
+    signs = count_latents(postures)
+    assert sorted(signs.tolist(), reverse=True) == signs.tolist()
+    assert 2 <= len(signs) <= 4
+    assert {-1.0, 1.0} == set(signs.tolist())
+
+
+def test_what_is_encoded_is_decoded(postures, prior):
+    latent = prior.encode(postures.joint_pos, postures.features)
+    again = prior.decode(latent, postures.features)
+    error = np.sqrt(np.mean((again - postures.joint_pos) ** 2))
+    spread = np.sqrt(np.mean((postures.joint_pos - postures.pos_mean) ** 2))
+    assert error < 0.15 * spread
+    assert np.sqrt(np.mean(latent**2, axis=0)) == pytest.approx(1.0)
+
+
+def test_mirrored_latents_and_targets_decode_to_the_mirror_image(op3, prior):
+    rng = np.random.default_rng(0)
+    latent, features = rng.normal(size=(30, prior.size)), rng.uniform(0.2, 2.5, (30, 3))
+    pos = prior.decode(latent, features)
+    mirrored = prior.decode(latent * prior.latent_sign, mirror_features(features))
+    assert mirrored == pytest.approx(op3.mirror_joints(pos), abs=1e-5)
+    assert np.abs(pos - op3.mirror_joints(pos)).max() > 0.05  # asymmetrical postures are kept
+
+
+def test_a_plain_autoencoder_ignores_the_targets(postures):
+    plain = fit_prior(postures, 0, FitOptions(hidden=16, epochs=2, conditional=False))
+    latent = np.random.default_rng(1).normal(size=(4, plain.size))
+    low, high = (plain.decode(latent, np.full((4, 3), value)) for value in (0.2, 1.5))
+    assert low == pytest.approx(high, abs=1e-5)
+
+
+def test_one_seed_fits_one_prior(postures):
+    options = FitOptions(hidden=16, epochs=2)
+    one, same, other = (fit_prior(postures, seed, options) for seed in (3, 3, 4))
+    latent, features = np.ones((1, one.size)), np.ones((1, 3))
+    assert np.array_equal(one.decode(latent, features), same.decode(latent, features))
+    assert not np.array_equal(one.decode(latent, features), other.decode(latent, features))
+
+
+def test_a_prior_survives_the_trip_through_a_file(op3, prior, tmp_path):
+    file = tmp_path / "prior.npz"
+    prior.save(file)
+    again = PosePrior.load(file, op3)
+    latent, features = np.ones((2, prior.size)), np.ones((2, 3))
+    assert np.array_equal(again.decode(latent, features), prior.decode(latent, features))
+
+
+def spoil(file: Path, **changes: object) -> None:
+    arrays = dict(np.load(file))
+    np.savez(file, **(arrays | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"robot": "wolf"}, "it is of robot 'wolf', expected 'op3'"),
+        ({"joints": "a\nb"}, "its joints are .* not those of 'op3'"),
+        ({"pos_std": np.ones(3)}, "pos_std"),
+        ({"decoder_weight1": np.full((64, 64), np.nan)}, "decoder_weight1 holds nan"),
+    ],
+)
+def test_a_prior_that_does_not_fit_is_refused_in_one_line(op3, prior, tmp_path, changes, fault):
+    file = tmp_path / "prior.npz"
+    prior.save(file)
+    spoil(file, **changes)
+    with pytest.raises(ValueError, match=f"prior.npz holds no pose prior.*{fault}") as caught:
+        PosePrior.load(file, op3)
+    assert "\n" not in str(caught.value)
+
+
+def test_rises_of_another_robot_are_refused(op3, rises, tmp_path):
+    file = tmp_path / "rises.npz"
+    replace(rises, robot=replace(op3, name="wolf")).save(file)
+    with pytest.raises(ValueError, match="they are of robot 'wolf', expected 'op3'"):
+        RiseSet.load(file, op3)
+    spoil(file, robot="op3", first=np.array([0, 5, 4]))
+    with pytest.raises(ValueError, match="first"):
+        RiseSet.load(file, op3)

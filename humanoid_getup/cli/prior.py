@@ -13,6 +13,7 @@ def make_prior(command: MakePrior) -> int:
     """Collect rises, fit the prior, write both."""
     robot = load_robot(command)
     with phase("loading torch"), needing("train"):
+        from sim2real.pose_prior.pose_prior import PosePrior
         from sim2real.pose_prior.rise_set import RiseSet
         from sim2real.prior_training.collect import collect_rises
         from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
@@ -23,6 +24,11 @@ def make_prior(command: MakePrior) -> int:
                 robot, command.rises, command.seed, command.out, command.policies, count
             )
         rises = RiseSet.join(robot, found)
+        rises.save(command.out / RISES)
+        if command.fitted is not None:
+            PosePrior.load(command.fitted, robot).save(command.out / PRIOR)
+            console_for(None).print(f"{command.out}: {len(rises)} rises")
+            return DID_IT
         postures = Postures(robot=robot, joint_pos=rises.joint_pos, features=rises.features)
         errors = []
         with counting("epochs", command.epochs) as count:
@@ -33,7 +39,6 @@ def make_prior(command: MakePrior) -> int:
 
             options = FitOptions(epochs=command.epochs)
             prior = fit_prior(postures, command.seed, options, note)
-        rises.save(command.out / RISES)
         prior.save(command.out / PRIOR)
     console_for(None).print(
         f"{command.out}: {len(rises)} rises, {len(rises.qpos)} postures; {prior.size} latent "

@@ -29,7 +29,13 @@ SPEED_WINDOW = 300.0  # s over which the speed is measured: several iterations
 def train(command: Train) -> int:
     """Train, or continue a training."""
     if command.parent is not None and not command.parent.is_dir():
-        raise BadInputError(f"--from is {command.parent}, expected the folder of a training")
+        if command.parent.suffix != ".onnx":
+            raise BadInputError(f"--from is {command.parent}, expected the folder of a training")
+        if not command.recipe.startswith("styled"):
+            raise BadInputError(
+                f"--from is {command.parent}, expected the folder of a training: only recipe "
+                "styled begins with a policy file"
+            )
     if command.prior is not None and not command.prior.is_dir():
         raise BadInputError(f"--prior is {command.prior}, expected the folder of a pose prior")
     robot = load_robot(command)

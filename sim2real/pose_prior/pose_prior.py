@@ -159,4 +159,3 @@ def _read_network(arrays: dict[str, Array], name: str, inputs: int, outputs: int
     ]
     weights, biases = zip(*pairs, strict=True)
     return Network(tuple(w.astype(np.float32) for w in weights), tuple(map(np.float32, biases)))
-

@@ -22,6 +22,7 @@ from sim2real.training.checkpoint import (
 from sim2real.training.config import STEPS, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.imitation import imitate
+from sim2real.training.policy_parent import read_actor
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 from sim2real.training.symmetric_model import as_exchange
 
@@ -99,6 +100,18 @@ class TrainingRunner(OnPolicyRunner):
         self.alg.load(networks, {"actor": True, "critic": True}, True)
         if env.style is not None:
             self.freeze_normalizers()
+
+    def inherit_policy(self, file: Path, seed: int) -> None:
+        """Start with the actor of a policy file; the critic learns what it earns."""
+        actor: Any = self.alg._raw_actor
+        actor.load_state_dict(read_actor(file, actor))
+        actor.obs_normalizer.freeze()
+        self.env.reports = False
+        for _ in range(CRITIC_ROUNDS):
+            self._teach_critic()
+        self.freeze_normalizers()
+        self.env.begin(seed, np.random.default_rng(seed))
+        self.env.reports = True
 
     def imitate(self, seed: int) -> list[float]:
         """Let a new policy imitate rises, and the critic judge it; return the losses.

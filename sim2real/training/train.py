@@ -40,6 +40,7 @@ from sim2real.training.config import (
 )
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
+from sim2real.training.policy_parent import is_policy_file, read_contract
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.styled_training import (
@@ -83,7 +84,8 @@ def train(
     has its own robots and GPU, and the first one writes.
 
     The device is that of the networks; 0 threads of physics are one per processor. The policy of
-    the training in the folder ``parent``, extended to this action space, is the initial one. A
+    the training in the folder ``parent``, extended to this action space, is the initial one; or,
+    with style curves, that of a policy file. A
     training with style curves needs the folder of a pose prior, of which it keeps a copy.
 
     Raises:
@@ -98,7 +100,8 @@ def train(
     action = recipe.choose_actions(robot)
     outputs = action.names
     if recipe.style is not None:
-        keep_prior(prior or parent, folder)
+        is_folder = parent is not None and not is_policy_file(parent)
+        keep_prior(prior or (parent if is_folder else None), folder)
         outputs = load_head(robot, action, folder).names
     if process.leads:
         write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs)
@@ -116,6 +119,8 @@ def train(
         runner = TrainingRunner(env, config, folder, device, process)
         if (folder / CHECKPOINT).exists():
             runner.resume()
+        elif parent is not None and is_policy_file(parent):
+            runner.inherit_policy(parent, seed)
         elif parent is not None:
             runner.inherit(parent)
         elif recipe.style is not None:
@@ -180,6 +185,9 @@ def write_recipe(
 
 def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:
     """Identify the parent of a training by its content."""
+    if is_policy_file(parent):
+        read_contract(parent, robot)
+        return {"policy": parent.stem, "sha256": hashlib.sha256(parent.read_bytes()).hexdigest()}
     record = TrainingRecord.load(parent)
     if record.robot != robot.name:
         raise TrainingFolderError(

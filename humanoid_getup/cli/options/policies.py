@@ -29,7 +29,8 @@ class Train(RobotOption):
     recipe: Literal["quick", "robust", "gentle", "styled-quick", "styled"] = "quick"
     """Training recipe."""
     parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
-    """Folder of a training whose policy is the initial one; default: random weights."""
+    """Folder of a training whose policy is the initial one, or, for a training with style curves,
+    a policy file; default: random weights."""
     prior: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder of a pose prior, see `getup prior`, for a training with style curves."""
     seed: Seed = 0

@@ -25,6 +25,8 @@ class MakePrior(RobotOption):
     """Policies of the robot that add rises; with no name, none."""
     epochs: Annotated[int, at_least(1)] = 100
     """Passes over the postures."""
+    fitted: Annotated[Path | None, arg(metavar="FILE.npz")] = None
+    """Keep a prior that was fitted before, and only collect rises."""
     seed: Seed = 0
     only_original: ClassVar[str] = A_POLICY
 

@@ -44,7 +44,7 @@ def sample(terrain: Terrain, name: str) -> tuple[np.ndarray, ...]:
 
 def test_every_level_is_rough_as_its_scene_and_steep_as_its_slope(op3, terrain):
     leg = leg_length(op3)
-    assert [patch.name for patch in terrain.patches][0] == "flat"
+    assert terrain.patches[0].name == "flat"
     assert np.ptp(sample(terrain, "flat")[2]) == 0.0
     for name, share in ROUGHNESS.items():
         heights = sample(terrain, f"rough:{name}")[2]

@@ -8,34 +8,13 @@ import pytest
 
 pytest.importorskip("torch")
 
+from made_up_rises import make_rises
+
 from humanoid_getup.style.features import mirror_features
 from robots import Robot
 from sim2real.pose_prior.pose_prior import PosePrior
-from sim2real.pose_prior.rise_set import PERIOD, Rise, RiseSet
+from sim2real.pose_prior.rise_set import PERIOD, RiseSet
 from sim2real.prior_training.fit import FitOptions, Postures, count_latents, fit_prior
-
-
-def make_rises(robot: Robot, count: int = 6) -> RiseSet:
-    """Make rises that move two joints of the left side from lying to standing."""
-    model = robot.spec().compile()
-    layout, rises = robot.layout(model), []
-    for number in range(count):
-        frames = 20 + number
-        share = np.linspace(0.0, 1.0, frames)
-        qpos = np.tile(model.qpos0, (frames, 1))
-        height = 0.05 + share * (robot.standing.position[2] - 0.05)
-        angle = -0.5 * np.pi * (1.0 - share)  # from the back to upright
-        qpos[:, layout.root_position] = np.stack([0 * share, 0 * share, height], axis=-1)
-        qpos[:, layout.root_orientation] = np.stack(
-            [np.cos(angle / 2), 0 * angle, np.sin(angle / 2), 0 * angle], axis=-1
-        )
-        joint_pos = np.tile(robot.standing.joint_pos, (frames, 1))
-        joint_pos[:, robot.joint_names.index("l_knee")] += 0.8 * (1.0 - share)
-        joint_pos[:, robot.joint_names.index("l_el")] += 0.1 * number * np.sin(6.0 * share)
-        qpos[:, layout.qpos] = joint_pos
-        source = "planned: made up" if number % 2 else "policy: made up"
-        rises.append(Rise(source=source, qpos=qpos, joint_target=joint_pos + 0.01))
-    return RiseSet.join(robot, rises)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +47,7 @@ def test_rises_survive_the_trip_through_a_file(op3, rises, tmp_path):
     assert np.degrees(curves.front[[0, -1]]) == pytest.approx([0.0, 90.0], abs=0.1)
 
 
-def test_as_many_latents_are_chosen_as_the_variance_asks_for(op3, postures):
+def test_as_many_latents_are_chosen_as_the_variance_asks_for(postures):
     # Two joints of the left side move, which is two symmetric and two antisymmetric motions; the
     # knee's are the same size, and the elbow's.
     signs = count_latents(postures)

@@ -1,0 +1,143 @@
+"""A training with style curves, from made-up rises to a policy that follows a style."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from made_up_rises import make_prior, make_rises
+
+from humanoid_getup.policy.observation import UPRIGHT
+from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
+from humanoid_getup.style.style_file import load_style
+from robots import Robot
+from sim2real.environment.action_head import PriorHead
+from sim2real.environment.initial_states import StartPool
+from sim2real.training import imitation, runner
+from sim2real.training.config import RECIPES, Recipe, TrainingFolderError, TrainingRecord
+from sim2real.training.export import export_policy
+from sim2real.training.styled_training import PRIOR, RISES
+from sim2real.training.train import POOL, train
+
+QUICK = replace(RECIPES["styled-quick"], robots=8, iterations=1, hidden=(16, 16))
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(imitation, "STEPS", 6)
+    monkeypatch.setattr(imitation, "EPOCHS", 1)
+    monkeypatch.setattr(runner, "CRITIC_ROUNDS", 1)
+
+
+@pytest.fixture(scope="module")
+def prior(op3: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("prior")
+    make_prior(op3).save(folder / PRIOR)
+    make_rises(op3, 12).save(folder / RISES)
+    return folder
+
+
+@pytest.fixture
+def learn(op3: Robot, prior: Path, pool: StartPool, tmp_path: Path):
+    """Train into a folder of a name."""
+
+    def train_into(name: str, recipe: Recipe = QUICK, **options: object) -> Path:
+        folder = tmp_path / name
+        folder.mkdir(exist_ok=True)
+        if not (folder / POOL).exists():
+            pool.save(folder / POOL, op3)
+        train(op3, recipe, 3, folder, threads=1, **({"prior": prior} | options))
+        return folder
+
+    return train_into
+
+
+def read_actor(folder: Path) -> dict:
+    state = torch.load(folder / "checkpoint.pt", weights_only=True)
+    return {key: value for key, value in state["actor_state_dict"].items() if "mlp" in key}
+
+
+def test_a_trained_policy_follows_a_style_on_the_robot(op3, learn, tmp_path):
+    folder, file = learn("one"), tmp_path / "styled.onnx"
+    record = TrainingRecord.load(folder)
+    assert record.actions == ("latent 0", "latent 1", "latent 2", *op3.joint_names)
+    exported = export_policy(record, op3, file)
+    assert exported.difference < 1e-5
+    policy = OnnxPolicy.load(file, op3, style=load_style("side-sit", op3))
+    assert policy.contract.style is not None
+    assert policy.contract.style.memory == 3 + op3.n
+    assert OnnxPolicy.load(file, op3).style.name == "any"
+
+
+def test_the_graph_does_what_training_did(op3, learn, tmp_path):
+    """The filter, the decoder and the offsets in the file are those of the environment."""
+    folder, file = learn("one"), tmp_path / "styled.onnx"
+    export_policy(TrainingRecord.load(folder), op3, file)
+    policy = OnnxPolicy.load(file, op3)
+    head = PriorHead(policy.action, make_prior(op3))
+    rng, size = np.random.default_rng(0), policy.contract.observation_size
+    seen = rng.normal(0.0, 0.7, (40, size)).astype(np.float32)
+    ends = np.cumsum([term.size for term in policy.contract.observation])
+    at = {t.name: e - t.size for t, e in zip(policy.contract.observation, ends, strict=True)}
+    before = seen[:, at["last_action"] : at["last_action"] + len(head.names)]
+    action, memory = OnnxNetwork(file)(seen)
+    outputs = (memory - 0.6 * before) / 0.4
+    wanted, measured = (
+        seen[:, at[name] : at[name] + 3] + UPRIGHT for name in ("style_targets", "style_features")
+    )
+    again, remembered = head.act(outputs, before, wanted, measured)
+    assert action == pytest.approx(again, abs=1e-4)
+    assert memory == pytest.approx(remembered, abs=1e-5)
+
+
+def test_one_seed_trains_one_policy_interrupted_or_not(learn):
+    whole = learn("whole", replace(QUICK, iterations=3))
+    for iterations in (1, 2, 3):
+        parts = learn("parts", replace(QUICK, iterations=iterations))
+    one, other = read_actor(whole), read_actor(parts)
+    assert all(torch.equal(one[key], other[key]) for key in one)
+
+
+def test_a_policy_file_and_a_training_begin_the_next_one(op3, learn, tmp_path):
+    first, file = learn("first"), tmp_path / "styled.onnx"
+    export_policy(TrainingRecord.load(first), op3, file)
+    onward = replace(QUICK, randomization="mild")
+    none = replace(onward, learning_rate=0.0)  # so that what was inherited can be seen
+    for name, parent in (("file", file), ("folder", first)):
+        folder = learn(name, none, parent=parent)
+        about = json.loads((folder / "recipe.json").read_text())["parent"]
+        assert about["sha256"]
+    inherited, parent = read_actor(tmp_path / "file"), read_actor(first)
+    # The file holds the average of the updates, after one of them the actor itself.
+    assert all(torch.allclose(inherited[key], parent[key], atol=1e-3) for key in parent)
+
+
+def test_a_training_needs_a_prior_and_keeps_to_it(op3, learn, prior, tmp_path):
+    with pytest.raises(TrainingFolderError, match="has no pose prior, expected --prior"):
+        learn("none", prior=None)
+    folder = learn("one")
+    learn("one", prior=None)  # its own copy
+    other = tmp_path / "other"
+    other.mkdir()
+    make_prior(op3, 4).save(other / PRIOR)
+    (other / RISES).write_bytes((prior / RISES).read_bytes())
+    with pytest.raises(TrainingFolderError, match=f"{folder / PRIOR} is another file"):
+        learn("one", prior=other)
+
+
+def test_a_policy_without_style_cannot_be_given_one(op3):
+    file = op3.folder / "policies" / "robust.onnx"
+    with pytest.raises(PolicyError, match="it follows no style curves, expected no style"):
+        OnnxPolicy.load(file, op3, style=load_style("sit-up", op3))
+    with pytest.raises(ValueError, match="the policy follows no style curves"):
+        OnnxPolicy.load(file, op3).following(load_style("sit-up", op3))
+
+
+def test_a_policy_without_style_cannot_begin_a_styled_training(op3, learn):
+    robust = op3.folder / "policies" / "robust.onnx"
+    with pytest.raises(TrainingFolderError, match=r"robust.onnx follows no style curves"):
+        learn("one", parent=robust)

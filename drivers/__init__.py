@@ -1,7 +1,16 @@
 """Hardware abstraction: backends, twin, safety guard and control loop."""
 
 from drivers.backend import Backend, Release
-from drivers.control_loop import Controller, Cycle, Ending, RunReport, engaged, run, run_engaged
+from drivers.control_loop import (
+    Controller,
+    Cycle,
+    Ending,
+    Guidance,
+    RunReport,
+    engaged,
+    run,
+    run_engaged,
+)
 from drivers.errors import DriverError
 from drivers.safety_guard import Fault, FaultKind, SafetyGuard
 from drivers.safety_limits import ClipCounts, GuardLimits
@@ -19,6 +28,7 @@ __all__ = [
     "Fault",
     "FaultKind",
     "GuardLimits",
+    "Guidance",
     "Release",
     "RunReport",
     "SafetyGuard",

@@ -90,6 +90,16 @@ class TimingSummary:
 
 
 @dataclass(frozen=True)
+class Guidance:
+    """What a controller follows besides its targets, such as style curves."""
+
+    wanted: Array
+    """What is wanted now, (k,)."""
+    measured: Array
+    """What it measures of the same, (k,)."""
+
+
+@dataclass(frozen=True)
 class Cycle:
     """One turn of the loop."""
 
@@ -101,6 +111,8 @@ class Cycle:
     clips: ClipCounts
     """Cuts by the guard so far."""
     timing: Timing
+    guidance: Guidance | None = None
+    """What the controller follows besides its targets; ``None`` for nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,7 +288,8 @@ class _Loop:
             self.cycles += 1
             if on_cycle:
                 parts = Timing(late=late, read=timing[1], step=timing[2], write=timing[3])
-                on_cycle(Cycle(state, asked, sent, self.guard.clips, parts))
+                followed = getattr(controller, "guidance", None)
+                on_cycle(Cycle(state, asked, sent, self.guard.clips, parts, followed))
             if self.guard.fault:
                 return Ending.FAULT, str(self.guard.fault)
             if self.pacer:

@@ -24,6 +24,8 @@ METADATA = "flight"
 """Name of the metadata record."""
 TOPICS = {"asked": "/command_asked", "sent": "/command_sent"}
 """Topics of the parts of a cycle that differ from their field's name."""
+OPTIONAL = ("guidance",)
+"""Parts that not every cycle has."""
 EVENT = "/event"
 REST = "/cycle"
 """Topic of the other fields of a cycle."""
@@ -107,10 +109,12 @@ class FlightLog:
         self._set_time(cycle.state.time)
         if not self.cycles:
             values = {field.name: getattr(cycle, field.name) for field in fields(cycle)}
-            self._parts = [name for name, value in values.items() if is_dataclass(value)]
+            parts = [name for name, value in values.items() if is_dataclass(value)]
+            self._parts = [*parts, *OPTIONAL]
             self._rest = [name for name in values if name not in self._parts]
         for name in self._parts:
-            self._write(TOPICS.get(name, f"/{name}"), getattr(cycle, name))
+            if (part := getattr(cycle, name)) is not None:
+                self._write(TOPICS.get(name, f"/{name}"), part)
         if self._rest:
             self._write(REST, {name: getattr(cycle, name) for name in self._rest})
         self.cycles += 1

@@ -44,6 +44,7 @@ def train(command: Train) -> int:
 
         from sim2real.training.config import RECIPES
         from sim2real.training.distributed import DistributedProcess
+        from sim2real.training.styled_training import check_prior
         from sim2real.training.train import train
     _check_device(command.device, has_gpu=torch.cuda.is_available())
     recipe = RECIPES[command.recipe]
@@ -52,6 +53,9 @@ def train(command: Train) -> int:
         iterations=command.iterations or recipe.iterations,
         robots=command.robots or recipe.robots,
     )
+    if recipe.style is not None:
+        with refusing():
+            check_prior(robot, command.prior, command.parent, command.out)
     leads = DistributedProcess.from_environment(os.environ).leads
     with refusing(), show_progress(recipe.iterations, shown=leads) as progress:
         train(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from drivers import Command, State
+from drivers import Command, Guidance, State
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import hold_time
@@ -36,6 +36,11 @@ class Supervisor:
     def warnings(self) -> list[str]:
         """Return what was unusual but no reason to abort."""
         return [text for monitor in self._monitors for text in monitor.warnings]
+
+    @property
+    def guidance(self) -> Guidance | None:
+        """Return what the controller follows besides its targets."""
+        return getattr(self._controller, "guidance", None)
 
     @property
     def done(self) -> bool:

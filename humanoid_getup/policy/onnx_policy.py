@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.state import Command, State
+from drivers import Command, Guidance, State
 from humanoid_getup.evaluation.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import ContractError, PolicyContract
@@ -212,6 +212,13 @@ class OnnxPolicy:
         )
 
     @property
+    def guidance(self) -> Guidance | None:
+        """Return the style features that are wanted now, and those measured; for flight logs."""
+        if self.guide is None:
+            return None
+        return Guidance(wanted=self.guide.wanted[0], measured=self.guide.features[0])
+
+    @property
     def done(self) -> bool:
         """Return whether the robot has stood long enough, the time is up, or it failed."""
         stood = self._steady * self._step_time >= HOLD
@@ -264,7 +271,8 @@ class OnnxPolicy:
 
     def _start_at(self, joint_pos: Array) -> None:
         self._target = self._following = joint_pos
-        self._memory = np.zeros(self.contract.style.memory if self.style else self.action.size)
+        style = self.contract.style
+        self._memory = np.zeros(style.memory if style else self.action.size)
         self._is_first = True
         self._cycle = 0
         self._steady = 0  # policy steps in a row in which it stands

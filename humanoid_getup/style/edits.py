@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
@@ -56,7 +58,8 @@ def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
             f"the rise would be at {wanted:.2f} s of {curves.duration:.2f} s, expected "
             f"{wanted + early:.2f} to {wanted + late:.2f} s: make the style slower first"
         )
-    return warp(float(brentq(miss, EDGE, 1.0 - EDGE, xtol=1e-4)))
+    found: Any = brentq(miss, EDGE, 1.0 - EDGE, xtol=1e-4)
+    return warp(float(found))
 
 
 def hold(curves: StyleCurves, at: float, time: float) -> StyleCurves:

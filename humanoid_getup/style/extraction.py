@@ -33,7 +33,7 @@ def trim(features: Array) -> slice:
     moved = _differs(features, features[0])
     unfinished = _differs(features, features[-1])
     if not moved.any():
-        raise ExtractionError("nothing moves, expected a rise")
+        raise ExtractionError("nothing moves in what is extracted, expected a rise")
     first = max(int(np.argmax(moved)) - 1, 0)
     last = len(features) - 1 - int(np.argmax(unfinished[::-1])) + 1
     return slice(first, min(last, len(features) - 1) + 1)

@@ -125,7 +125,7 @@ class CurveLibrary:
             authored=authored,
             pieces=np.array([curve.pieces for curve in curves]),
             duration=np.array([curve.duration for curve in curves]),
-            is_stretched=np.isfinite(joint_target).all(axis=(1, 2)),
+            is_stretched=np.array([bool(source) for source in sources]),
             joint_target=joint_target,
             is_planned=np.array([bool(s) and not s.startswith(POLICY_SOURCE) for s in sources]),
             state_qpos=states[0],
@@ -209,7 +209,9 @@ class StyleTask:
         self._age = self._age + step_time
         return self.guide.wanted
 
-    def find_lost(self, reward: StyleReward, state: PrivilegedState, step_time: float) -> Array:
+    def find_lost(
+        self, reward: StyleReward, state: PrivilegedState, step_time: float
+    ) -> NDArray[np.bool_]:
         """Find robots that have lost their curve, or whose head stays on the ground, (N,)."""
         down = state.head_contact & (self.guide.wanted[:, 0] > HEAD_UP)
         self._lost = np.where(reward.task < LOST_REWARD, self._lost + step_time, 0.0)

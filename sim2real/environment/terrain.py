@@ -50,7 +50,7 @@ class Terrain:
     def flat_center(self) -> Array:
         """Return the middle of the flat patch [m], (2,)."""
         region = self.patches[0].region
-        return np.array([np.mean(region.x), np.mean(region.y)])
+        return 0.5 * np.array([region.x[0] + region.x[1], region.y[0] + region.y[1]])
 
 
 def build_terrain(robot: Robot, rng: np.random.Generator) -> Terrain:

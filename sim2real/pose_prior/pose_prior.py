@@ -143,8 +143,8 @@ def _build(robot: Robot, arrays: dict[str, Array]) -> PosePrior:
     sizes |= {key: n for key in VECTORS if key.startswith("pos")}
     vectors = {key: to_numbers(arrays[key], key, (size,)) for key, size in sizes.items()}
     ends = {"encoder": (n + COUNT, 2 * k), "decoder": (k + COUNT, n)}
-    networks = {name: _read_network(arrays, name, *ends[name]) for name in NETWORKS}
-    return PosePrior(robot=robot, **vectors, **networks)
+    encoder, decoder = (_read_network(arrays, name, *ends[name]) for name in NETWORKS)
+    return PosePrior(robot=robot, encoder=encoder, decoder=decoder, **vectors)
 
 
 def _read_network(arrays: dict[str, Array], name: str, inputs: int, outputs: int) -> Network:
@@ -158,4 +158,10 @@ def _read_network(arrays: dict[str, Array], name: str, inputs: int, outputs: int
         for i in range(LAYERS)
     ]
     weights, biases = zip(*pairs, strict=True)
-    return Network(tuple(w.astype(np.float32) for w in weights), tuple(map(np.float32, biases)))
+    return Network(tuple(map(_to_single, weights)), tuple(map(_to_single, biases)))
+
+
+def _to_single(values: Array) -> Array:
+    """Convert to single precision, in which networks are evaluated."""
+    single: Any = values.astype(np.float32)
+    return single

@@ -83,7 +83,7 @@ class RiseSet:
     def curves(self, rise: int) -> StyleCurves:
         """Extract the style curves of a rise."""
         features = self.features[self.first[rise] : self.first[rise + 1]]
-        return extract_curves(PERIOD * np.arange(len(features)), features)
+        return extract_curves(np.arange(len(features), dtype=float) * PERIOD, features)
 
     def save(self, file: Path) -> None:
         """Write the rises to an .npz file."""

@@ -101,9 +101,8 @@ class Autoencoder(nn.Module):
         n, k, hidden = robot.n, len(latent_sign), options.hidden
         self.encoder = _make_network(n + COUNT, hidden, 2 * k)
         self.decoder = _make_network(k + COUNT, hidden, n)
-        as_float = {"dtype": torch.float32}
-        self.latent_sign = torch.tensor(latent_sign, **as_float)
-        self.joint_sign = torch.tensor(robot.mirror_sign, **as_float)
+        self.latent_sign = torch.tensor(latent_sign, dtype=torch.float32)
+        self.joint_sign = torch.tensor(robot.mirror_sign, dtype=torch.float32)
         self.joint_index = torch.tensor(robot.mirror_index)
         self.condition_sign = torch.tensor([1.0, -1.0, 1.0])
 

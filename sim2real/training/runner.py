@@ -139,7 +139,7 @@ class TrainingRunner(OnPolicyRunner):
 
     def _teach_critic(self) -> float:
         """Teach the critic what the present policy earns; return its mean squared error."""
-        alg = self.alg
+        alg: Any = self.alg
         alg.train_mode()
         with torch.inference_mode():
             observed = self.env.get_observations()

@@ -21,6 +21,7 @@ from sim2real.environment.terrain import Terrain, build_terrain
 from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.pose_prior.rise_set import RiseSet
 from sim2real.training.config import TrainingFolderError
+from sim2real.training.policy_parent import is_policy_file
 
 PRIOR, RISES = "prior.npz", "rises.npz"
 """Files of a pose prior's folder, which a training keeps copies of."""
@@ -29,21 +30,37 @@ DURATIONS = (2.5 / 5.1, 1.0, 7.6 / 5.1)
 TERRAIN_SEED = 7_002  # makes the terrain of training differ from every scene's
 
 
-def keep_prior(prior: Path | None, folder: Path) -> None:
+def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: Path) -> Path:
+    """Find the folder with the prior of a training, and check what is in it.
+
+    That is the one that is given, or else the parent's, or else the training's own.
+
+    Raises:
+        TrainingFolderError: if there is no prior.
+        ValueError: if it is another robot's.
+    """
+    is_folder = parent is not None and not is_policy_file(parent)
+    source = prior or (parent if is_folder and parent else folder)
+    missing = [name for name in (PRIOR, RISES) if not (source / name).exists()]
+    if missing:
+        raise TrainingFolderError(
+            f"{source} has no {missing[0]}, expected --prior with the folder of `getup prior`"
+        )
+    PosePrior.load(source / PRIOR, robot)
+    RiseSet.load(source / RISES, robot)
+    return source
+
+
+def keep_prior(prior: Path, folder: Path) -> None:
     """Copy the files of a pose prior into the folder of a training that has none yet.
 
     Raises:
         OSError: if a file cannot be read.
-        TrainingFolderError: if there is no prior, or the training has another one.
+        TrainingFolderError: if the training has another one.
     """
     for name in (PRIOR, RISES):
         kept = folder / name
-        if prior is None:
-            if not kept.exists():
-                raise TrainingFolderError(
-                    f"{folder} has no pose prior, expected --prior with the folder of `getup prior`"
-                )
-        elif not kept.exists():
+        if not kept.exists():
             with atomic_path(kept) as partial:
                 shutil.copyfile(prior / name, partial)
         elif kept.read_bytes() != (prior / name).read_bytes():

@@ -45,6 +45,7 @@ from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.styled_training import (
     build_style_task,
+    check_prior,
     keep_prior,
     load_head,
     make_terrain,
@@ -96,12 +97,12 @@ def train(
     """
     process = DistributedProcess.from_environment(os.environ)
     seed, device, common_seed = process.seed(seed), process.device(device), seed
+    source = check_prior(robot, prior, parent, folder) if recipe.style else None
     folder.mkdir(parents=True, exist_ok=True)
     action = recipe.choose_actions(robot)
     outputs = action.names
-    if recipe.style is not None:
-        is_folder = parent is not None and not is_policy_file(parent)
-        keep_prior(prior or (parent if is_folder else None), folder)
+    if source is not None:
+        keep_prior(source, folder)
         outputs = load_head(robot, action, folder).names
     if process.leads:
         write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs)

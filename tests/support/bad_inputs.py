@@ -283,8 +283,68 @@ GROUPS: dict[str, list[Case]] = {
         case("eval robust --n 4 --falls folder", "folder: is a folder, expected a file"),
         case("eval empty.onnx --n 4", "empty.onnx"),
     ],
+    "style": [
+        case(
+            "style show cartwheel", "unknown style 'cartwheel', expected push-up, side-sit, sit-up"
+        ),
+        case("style show few.toml", "few.toml: curves 1: neck_height has 2 points, expected 9"),
+        case(
+            "style show kneeling.toml", "neck_height ends at 0.6 of standing, expected 0.9 or more"
+        ),
+        case("style show wide.toml", "curves 1: side_deg holds 200°, expected 0 to 180°"),
+        case("style show falling.toml", "falling.toml: duration is -5 s, expected above 0 s"),
+        case("style show text.txt", "unknown style 'text.txt'"),
+        case("style show none.toml", "style file none.toml: No such file or directory"),
+        case("style show sit-up --picture folder", "folder: is a folder, expected a file"),
+        case("style edit sit-up --out mine.toml", "no edit is given, expected --slower"),
+        case("style edit sit-up --later 9 --out mine.toml", "make the style slower first"),
+        case("style edit sit-up --slower 0 --out mine.toml", "--slower is 0, expected above 0"),
+        case(
+            "style edit sit-up --slower 2 --faster 2 --out mine.toml",
+            "--slower and --faster are given, expected one of them",
+        ),
+        case("style edit sit-up --hold 9 1 --out mine.toml", "hold is at 9 s, expected 0 to 2.8"),
+        case("style edit sit-up --slower 2 --out mine", "expected a name that ends with .toml"),
+        case("style extract moonwalk --out mine.toml", "unknown motion 'moonwalk'"),
+        case("style extract empty.mcap --out mine.toml", "empty.mcap"),
+        case(
+            "style extract text.bvh --out mine.toml", "it is not a BVH file: HIERARCHY is missing"
+        ),
+        case("style extract text.amc --out mine.toml", "text.asf: No such file or directory"),
+        case(
+            f"style extract {MOTION} --from 3 --to 1 --out mine.toml",
+            "--from is 3 s, expected before --to, 1 s",
+        ),
+        case(
+            f"style extract {MOTION} --to 0.1 --out mine.toml", "nothing moves in what is extracted"
+        ),
+        case("style extract sit_and_lie_down --out mine.toml", "expected 0.9 or more", "--finish"),
+        case("run robust --from supine --style sit-up", "the policy follows no style curves"),
+        case("run robust --from supine --style few.toml", "few.toml: curves 1: neck_height has 2"),
+        case("run robust --from supine --style planned", "follows no style curves"),
+        case("rise --from supine --style sit-up", "expected --method policy with it"),
+        case("eval robust --n 4 --style sit-up", "policy 'robust' follows no style curves"),
+        case("eval robust --n 4 --scene flat,flat", "expected each scene once"),
+        case("eval robust --n 4 --scene flat,moon", "unknown scene 'moon'"),
+    ],
     "train and export": [
-        case("train --out mine --recipe slow", "--recipe is 'slow', expected quick, robust or"),
+        case("train --out mine --recipe slow", "--recipe is 'slow', expected quick, robust,"),
+        case(
+            "train --out mine --recipe styled-quick",
+            "mine has no prior.npz, expected --prior",
+            extra="rsl_rl",
+        ),
+        case(
+            "train --out mine --recipe styled --prior folder --from folder",
+            "prior.npz",
+            extra="rsl_rl",
+        ),
+        case(
+            "train --out mine --prior none", "--prior is none, expected the folder of a pose prior"
+        ),
+        case("train --out mine --from text.onnx", "only recipe styled begins with a policy file"),
+        case("prior --out mine --rises 2", "--rises is 2, expected 4 or more"),
+        case("prior --out text.txt", "text.txt is not a folder"),
         case("train --out mine --threads -2", "--threads is -2, expected 0 or more"),
         case("train --out mine --iterations 0", "--iterations is 0, expected 1 or more"),
         case("train --out mine --robots 0", "--robots is 0, expected 1 or more"),
@@ -474,6 +534,7 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "off.toml").write_text(
         "[ground]\nheights = [[0, 1], [0, 0]]\n[[starts]]\nlying = 'prone'\nx = [2, 3]\n"
     )
+    _make_styles(folder)
     (folder / "upside.toml").write_text("[[starts]]\nlying = 'left'\nz = [1, 0]\n")
     (folder / "unreadable").write_text("{}")
     (folder / "unreadable").chmod(0)
@@ -482,6 +543,23 @@ def make_files(folder: Path, robot: Robot) -> None:
     _make_plans(folder, robot)
     _make_policies(folder, robot)
     _make_robots(folder, robot)
+
+
+def _make_styles(folder: Path) -> None:
+    for name in ("text.bvh", "text.amc"):
+        (folder / name).write_text("no numbers here")
+    rise, right = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0], [90] * 9
+
+    def save(name: str, *, height: object = rise, side: object = right, duration: int = 5) -> None:
+        (folder / name).write_text(
+            f"leg_length = 0.9\nduration = {duration}\n[[curves]]\nneck_height = {height}\n"
+            f"side_deg = {side}\nfront_deg = {right}\n"
+        )
+
+    save("few.toml", height=[0.2, 1.0])
+    save("kneeling.toml", height=[*rise[:8], 0.6])
+    save("wide.toml", side=[200, *right[1:]])
+    save("falling.toml", duration=-5)
 
 
 def _make_postures(folder: Path, robot: Robot) -> None:

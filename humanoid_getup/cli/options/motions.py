@@ -23,7 +23,7 @@ from humanoid_getup.cli.options.shared import (
 from humanoid_getup.cli.output import find_folder_faults
 
 MOST_SEED = 2**31  # that CMA-ES takes
-REPLAY_FILES = ("replay.json", "flight.png", "replay.png")
+REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
 
 
 @dataclass(frozen=True, kw_only=True)

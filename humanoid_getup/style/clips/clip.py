@@ -43,7 +43,8 @@ class Clip:
     @property
     def time(self) -> Array:
         """Return the time of each frame [s], (T,)."""
-        return self.period * np.arange(len(next(iter(self.joints.values()))))
+        frames = len(next(iter(self.joints.values())))
+        return np.arange(frames, dtype=float) * self.period
 
     @property
     def leg_length(self) -> float:

@@ -117,7 +117,7 @@ def test_a_policy_file_and_a_training_begin_the_next_one(op3, learn, tmp_path):
 
 
 def test_a_training_needs_a_prior_and_keeps_to_it(op3, learn, prior, tmp_path):
-    with pytest.raises(TrainingFolderError, match="has no pose prior, expected --prior"):
+    with pytest.raises(TrainingFolderError, match=r"none has no prior.npz, expected --prior"):
         learn("none", prior=None)
     folder = learn("one")
     learn("one", prior=None)  # its own copy

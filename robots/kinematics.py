@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
@@ -20,42 +19,51 @@ def lowest_points(model: mujoco.MjModel, qpos: Array) -> Array:
 
     Exact for boxes, spheres, capsules, cylinders and ellipsoids; a mesh counts as its box.
     """
-    data, own = mujoco.MjData(model), list_own_geoms(model)
-    height, down = np.zeros((len(qpos), len(own))), np.zeros((len(qpos), len(own), 3))
+    data, reach = mujoco.MjData(model), GeomReach(model)
+    own = reach.geoms
+    height, up = np.zeros((len(qpos), len(own))), np.zeros((len(qpos), len(own), 3))
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
         height[k] = data.geom_xpos[own, 2]
-        down[k] = data.geom_xmat[own, 6:9]
-    return np.min(height - find_reach(model, own, down), axis=-1)
+        up[k] = data.geom_xmat[own, 6:9]
+    return np.min(height - reach(up), axis=-1)
 
 
-def list_own_geoms(model: mujoco.MjModel) -> NDArray[np.int_]:
-    """List the geoms of the robot, not of the world."""
-    return np.flatnonzero(model.body_weldid[model.geom_bodyid] != 0)
+class GeomReach:
+    """How far each geom of a robot reaches from its center; it is alike on both sides of it.
 
-
-def find_reach(model: mujoco.MjModel, geoms: NDArray[np.int_], direction: Array) -> Array:
-    """Measure how far geoms (g,) reach from their centers along directions [m], (..., g).
-
-    The directions are unit vectors in each geom's frame, (..., g, 3), such as the world's z axis:
-    the last row of its rotation matrix. A geom is alike on both sides of its center.
+    Exact for boxes, spheres, capsules, cylinders and ellipsoids; a mesh counts as its box.
     """
-    kind, size = model.geom_type[geoms], model.geom_size[geoms]
-    along, radius = np.abs(direction[..., 2]) * size[:, 1], size[:, 0]
-    reaches = {
-        mujoco.mjtGeom.mjGEOM_SPHERE: lambda: radius,
-        mujoco.mjtGeom.mjGEOM_CAPSULE: lambda: radius + along,
-        mujoco.mjtGeom.mjGEOM_CYLINDER: lambda: (
-            radius * np.hypot(direction[..., 0], direction[..., 1]) + along
-        ),
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID: lambda: np.linalg.norm(direction * size, axis=-1),
-    }
-    reach = np.sum(np.abs(direction) * size, axis=-1)  # of a box
-    for shape, of_shape in reaches.items():
-        if (kind == shape).any():
-            reach = np.where(kind == shape, of_shape(), reach)
-    return reach
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.geoms = np.flatnonzero(model.body_weldid[model.geom_bodyid] != 0)
+        """The geoms that are the robot's, not the world's, (g,)."""
+        kind, self._size = model.geom_type[self.geoms], model.geom_size[self.geoms]
+        shape = mujoco.mjtGeom
+        is_ball = np.isin(kind, (shape.mjGEOM_SPHERE, shape.mjGEOM_CAPSULE))
+        is_long = np.isin(kind, (shape.mjGEOM_CAPSULE, shape.mjGEOM_CYLINDER))
+        self._extent = np.where((is_ball | is_long)[:, np.newaxis], 0.0, self._size)
+        self._extent[is_long, 2] = self._size[is_long, 1]
+        self._radius = np.where(is_ball, self._size[:, 0], 0.0)
+        self._is_cylinder = kind == shape.mjGEOM_CYLINDER
+        self._is_ellipsoid = kind == shape.mjGEOM_ELLIPSOID
+
+    def __call__(self, direction: Array) -> Array:
+        """Measure how far the geoms reach along directions [m], (..., g).
+
+        The directions are unit vectors in each geom's frame, (..., g, 3): for the world's z axis
+        the last row of its rotation matrix.
+        """
+        along = np.abs(direction) * self._extent
+        reach = along[..., 0] + along[..., 1] + along[..., 2] + self._radius
+        if self._is_cylinder.any():
+            across = self._size[:, 0] * np.hypot(direction[..., 0], direction[..., 1])
+            reach = reach + self._is_cylinder * across
+        if self._is_ellipsoid.any():
+            round_ = np.linalg.norm(direction * self._size, axis=-1)
+            reach = np.where(self._is_ellipsoid, round_, reach)
+        return reach
 
 
 def leg_length(robot: Robot) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from robots import Robot, quaternion
-from robots.kinematics import find_reach, list_own_geoms
+from robots.kinematics import GeomReach
 from robots.quaternion import Array
 
 FEATURES = ("neck height", "side angle", "front angle")
@@ -55,11 +55,11 @@ class FeatureSense:
             geom.contype = geom.conaffinity = 0  # no contacts are looked for
         model = spec.compile()
         layout = robot.layout(model)
-        self._model, self._batch = model, Batch(model, n, threads)
+        self._batch = Batch(model, n, threads)
         names = ("qpos", "geom_xpos", "geom_xmat", "site_xpos")
         self._qpos, self._geom_pos, self._geom_mat, self._site_pos = map(self._batch.bind, names)
         self._joints, self._orientation = layout.qpos, layout.root_orientation
-        self._geoms = list_own_geoms(model)
+        self._reach = GeomReach(model)
         self._neck = model.site(robot.neck_site).id
         self._size = robot.standing_neck_height
 
@@ -68,8 +68,9 @@ class FeatureSense:
         self._qpos[:, self._joints] = joint_pos
         self._qpos[:, self._orientation] = level(gravity)
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        down = self._geom_mat.reshape(len(joint_pos), -1, 9)[:, self._geoms, 6:]
-        height = self._geom_pos[:, self._geoms, 2] - find_reach(self._model, self._geoms, down)
+        own = self._reach.geoms
+        up = self._geom_mat.reshape(len(joint_pos), -1, 9)[:, own, 6:]
+        height = self._geom_pos[:, own, 2] - self._reach(up)
         neck = self._site_pos[:, self._neck, 2] - height.min(axis=-1)
         return np.concatenate([neck[:, None] / self._size, torso_angles(gravity)], axis=-1)
 

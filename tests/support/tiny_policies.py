@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-from humanoid_getup.policy.action import ActionSpec, build_action_spec
+from drivers import State
+from humanoid_getup.policy.action import ActionSpec, build_action_spec, build_posture_spec
 from humanoid_getup.policy.contract import PolicyContract
-from humanoid_getup.policy.observation import list_terms
+from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
-from robots import Robot
+from robots import Robot, quaternion
 
 
 def actions_of(robot: Robot) -> ActionSpec:
@@ -70,3 +71,52 @@ def weights_of(robot: Robot, **terms: np.ndarray | float) -> np.ndarray:
         for term in list_terms(robot, action)
     ]
     return np.concatenate(rows)
+
+
+def save_styled_policy(file: Path, robot: Robot, *, memory: np.ndarray | None = None) -> Path:
+    """Write a policy with style curves that stands still; ``memory`` is what it remembers.
+
+    That is a matrix, (size of the observation, m), by which the observation is multiplied; zeros
+    for two numbers if there is none.
+    """
+    action = build_posture_spec(robot)
+    style = StyleInput(memory=2 if memory is None else memory.shape[1])
+    size = sum(term.size for term in list_terms(robot, action, style))
+    values = {
+        "stand": np.zeros((size, action.size)),
+        "keep": np.zeros((size, 2)) if memory is None else memory,
+    }
+    real = TensorProto.FLOAT
+    graph = helper.make_graph(
+        [
+            helper.make_node("MatMul", ["obs", "stand"], ["actions"]),
+            helper.make_node("MatMul", ["obs", "keep"], ["memory"]),
+        ],
+        "styled",
+        [helper.make_tensor_value_info("obs", real, ["N", size])],
+        [
+            helper.make_tensor_value_info("actions", real, ["N", action.size]),
+            helper.make_tensor_value_info("memory", real, ["N", style.memory]),
+        ],
+        [numpy_helper.from_array(np.float32(value), name) for name, value in values.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    contract = PolicyContract.of(robot, action, robot.control_period, {"seed": 0}, style)
+    helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
+    file.write_bytes(seal_model(model.SerializeToString()))
+    return file
+
+
+def state_of(robot: Robot, time: float = 0.0, **changes) -> State:
+    """A robot at rest in its standing posture."""
+    still = State(
+        time=time,
+        joint_pos=robot.standing.joint_pos,
+        joint_vel=np.zeros(robot.n),
+        joint_current=np.zeros(robot.n),
+        gyro=np.zeros(3),
+        orientation=quaternion.IDENTITY,
+        temperature=np.full(robot.n, 30.0),
+        voltage=12.0,
+    )
+    return replace(still, **changes)

@@ -1,6 +1,5 @@
 """The policy runner: what it refuses, how it moves, when it stops."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 pytest.importorskip("onnx")
 
 from bus_stories import TINY, copy_tiny
-from tiny_policies import actions_of, contract_of, save_policy, weights_of
+from tiny_policies import actions_of, contract_of, save_policy, state_of, weights_of
 
 from drivers import Ending, GuardLimits, SafetyGuard, State, Twin, run
 from humanoid_getup.evaluation.judge import GroundTruthJudge
@@ -30,21 +29,6 @@ PERIOD = 0.008
 @pytest.fixture(scope="module")
 def tiny() -> Robot:
     return load_robot(TINY)
-
-
-def state_of(robot: Robot, time: float = 0.0, **changes) -> State:
-    """A robot at rest in its standing posture."""
-    still = State(
-        time=time,
-        joint_pos=robot.standing.joint_pos,
-        joint_vel=np.zeros(robot.n),
-        joint_current=np.zeros(robot.n),
-        gyro=np.zeros(3),
-        orientation=quaternion.IDENTITY,
-        temperature=np.full(robot.n, 30.0),
-        voltage=12.0,
-    )
-    return replace(still, **changes)
 
 
 def begin(file: Path, robot: Robot, state: State | None = None, **options) -> OnnxPolicy:

@@ -1,0 +1,105 @@
+"""A policy with style curves observes them, remembers, and says what it follows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx")
+
+from tiny_policies import save_policy, save_styled_policy, state_of
+
+from humanoid_getup.policy.observation import UPRIGHT
+from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, seal_model
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
+from humanoid_getup.style.features import FeatureSense
+from humanoid_getup.style.style_file import load_style
+from robots import Robot, quaternion
+
+SUPINE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -0.5 * np.pi)
+STEP = 0.048  # s
+
+
+def find_places(policy: OnnxPolicy) -> dict[str, slice]:
+    """Find where each term of the observation is."""
+    ends = np.cumsum([term.size for term in policy.contract.observation])
+    pairs = zip(policy.contract.observation, ends, strict=True)
+    return {term.name: slice(int(end) - term.size, int(end)) for term, end in pairs}
+
+
+def observe_all(policy: OnnxPolicy, robot: Robot, monkeypatch, steps: int) -> np.ndarray:
+    """Run a policy on a robot that lies still; return what it observed, (steps, size)."""
+    seen = []
+    act = policy.act
+    monkeypatch.setattr(policy, "act", lambda rows: seen.append(rows[0].copy()) or act(rows))
+    state = state_of(robot, orientation=SUPINE)
+    policy.reset(state)
+    for cycle in range(policy.action.cycles * steps):
+        policy.step(state_of(robot, cycle * 0.008, orientation=SUPINE))
+    return np.array(seen)
+
+
+def test_it_observes_its_curves_from_where_it_lies(op3, tmp_path, monkeypatch):
+    style = load_style("side-sit", op3)
+    policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3, style=style)
+    seen, at = observe_all(policy, op3, monkeypatch, 40), find_places(policy)
+    measured = FeatureSense(op3)(np.array([[-1.0, 0.0, 0.0]]), op3.standing.joint_pos[None])[0]
+    assert seen[0, at["style_features"]] == pytest.approx(measured - UPRIGHT, abs=1e-6)
+    targets = seen[:, at["style_targets"]].reshape(40, 4, 3) + UPRIGHT
+    assert targets[0, 0] == pytest.approx(measured, abs=1e-6)  # entered from what is measured
+    supine = style.curves[0]
+    late = np.arange(20, 40)  # behind the first quarter, in which the curves are entered
+    for column, ahead in enumerate((0.0, 0.1, 0.2, 0.3)):
+        wanted = supine.sample(late * STEP + ahead)
+        assert targets[late, column] == pytest.approx(wanted, abs=1e-5)
+    assert policy.guidance.wanted == pytest.approx(targets[-1, 0], abs=1e-5)
+    assert policy.guidance.measured == pytest.approx(measured)
+
+
+def test_what_it_remembers_is_what_it_observes_next(op3, tmp_path, monkeypatch):
+    plain = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
+    at = find_places(plain)
+    size = plain.contract.observation_size
+    keep = np.zeros((size, 2))
+    keep[at["torque_share"], 0] = 0.5  # constant
+    keep[at["last_action"].start + 1, 1] = 1.0  # counts by the constant before it
+    keep[at["last_action"].start, 1] = 1.0
+    file = save_styled_policy(tmp_path / "q.onnx", op3, memory=keep)
+    policy = OnnxPolicy.load(file, op3)
+    remembered = observe_all(policy, op3, monkeypatch, 5)[:, at["last_action"]]
+    assert remembered[:, 0] == pytest.approx([0.0, 0.5, 0.5, 0.5, 0.5])
+    assert remembered[:, 1] == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.5])
+    policy.reset(state_of(op3, orientation=SUPINE))
+    again = observe_all(policy, op3, monkeypatch, 2)[:, at["last_action"]]
+    assert again[0] == pytest.approx([0.0, 0.0])  # a new rise begins without memory
+
+
+def test_a_second_rise_enters_its_curves_anew(op3, tmp_path, monkeypatch):
+    policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
+    first = observe_all(policy, op3, monkeypatch, 30)
+    second = observe_all(policy, op3, monkeypatch, 30)
+    assert np.array_equal(first, second)
+
+
+def test_without_a_style_the_nearest_of_all_is_followed(op3, tmp_path):
+    policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
+    assert policy.style.name == "any"
+    other = policy.following(load_style("push-up", op3))
+    assert (other.style.name, policy.style.name) == ("push-up", "any")
+
+
+@pytest.mark.parametrize("memory", [0, 3])
+def test_a_memory_of_another_size_is_refused(op3, tmp_path: Path, memory: int):
+    file = save_styled_policy(tmp_path / "p.onnx", op3)
+    spoilt = file.read_bytes().replace(
+        b'"style": {"memory": 2', f'"style": {{"memory": {memory}'.encode()
+    )
+
+    file.write_bytes(seal_model(spoilt.rpartition(CHECKSUM_ENTRY)[0]))
+    with pytest.raises(PolicyError, match="memory"):
+        OnnxPolicy.load(file, op3)
+
+
+def test_a_policy_without_style_has_no_guidance(op3, tmp_path):
+    policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", op3), op3)
+    assert (policy.style, policy.guidance) == (None, None)

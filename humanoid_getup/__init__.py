@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from humanoid_getup.strategies.plan_cache import PlanCache
     from humanoid_getup.strategies.planned_rise import PlannedRise
     from humanoid_getup.strategies.stored_motion import StoredMotion
+    from humanoid_getup.strategies.styled_rise import StyledRise
+    from humanoid_getup.style.curves import StyleCurves
+    from humanoid_getup.style.style import Style
+    from humanoid_getup.style.style_file import load_style
     from robots.loading import load_robot
     from robots.reshaping.body import Body
     from robots.torque_limit import TorqueLimit
@@ -50,12 +54,16 @@ _HOMES = {
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
     "SafetyGuard": "drivers.safety_guard",
     "StoredMotion": "humanoid_getup.strategies.stored_motion",
+    "Style": "humanoid_getup.style.style",
+    "StyleCurves": "humanoid_getup.style.curves",
+    "StyledRise": "humanoid_getup.strategies.styled_rise",
     "TorqueLimit": "robots.torque_limit",
     "Twin": "drivers.twin.backend",
     "World": "humanoid_getup.simulation.world",
     "get_up": "humanoid_getup.execution.get_up",
     "keep_stand": "humanoid_getup.execution.keep_stand",
     "load_robot": "robots.loading",
+    "load_style": "humanoid_getup.style.style_file",
     "sample_fall": "humanoid_getup.simulation.falls",
 }
 
@@ -70,12 +78,16 @@ __all__ = [
     "PlannedRise",
     "SafetyGuard",
     "StoredMotion",
+    "Style",
+    "StyleCurves",
+    "StyledRise",
     "TorqueLimit",
     "Twin",
     "World",
     "get_up",
     "keep_stand",
     "load_robot",
+    "load_style",
     "sample_fall",
 ]
 

@@ -55,6 +55,7 @@ def test_every_public_name_is_there_and_is_listed():
     names = "load_robot Body World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall get_up"
     names += (
         " keep_stand PlannedRise CachedRise PlanCache LearnedRise StoredMotion Motion OnnxPolicy"
+        " Style StyleCurves StyledRise load_style"
     )
     assert set(hg.__all__) == set(names.split())
     for name in hg.__all__:

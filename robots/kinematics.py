@@ -41,8 +41,8 @@ class GeomReach:
         """The geoms that are the robot's, not the world's, (g,)."""
         kind, self._size = model.geom_type[self.geoms], model.geom_size[self.geoms]
         shape = mujoco.mjtGeom
-        is_ball = np.isin(kind, (shape.mjGEOM_SPHERE, shape.mjGEOM_CAPSULE))
-        is_long = np.isin(kind, (shape.mjGEOM_CAPSULE, shape.mjGEOM_CYLINDER))
+        is_ball = (kind == shape.mjGEOM_SPHERE) | (kind == shape.mjGEOM_CAPSULE)
+        is_long = (kind == shape.mjGEOM_CAPSULE) | (kind == shape.mjGEOM_CYLINDER)
         self._extent = np.where((is_ball | is_long)[:, np.newaxis], 0.0, self._size)
         self._extent[is_long, 2] = self._size[is_long, 1]
         self._radius = np.where(is_ball, self._size[:, 0], 0.0)

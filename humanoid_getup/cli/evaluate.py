@@ -146,9 +146,9 @@ def _plan_curves(world: World, falls: FallSet, seed: int) -> list[StyleCurves | 
     with counting("plans", len(falls.falls)) as count:
         for number, fall in enumerate(falls.falls):
             plan = planner.plan(fall.posture, np.random.default_rng([seed, number]))
-            motion = plan.motion if isinstance(plan, MotionPlan) else None
-            is_rise = motion is not None and motion.rises
-            found.append(read_curves(world.robot, motion) if is_rise else None)
+            found.append(None)
+            if isinstance(plan, MotionPlan) and plan.motion.rises:
+                found[-1] = read_curves(world.robot, plan.motion)
             count(1)
     return found
 

@@ -17,7 +17,7 @@ from mcap.writer import Writer
 from paths import REPOSITORY, TINY
 from recording_backend import still_state
 
-from drivers import ClipCounts, Command, Cycle
+from drivers import ClipCounts, Command, Cycle, Guidance
 from drivers.control_loop import Timing
 from drivers.flight_log.reader import Event, FlightRecord
 from drivers.flight_log.writer import METADATA, FlightLog
@@ -43,7 +43,9 @@ def make_cycle(robot: Robot, number: int, rng: np.random.Generator) -> Cycle:
     )
     clips = ClipCounts(*rng.integers(0, 9, (5, n)))
     timing = Timing(late=0.0, read=float(rng.random()), step=1e-300, write=0.1 + 0.2)
-    return Cycle(state, command, replace(command, joint_pos=-command.joint_pos), clips, timing)
+    sent = replace(command, joint_pos=-command.joint_pos)
+    guidance = Guidance(wanted=rng.normal(size=3), measured=rng.normal(size=3))
+    return Cycle(state, command, sent, clips, timing, guidance)
 
 
 def make_flight(robot: Robot, count: int) -> list[Cycle]:
@@ -135,7 +137,7 @@ def test_a_command_of_the_wrong_length_is_recorded_and_spoils_no_other(tmp_path,
 
 
 def test_new_fields_of_a_cycle_are_recorded_without_being_named(tmp_path, robot, flight):
-    @dataclass(frozen=True)
+    @dataclass(frozen=True, kw_only=True)
     class Richer(Cycle):
         rates: Timing
         lost: int
@@ -147,6 +149,15 @@ def test_new_fields_of_a_cycle_are_recorded_without_being_named(tmp_path, robot,
     assert tracks["rates"]["write"].tolist() == [0.1 + 0.2] * 4
     assert tracks["cycle"]["lost"].tolist() == [3] * 4
     assert tracks["cycle"]["phase"].tolist() == ["play"] * 4
+
+
+def test_guidance_is_recorded_in_the_cycles_that_have_it(tmp_path, robot, flight):
+    cycles = [replace(c, guidance=c.guidance if 3 <= i < 7 else None) for i, c in enumerate(flight)]
+    write_flight(tmp_path / "f", robot, cycles)
+    tracks = FlightRecord.load(tmp_path / "f").tracks
+    assert tracks["guidance"].cycle.tolist() == [3, 4, 5, 6]
+    assert np.array_equal(tracks["guidance"]["wanted"][1], flight[4].guidance.wanted)
+    assert len(tracks["state"].cycle) == len(flight)
 
 
 def test_it_tells_whose_flight_it_was_and_what_happened(tmp_path, robot, flight):

@@ -44,6 +44,7 @@ STANDING = RewardInputs(
     joint_speed=np.zeros((1, 2)),
     torque=np.zeros((1, 2)),
     fall_speed=np.zeros(1),
+    head_contact=np.array([False]),
     head_fall=np.zeros(1),
     requested=np.zeros((1, 2)),
     action=np.zeros((1, 2)),

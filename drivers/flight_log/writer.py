@@ -110,7 +110,7 @@ class FlightLog:
         if not self.cycles:
             values = {field.name: getattr(cycle, field.name) for field in fields(cycle)}
             parts = [name for name, value in values.items() if is_dataclass(value)]
-            self._parts = [*parts, *OPTIONAL]
+            self._parts = list(dict.fromkeys([*parts, *OPTIONAL]))
             self._rest = [name for name in values if name not in self._parts]
         for name in self._parts:
             if (part := getattr(cycle, name)) is not None:

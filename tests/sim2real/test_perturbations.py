@@ -84,6 +84,7 @@ def test_capsules_reach_as_far_as_the_boxes_did(op3: Robot):
 
 
 def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
+    @remember_actions
     def thrash(observations: np.ndarray) -> np.ndarray:
         return np.sin(np.arange(SIZE) + observations[:, :1] * 20.0)
 
@@ -135,6 +136,9 @@ def test_figures_count_by_class(op3: Robot):
         joint_vel=np.ones((3, 8, 2)),
         head_contact=np.array([[False, True]] * 3),
         head_speed=np.array([[0.0, 0.0], [1.5, 0.0], [0.5, 0.0]]),
+        features=np.zeros((3, 1, 3)),
+        wanted=np.zeros((3, 0, 3)),
+        style_duration=np.full(3, np.nan),
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
     figures = summarize_rollouts(falls, [record], ("prone", "left"))

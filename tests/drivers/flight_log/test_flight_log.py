@@ -206,10 +206,10 @@ def test_other_programs_find_topics_schemas_and_an_index(logged):
         summary = reader.get_summary()
         assert summary is not None
         assert summary.statistics is not None
-        assert summary.statistics.message_count == 5 * 1100
+        assert summary.statistics.message_count == 6 * 1100
         assert len(summary.chunk_indexes) > 1
         topics = {channel.topic: channel for channel in summary.channels.values()}
-        expected = {"/state", "/command_asked", "/command_sent", "/clips", "/timing"}
+        expected = {"/state", "/command_asked", "/command_sent", "/clips", "/timing", "/guidance"}
         assert set(topics) == expected
         for topic, channel in topics.items():
             schema = summary.schemas[channel.schema_id]

@@ -32,7 +32,8 @@ from sim2real.training.train import load_pool
 
 
 def test_what_fails_is_drawn_more_often():
-    pool = StartPool(np.zeros((4, 1)), success=np.array([0.0, 0.0, 1.0, 1.0]))
+    pool = StartPool.of(np.zeros((4, 1)))
+    pool.success[2:] = 1.0
     drawn = pool.draw(20_000, np.random.default_rng(0))
     count = np.bincount(drawn, minlength=4)
     assert count[2:].sum() / count[:2].sum() == pytest.approx(LEAST, rel=0.1)

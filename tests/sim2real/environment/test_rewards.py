@@ -29,6 +29,7 @@ from sim2real.environment.rewards import (
     torque,
     way_up,
 )
+from sim2real.environment.style_task import StyleReward
 from sim2real.environment.training_simulation import TrainingSim
 
 STANDING = RewardInputs(
@@ -51,6 +52,15 @@ STANDING = RewardInputs(
     last_action=np.zeros((1, 2)),
     away=np.zeros((1, 2)),
 )
+
+
+def follow(height: float) -> StyleReward:
+    """Follow curves that ask for a stand, by height alone."""
+    one = np.ones(1)
+    return StyleReward(height=height * one, angles=one, stillness=one, posture=one, natural=one)
+
+
+STANDING = replace(STANDING, style=follow(1.0))
 # Two thirds of the standing height, upright, legs stretched out forward.
 SITTING = replace(
     STANDING,
@@ -60,8 +70,15 @@ SITTING = replace(
     sole_distance=np.array([0.8]),
     standing=np.array([False]),
     away=np.full((1, 2), 1.0),
+    style=follow(0.4),
 )
-LYING = replace(SITTING, height=np.array([0.15]), stretch=np.array([0.1]), upright=np.array([0.0]))
+LYING = replace(
+    SITTING,
+    height=np.array([0.15]),
+    stretch=np.array([0.1]),
+    upright=np.array([0.0]),
+    style=follow(0.1),
+)
 
 
 ONE_MOVES = np.array([[0.5, 0.0]])
@@ -144,7 +161,7 @@ def test_costs_cost_and_rewards_pay_in_every_recipe(name):
         part = score((reward,), inputs)[0].item()
         assert part < 0.0 if reward.term in COSTS else part > 0.0
     charged = {reward.term for reward in REWARDS[name]} & COSTS.keys()
-    assert len(charged) == (2 if name == "quick" else 8)
+    assert len(charged) == {"quick": 2, "styled": 6}.get(name, 8)
 
 
 def test_the_parts_of_a_score_are_named_and_sum_up():

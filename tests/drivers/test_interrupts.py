@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections.abc import Iterator
 
 import pytest
 from memory_rig import Rig
@@ -10,6 +11,14 @@ from drivers import Command
 from drivers.backend import Release
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.interrupts import deferred_interrupts
+
+
+@pytest.fixture(autouse=True)
+def default_handler() -> Iterator[None]:
+    """Let SIGINT raise, whatever a command that ran in this process has made of it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def interrupt() -> None:

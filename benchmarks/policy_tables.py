@@ -67,8 +67,8 @@ GROUPS: dict[str, dict[str, Perturbation]] = {
         "pushes 0.5 m/s": Perturbation(push=0.5),
         "sensor noise": Perturbation(noise=True),
         "gyro bias 2 deg/s": Perturbation(gyro_bias=math.radians(2.0)),
-        "IMU turned 2 deg": Perturbation(imu_tilt=math.radians(2.0)),
-        "IMU turned 5 deg": Perturbation(imu_tilt=math.radians(5.0)),
+        "IMU rotated 2 deg": Perturbation(imu_tilt=math.radians(2.0)),
+        "IMU rotated 5 deg": Perturbation(imu_tilt=math.radians(5.0)),
     },
     "transfer": {name: Perturbation(physics=name) for name in MODEL_VARIANTS},
 }

@@ -6,6 +6,10 @@ training, learning included; and the same task as single-robot Gymnasium environ
 processes under stable-baselines3 (`pip install stable-baselines3`; skipped if missing).
 
     python benchmarks/train_throughput.py --recipe quick --json throughput.json
+
+A training with style curves needs a prior and a policy to begin with, and has no peer:
+
+    python benchmarks/train_throughput.py --recipe styled-quick --prior out/prior --parent FILE
 """
 
 from __future__ import annotations
@@ -32,7 +36,8 @@ from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.initial_states import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
 from sim2real.training.iteration_log import TrainReport
-from sim2real.training.train import build_options, load_pool, train
+from sim2real.training.styled_training import keep_prior
+from sim2real.training.train import POOL, build_env, build_options, load_pool, train
 
 ROUNDS = 5  # of bare physics and of the environment, in turn
 PROCESSES = 2
@@ -48,8 +53,18 @@ class Task:
     threads: int
     steps: int
     """Policy steps of every robot in a round."""
+    prior: Path | None
+    """Folder of the pose prior of a training with style curves."""
+    parent: Path | None
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
+        if self.prior is not None:
+            recipe = replace(self.recipe, robots=robots)
+            with tempfile.TemporaryDirectory() as name:
+                keep_prior(self.prior, folder := Path(name))
+                self.pool.save(folder / POOL, self.robot)
+                actions = recipe.choose_actions(self.robot)
+                return build_env(self.robot, recipe, actions, 0, folder, threads)
         options = replace(build_options(self.recipe, threads), robots=robots)
         actions = self.recipe.choose_actions(self.robot)
         return GetUpEnv(self.robot, actions, StartPool.of(self.pool.qpos), options)
@@ -83,7 +98,7 @@ def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float
     for _ in range(ROUNDS):
         bare_batch.state[:] = recorder.state
         recorder.rolled.clear()
-        actions = rng.uniform(-1.0, 1.0, (task.steps, n, env.action.size))
+        actions = rng.uniform(-1.0, 1.0, (task.steps, n, len(env.head.names)))
         began = time.perf_counter()
         for action in actions:
             env.step(action)
@@ -104,7 +119,16 @@ def measure_training(task: Task, iterations: int) -> float:
 
     recipe = replace(task.recipe, iterations=iterations + 1)
     with tempfile.TemporaryDirectory() as folder:
-        train(task.robot, recipe, 0, Path(folder), threads=task.threads, report=note)
+        train(
+            task.robot,
+            recipe,
+            0,
+            Path(folder),
+            threads=task.threads,
+            parent=task.parent,
+            prior=task.prior,
+            report=note,
+        )
     (began, before), (ended, after) = seen[0], seen[-1]
     return (after - before) / (ended - began)
 
@@ -172,7 +196,9 @@ def measure_peer(task: Task, iterations: int) -> float | None:
 def main(
     *,
     robot: str = "op3",
-    recipe: Literal["quick", "robust", "gentle"] = "quick",
+    recipe: Literal["quick", "robust", "gentle", "styled-quick"] = "quick",
+    prior: Path | None = None,
+    parent: Path | None = None,
     robots: int | None = None,
     threads: int = 0,
     iterations: int = 10,
@@ -186,6 +212,8 @@ def main(
     Args:
         robot: Name of a robot.
         recipe: Training recipe.
+        prior: Folder of the pose prior of a training with style curves.
+        parent: Policy file, or folder of a training, that such a training begins with.
         robots: Robots side by side; default: the recipe's.
         threads: Threads that step physics; 0 for one per processor.
         iterations: Iterations of training.
@@ -196,13 +224,15 @@ def main(
     """
     chosen = replace(RECIPES[recipe], falls=falls)
     chosen = replace(chosen, robots=robots or chosen.robots)
+    if chosen.style is not None and prior is None:
+        raise SystemExit(f"--prior is missing, expected with recipe {recipe}, see `getup prior`")
     loaded = load_robot(robot)
     with tempfile.TemporaryDirectory() as folder:
         pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
-    task = Task(loaded, chosen, pool, threads, steps)
+    task = Task(loaded, chosen, pool, threads, steps, prior, parent)
     bare, env = measure_stepping(task, np.random.default_rng(0))
     rates = {"bare": bare, "env": env, "training": measure_training(task, iterations)}
-    peer = measure_peer(task, peer_iterations)
+    peer = None if chosen.style else measure_peer(task, peer_iterations)
     rates |= {} if peer is None else {"stable_baselines3": peer}
     for name, rate in rates.items():
         print(f"{name:18} {rate:9,.0f} policy steps/s  {rate / bare:5.2f} of bare")

@@ -134,6 +134,20 @@ def place_postures(
     return qpos
 
 
+def transfer_positions(
+    robot: Robot, source: mujoco.MjModel, target: mujoco.MjModel, qpos: Array
+) -> Array:
+    """Convert MuJoCo positions (..., nq) of the robot in one model to those in another."""
+    own = robot.layout(source)
+    return place_postures(
+        robot,
+        target,
+        qpos[..., own.root_position],
+        qpos[..., own.root_orientation],
+        qpos[..., own.qpos],
+    )
+
+
 def read_posture(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Posture:
     """Convert MuJoCo positions (nq,) to a posture, its joints within their limits."""
     layout = robot.layout(model)
@@ -168,12 +182,12 @@ def center_of_mass(
     return out
 
 
-def site_heights(model: mujoco.MjModel, qpos: Array, site: str) -> Array:
-    """Compute the height of a site in the world [m], (T,), at MuJoCo positions (T, nq)."""
+def site_positions(model: mujoco.MjModel, qpos: Array, site: str) -> Array:
+    """Compute the position of a site in the world [m], (T, 3), at MuJoCo positions (T, nq)."""
     data, number = mujoco.MjData(model), model.site(site).id
-    heights = np.zeros(len(qpos))
+    positions = np.zeros((len(qpos), 3))
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
-        heights[k] = data.site_xpos[number, 2]
-    return heights
+        positions[k] = data.site_xpos[number]
+    return positions

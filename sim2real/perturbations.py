@@ -101,6 +101,7 @@ def evaluate_policy(
     scene: Scene = FLAT_SCENE,
     style: StyleInput | None = None,
     choose_style: StyleChoice | None = None,
+    sees_ground: bool = False,
     duration: float = DURATION,
     threads: int = 0,
     report: Callable[[int], None] = lambda _: None,
@@ -108,7 +109,8 @@ def evaluate_policy(
     """Roll out a policy under a perturbation for a duration [s]; return rollouts in chunks.
 
     The seed is that of everything random: weak servos, pushes, the IMU's axis, noise. After each
-    chunk its number of robots is reported. Style is that of :func:`roll_out_policy`.
+    chunk its number of robots is reported. Style and height map are those of
+    :func:`roll_out_policy`.
     """
     variants: list[ModelVariant] = []
     if perturbation.physics:
@@ -139,6 +141,7 @@ def evaluate_policy(
                 qpos,
                 style=style,
                 choose_style=_shift(choose_style, first),
+                sees_ground=sees_ground,
                 duration=duration,
                 rng=rng if perturbation.noise else None,
                 on_step=partial(_push, sim, perturbation.push, rng),
@@ -168,6 +171,7 @@ def summarize_rollouts(
         "angle_error_deg": np.concatenate(
             [np.degrees(r.style_error()[:, 1:].mean(axis=1)) for r in records]
         ),
+        "restarts": np.concatenate([r.restarts for r in records]).astype(float),
         "standing_joint_speed_rad_s": np.concatenate([r.standing_speed() for r in records]),
     }
     everyone = np.ones(len(kinds), dtype=bool)

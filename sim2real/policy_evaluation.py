@@ -18,9 +18,9 @@ from humanoid_getup.policy.observation import (
     observe,
     observe_style,
 )
-from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.curve_tracker import CurveTracker
+from humanoid_getup.style.curves import CurveTargets, StyleCurves
 from humanoid_getup.style.features import COUNT
-from humanoid_getup.style.guide import StyleGuide
 from robots.quaternion import Array
 from sim2real.environment.training_simulation import Record, TrainingSim
 
@@ -54,6 +54,8 @@ class PolicyRollouts(Record):
     numbers without style."""
     style_duration: Array
     """How long the curves last [s], (N,); NaN without style."""
+    restarts: NDArray[np.int_]
+    """How often each robot restarted after it had deviated from its curves, (N,)."""
 
     @property
     def stood(self) -> NDArray[np.bool_]:
@@ -110,6 +112,7 @@ def roll_out_policy(
     *,
     style: StyleInput | None = None,
     choose_style: StyleChoice | None = None,
+    sees_ground: bool = False,
     duration: float = DURATION,
     rng: np.random.Generator | None = None,
     on_step: Callable[[int], None] = lambda _: None,
@@ -118,24 +121,39 @@ def roll_out_policy(
 
     The N robots have the domain parameters of the simulation, and sensor noise from ``rng``. With
     ``style``, what a policy gets to follow curves, each robot follows those that are chosen for
-    it. ``on_step`` is called before each policy step with its number, to disturb them.
+    it; a policy with a height map gets it if it ``sees_ground``. ``on_step`` is called before each
+    policy step with its number, to disturb them.
     """
     robot = sim.robot
     sim.place(sim.everyone, starts)
     sensed = sim.sense(rng)
-    guide = StyleGuide(robot, sim.n) if style and choose_style else None
-    if guide is not None and choose_style is not None:
-        guide.measure(sensed.gravity, sensed.joint_pos)
-        guide.enter_all([choose_style(row, seen) for row, seen in enumerate(guide.features)])
+    tracker = CurveTracker(robot, sim.n) if style and choose_style else None
+    asked = CurveTargets(sim.n)  # errors are those from the first curves of each robot
+    if tracker is not None and choose_style is not None:
+        tracker.measure(sensed.gravity, sensed.joint_pos)
+        curves = [choose_style(row, seen) for row, seen in enumerate(tracker.features)]
+        tracker.begin(sim.everyone, curves)
+        asked.enter(
+            sim.everyone,
+            np.array([curve.pieces for curve in curves]),
+            np.array([curve.duration for curve in curves]),
+            tracker.features,
+            tracker.time,
+        )
+    first_time = tracker.time.copy() if tracker else np.zeros(sim.n)
     target = sensed.joint_pos
     memory = np.zeros((sim.n, style.memory if style else action.size))
     share = compute_torque_share(robot, action, sim.parameters.torque_limit)
     records: list[Record] = []
     wanted: list[Array] = []
     diverged = np.zeros(sim.n, dtype=bool)
+    restarts = np.zeros(sim.n, dtype=int)
     for step in range(round(duration / sim.step_time)):
         on_step(step)
-        more = observe_style(guide.targets, guide.features) if guide else ()
+        more = list(observe_style(tracker.targets, tracker.features)) if tracker else []
+        if style and style.height_map:
+            seen = sim.measure_height_map()
+            more.append(seen if sees_ground else np.zeros_like(seen))
         outputs, memory = policy(observe(robot, sensed, target, memory, share, more))
         following = next_target(
             robot,
@@ -149,10 +167,14 @@ def roll_out_policy(
         diverged |= sim.diverged
         target = following
         sensed = sim.sense(rng)
-        if guide is not None:
-            guide.advance(sim.step_time)
-            guide.measure(sensed.gravity, sensed.joint_pos)
-            wanted.append(guide.wanted)
+        if tracker is not None:
+            tracker.advance(sim.step_time)
+            tracker.measure(sensed.gravity, sensed.joint_pos)
+            wanted.append(asked.at(first_time + (step + 1) * sim.step_time))
+            if choose_style is not None:
+                again = tracker.restart_deviating(sim.step_time, choose_style)
+                memory[again] = 0.0
+                restarts[again] += 1
     columns = {
         field.name: np.concatenate([getattr(record, field.name) for record in records], axis=1)
         for field in fields(Record)
@@ -160,7 +182,8 @@ def roll_out_policy(
     columns["upright"] &= ~diverged[:, None]
     return PolicyRollouts(
         period=robot.control_period,
-        wanted=np.stack(wanted, axis=1) if guide else np.zeros((sim.n, 0, COUNT)),
-        style_duration=guide.duration if guide else np.full(sim.n, np.nan),
+        wanted=np.stack(wanted, axis=1) if tracker else np.zeros((sim.n, 0, COUNT)),
+        style_duration=asked.duration if tracker else np.full(sim.n, np.nan),
+        restarts=restarts,
         **columns,
     )

@@ -12,7 +12,7 @@ from drivers import Twin
 from humanoid_getup.evaluation.statistics import summarize_records
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.scenes.named_scenes import is_seeded, load_scene
+from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
 from humanoid_getup.simulation.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
@@ -60,10 +60,9 @@ def sample_scene_falls(robot: Robot, name: str, n: int, seed: int) -> Iterator[S
     """
     scene = load_scene(name, robot, seed)
     classes = list(dict.fromkeys(str(s.start_class) for s in scene.starts)) or list(CLASSES)
-    grounds = -(-n // len(classes)) if is_seeded(name) else 1
-    for ground in range(grounds):
-        count = n // grounds + (ground < n % grounds)
-        own = load_scene(name, robot, seed * grounds + ground) if grounds > 1 else scene
+    grounds = load_grounds(name, robot, -(-n // len(classes)), seed)
+    for ground, (own, _) in enumerate(grounds):
+        count = n // len(grounds) + (ground < n % len(grounds))
         world = World(robot, own)
         each, rest = divmod(count, len(classes))
         counts = {name: each + (k < rest) for k, name in enumerate(classes)}

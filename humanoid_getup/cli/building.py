@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import queue
-import signal
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from multiprocessing.queues import Queue
 
 from rich.console import Console
@@ -28,6 +26,7 @@ from humanoid_getup.motions.build import KEYFRAMES, build_motion, load_robot_key
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.worker_pool import SPAWN, worker_pool
 from robots import Robot
 
 POLL_TIME = 0.2  # s between two reads of the workers' progress
@@ -72,30 +71,21 @@ def _choose_keyframes(robot: Robot, names: tuple[str, ...]) -> list[Keyframes]:
 def _build_all(
     robot: Robot, keyframes: list[Keyframes], command: BuildMotions, save: Callable[[Motion], None]
 ) -> list[str]:
-    """Build motions in processes, save each when it is ready; return why the others failed.
-
-    The processes end with this function, however it ends.
-    """
-    context = multiprocessing.get_context("spawn")
-    reports: Queue = context.Queue()
+    """Build motions in processes, save each when it is ready; return why the others failed."""
+    reports: Queue = SPAWN.Queue()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     note = TextColumn("[dim]{task.fields[note]}")
     with Progress(*columns, TimeElapsedColumn(), note, console=Console(stderr=True)) as progress:
         bars = {
             c.name: progress.add_task(c.name, total=command.generations, note="") for c in keyframes
         }
-        pool = ProcessPoolExecutor(command.jobs, context, _start_worker, (reports,))
-        try:
+        with worker_pool(command.jobs, _start_worker, reports) as pool:
             waiting = {pool.submit(_build, robot, c, command): c.name for c in keyframes}
             failures: list[str] = []
             while waiting:
                 _show(reports, progress, bars)
                 failures += _collect(waiting, save)
             return failures
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
-                process.terminate()
 
 
 def _collect(waiting: dict[Future[Motion], str], save: Callable[[Motion], None]) -> list[str]:
@@ -122,7 +112,6 @@ def _show(reports: Queue, progress: Progress, bars: dict[str, TaskID]) -> None:
 def _start_worker(reports: Queue) -> None:
     global _progress
     _progress = reports
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
 
 
 def _build(robot: Robot, keyframes: Keyframes, command: BuildMotions) -> Motion:

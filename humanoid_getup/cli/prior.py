@@ -15,13 +15,21 @@ def make_prior(command: MakePrior) -> int:
     with phase("loading torch"), needing("train"):
         from sim2real.pose_prior.pose_prior import PosePrior
         from sim2real.pose_prior.rise_set import RiseSet
-        from sim2real.prior_training.collect import collect_rises
+        from sim2real.prior_training.collect import collect_rises, load_policy
         from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
         from sim2real.training.styled_training import PRIOR, RISES
+    with phase("loading"), refusing():
+        policies = {name: load_policy(robot, name) for name in command.policies}
     with refusing():
         with counting("rises", command.rises) as count:
             found = collect_rises(
-                robot, command.rises, command.seed, command.out, command.policies, count
+                robot,
+                command.rises,
+                command.seed,
+                command.out,
+                policies,
+                jobs=command.jobs,
+                report=count,
             )
         rises = RiseSet.join(robot, found)
         rises.save(command.out / RISES)

@@ -14,15 +14,16 @@ from humanoid_getup.cli.inputs import find_motion, load_robot
 from humanoid_getup.cli.options.style import EditStyle, ExtractStyle, ListStyles, ShowStyles
 from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
 from humanoid_getup.reporting.style_plot import save_styles
+from humanoid_getup.strategies.styled_rise import measure_motion
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.edits import hold, rise_time, shift_rise
-from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_features, trim
+from humanoid_getup.style.extraction import ExtractionError, extract_curves, trim
 from humanoid_getup.style.features import FeatureSense
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import list_styles as list_names
 from humanoid_getup.style.style_file import load_style, write_style
 from robots import Robot
-from robots.kinematics import GravitySense, leg_length, place_postures
+from robots.kinematics import GravitySense, leg_length
 from robots.quaternion import Array
 
 STANDING = np.array([1.0, np.pi / 2, np.pi / 2])
@@ -131,9 +132,8 @@ def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, flo
         clip = _read_clip(command, file)
         scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
         return clip.time, clip.measure_features(), scale
-    motion, model = find_motion(robot, command.source), robot.spec().compile()
-    qpos = place_postures(robot, model, motion.position, motion.orientation, motion.joint_pos)
-    return motion.time, measure_features(robot, model, qpos), 1.0
+    motion = find_motion(robot, command.source)
+    return motion.time, measure_motion(robot, motion), 1.0
 
 
 def _read_clip(command: ExtractStyle, file: Path):
@@ -156,17 +156,16 @@ def _read_log(file: Path, robot: Robot) -> tuple[Array, Array]:
     if not record.cycles:
         raise ValueError(f"flight log {file}: contains no cycle, expected at least one")
     state = record.tracks["state"]
-    sense = FeatureSense(robot)
-    gravity = GravitySense(robot.spec().compile().site(robot.imu_site).quat)
-    features = [
-        sense(gravity(orientation)[None], joint_pos[None])[0]
-        for orientation, joint_pos in zip(state["orientation"], state["joint_pos"], strict=True)
-        if np.isfinite(orientation).all() and np.isfinite(joint_pos).all()
-    ]
     known = np.isfinite(state["orientation"]).all(axis=1)
     known &= np.isfinite(state["joint_pos"]).all(axis=1)
-    time = state["time"][known]
-    return time - time[0], np.array(features)
+    if not known.any():
+        raise ValueError(f"flight log {file}: measures no posture, expected one or more")
+    time, orientation, joint_pos = (
+        state[name][known] for name in ("time", "orientation", "joint_pos")
+    )
+    gravity = GravitySense(robot.spec().compile().site(robot.imu_site).quat)
+    down = np.array([gravity(row) for row in orientation])
+    return time - time[0], FeatureSense(robot, len(down))(down, joint_pos)
 
 
 def _describe(style: Style) -> dict[str, Any]:

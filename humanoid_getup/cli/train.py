@@ -28,14 +28,11 @@ SPEED_WINDOW = 300.0  # s over which the speed is measured: several iterations
 
 def train(command: Train) -> int:
     """Train, or continue a training."""
-    if command.parent is not None and not command.parent.is_dir():
-        if command.parent.suffix != ".onnx":
-            raise BadInputError(f"--from is {command.parent}, expected the folder of a training")
-        if not command.recipe.startswith("styled"):
-            raise BadInputError(
-                f"--from is {command.parent}, expected the folder of a training: only recipe "
-                "styled begins with a policy file"
-            )
+    parent = command.parent
+    if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
+        raise BadInputError(
+            f"--from is {parent}, expected the folder of a training, or a policy file"
+        )
     if command.prior is not None and not command.prior.is_dir():
         raise BadInputError(f"--prior is {command.prior}, expected the folder of a pose prior")
     robot = load_robot(command)
@@ -44,8 +41,7 @@ def train(command: Train) -> int:
 
         from sim2real.training.config import RECIPES
         from sim2real.training.distributed import DistributedProcess
-        from sim2real.training.styled_training import check_prior
-        from sim2real.training.train import train
+        from sim2real.training.train import check_inputs, train
     _check_device(command.device, has_gpu=torch.cuda.is_available())
     recipe = RECIPES[command.recipe]
     recipe = replace(
@@ -53,9 +49,8 @@ def train(command: Train) -> int:
         iterations=command.iterations or recipe.iterations,
         robots=command.robots or recipe.robots,
     )
-    if recipe.style is not None:
-        with refusing():
-            check_prior(robot, command.prior, command.parent, command.out)
+    with refusing():
+        check_inputs(robot, recipe, command.out, command.parent, command.prior)
     leads = DistributedProcess.from_environment(os.environ).leads
     with refusing(), show_progress(recipe.iterations, shown=leads) as progress:
         train(

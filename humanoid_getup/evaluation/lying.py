@@ -14,7 +14,7 @@ from humanoid_getup.evaluation.standing import measure_stance
 from humanoid_getup.simulation.rollout import Trace
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
-from robots.kinematics import site_heights
+from robots.kinematics import site_positions
 from robots.quaternion import Array
 
 LyingSide = Literal["supine", "prone", "left", "right"]
@@ -98,7 +98,7 @@ def judge_run(robot: Robot, model: mujoco.MjModel, qpos: Array, side: LyingSide)
     return judge_lying(
         qpos[:, layout.root_orientation],
         qpos[:, layout.qpos],
-        site_heights(model, qpos, robot.neck_site),
+        site_positions(model, qpos, robot.neck_site)[:, 2],
         robot.control_period,
         side,
     )

@@ -45,16 +45,34 @@ class GroundFit:
         rows = np.unique(np.append(np.arange(0, count, EVERY), count - 1))
         robot, model = self._world.robot, self._world.model
         qpos = place_postures(robot, model, position[rows], orientation[rows], joint_pos[rows])
-        fitted = np.array([self._fit(q) for q in qpos])
+        fitted = np.array([self.shift_legs(q) for q in qpos])
         return np.stack([np.interp(np.arange(count), rows, column) for column in fitted.T], axis=1)
 
-    def _fit(self, qpos: Array) -> Array:
-        """Compute the shift of one posture, (n,), at MuJoCo positions (nq,)."""
-        model, data = self._world.model, self._data
+    def measure_level(self, qpos: Array) -> float:
+        """Measure the height of the ground on which a robot would come to stand [m].
+
+        ``qpos`` are MuJoCo positions, (nq,), of a robot on level ground of height 0.
+        """
+        position, _, share = self._find_soles(qpos)
+        height = self._world.scene.ground.height(position[:, 0], position[:, 1])
+        mean = float(share @ height / max(share.sum(), 1e-9))
+        return mean + LOWER * (float(np.min(share * (height - mean))))
+
+    def _find_soles(self, qpos: Array) -> tuple[Array, Array, Array]:
+        """Find places (2, 3) and orientations (2, 9) of soles, and how flat each is, (2,)."""
+        data = self._data
         data.qpos[:] = qpos
-        mujoco.mj_kinematics(model, data)
+        mujoco.mj_kinematics(self._world.model, data)
         position, matrix = data.site_xpos[self._soles], data.site_xmat[self._soles]
-        share = _smooth((matrix[:, 8] - FLAT_FROM) / (FLAT_AT - FLAT_FROM))
+        return position, matrix, _smooth((matrix[:, 8] - FLAT_FROM) / (FLAT_AT - FLAT_FROM))
+
+    def shift_legs(self, qpos: Array) -> Array:
+        """Compute what to add to the joint angles of one posture, (n,).
+
+        ``qpos`` are MuJoCo positions, (nq,), at the height that `measure_level` yields.
+        """
+        model, data = self._world.model, self._data
+        position, matrix, share = self._find_soles(qpos)
         shift = np.zeros(len(self._dof))
         if not share.any():
             return shift

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.style.curves import LOOKAHEAD
 from humanoid_getup.style.features import COUNT as FEATURE_COUNT
+from humanoid_getup.style.height_map import GRID
 from robots import Robot
 from robots.quaternion import Array
 from robots.validation import whole
@@ -50,12 +51,8 @@ ROTATION = Mirror(np.arange(3), np.array([-1.0, 1.0, -1.0]))
 """Mirror of a rotation or an angular velocity: x and z change."""
 SAME = Mirror(np.arange(1), np.ones(1))
 """Mirror of a number that does not change."""
-GRID = 5
-"""Points on each side of the height map, whose rows run forward and columns to the left."""
 MAP = Mirror(np.arange(GRID**2).reshape(GRID, GRID)[:, ::-1].ravel(), np.ones(GRID**2))
 """Mirror of the height map: each row is turned over."""
-UNKNOWN_GROUND = np.zeros(GRID**2)
-"""Height map of a robot that does not know the ground around it: as if it were level."""
 UPRIGHT = np.array([0.0, np.pi / 2, np.pi / 2])
 """What style features are counted from: no height, and the angles of an upright torso."""
 
@@ -89,7 +86,7 @@ class StyleInput:
     memory: Annotated[int, whole(1, 10_000)]
     """Size of what its network remembers of its last actions."""
     height_map: bool = False
-    """Whether it may know the ground around it."""
+    """Whether it observes the ground around it, where that is known."""
 
 
 def list_terms(
@@ -169,7 +166,7 @@ def mirror_of_observation(robot: Robot, memory: Mirror, style: StyleInput | None
     """Build the exchange of left and right in observations, from that in a policy's memory."""
     joints = Mirror(robot.mirror_index, robot.mirror_sign)
     parts = [VECTOR, ROTATION, joints, joints, joints, memory, SAME]
-    if style is None:
-        return Mirror.join(parts)
-    parts += [VECTOR] * (len(LOOKAHEAD) + 1)  # of features, the side angle changes
-    return Mirror.join([*parts, MAP] if style.height_map else parts)
+    if style is not None:
+        parts += [VECTOR] * (len(LOOKAHEAD) + 1)  # of features, the side angle changes
+        parts += [MAP] if style.height_map else []
+    return Mirror.join(parts)

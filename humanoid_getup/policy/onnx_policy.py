@@ -14,14 +14,14 @@ from humanoid_getup.evaluation.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import ContractError, PolicyContract
 from humanoid_getup.policy.observation import (
-    UNKNOWN_GROUND,
     Sensed,
     compute_torque_share,
     observe,
     observe_style,
 )
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
-from humanoid_getup.style.guide import StyleGuide
+from humanoid_getup.style.curve_tracker import CurveTracker
+from humanoid_getup.style.height_map import UNKNOWN
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
@@ -135,7 +135,7 @@ class OnnxPolicy:
         self.robot, self.contract, self.longest = robot, contract, longest
         self.style = style
         """What it follows; ``None`` for a policy that follows no style."""
-        self.guide = StyleGuide(robot) if style else None
+        self.tracker = CurveTracker(robot) if style else None
         self.action = contract.action
         self.fault: str | None = None
         """Why it failed, if it did."""
@@ -162,8 +162,8 @@ class OnnxPolicy:
         """Load a policy that fits a robot and its control period [s].
 
         The torque limit [N·m] is that of every servo; after ``longest`` [s] the policy is done,
-        standing or not. A policy that follows style curves takes, of all named styles, the one
-        that begins nearest to the robot if no style is given.
+        standing or not. Without a style, a policy that follows style curves chooses among all
+        named ones, as `Style.choose` does.
 
         Raises:
             OSError: if the file cannot be read.
@@ -214,9 +214,9 @@ class OnnxPolicy:
     @property
     def guidance(self) -> Guidance | None:
         """Return the style features that are wanted now, and those measured; for flight logs."""
-        if self.guide is None:
+        if self.tracker is None:
             return None
-        return Guidance(wanted=self.guide.wanted[0], measured=self.guide.features[0])
+        return Guidance(wanted=self.tracker.wanted[0], measured=self.tracker.features[0])
 
     @property
     def done(self) -> bool:
@@ -255,11 +255,11 @@ class OnnxPolicy:
     def observe(self, sensed: Sensed) -> NDArray[np.float32]:
         """Build the observation at the beginning of a policy step, (size,)."""
         more: Sequence[Array] = ()
-        if self.guide is not None:
-            terms = observe_style(self.guide.targets, self.guide.features)
+        if self.tracker is not None:
+            terms = observe_style(self.tracker.targets, self.tracker.features)
             more = [term[0] for term in terms]
             if self.contract.style is not None and self.contract.style.height_map:
-                more.append(UNKNOWN_GROUND)
+                more.append(UNKNOWN)
         return observe(self.robot, sensed, self._following, self._memory, self._torque_share, more)
 
     def act(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
@@ -302,15 +302,18 @@ class OnnxPolicy:
         self._steady = self._steady + 1 if steady else 0
 
     def _follow_style(self, sensed: Sensed) -> None:
-        """Measure the style features; choose curves at first, go along them later."""
-        if self.guide is None or self.style is None:
+        """Measure the style features; choose curves, at first and at restarts."""
+        if self.tracker is None or self.style is None:
             return
-        self.guide.measure(sensed.gravity[None], sensed.joint_pos[None])
+        self.tracker.measure(sensed.gravity[None], sensed.joint_pos[None])
         if self._is_first:
-            self.guide.enter_all([self.style.choose(self.guide.features[0])])
+            self.tracker.begin(np.arange(1), [self.style.choose(self.tracker.features[0])])
             self._is_first = False
-        else:
-            self.guide.advance(self._step_time)
+            return
+        style = self.style
+        self.tracker.advance(self._step_time)
+        if len(self.tracker.restart_deviating(self._step_time, lambda _, seen: style.choose(seen))):
+            self._memory = np.zeros_like(self._memory)
 
 
 def find_policy(robot: Robot, name: str) -> Path:

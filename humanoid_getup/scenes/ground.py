@@ -15,6 +15,7 @@ from robots.ground import GROUND, add_ground, add_world_geom
 from robots.quaternion import Array
 
 STEEPEST = math.radians(45.0)
+AROUND_X, AROUND_Y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2))
 BASE = 0.1  # m of a field under its lowest point
 
 
@@ -42,6 +43,17 @@ class Ground(Protocol):
     def pave(self, spec: mujoco.MjSpec, surface: Surface) -> mujoco.MjsGeom:
         """Add it to a model."""
         ...
+
+
+def mean_height(ground: Ground, x: Array, y: Array, reach: float) -> Array:
+    """Compute the mean height [m] of the square around places x, y [m], (N,), within a reach [m].
+
+    It is the mean of 5 by 5 points.
+    """
+    if ground.is_level:
+        return np.zeros(len(x))
+    around = (x[:, np.newaxis] + reach * AROUND_X, y[:, np.newaxis] + reach * AROUND_Y)
+    return ground.height(*around).mean(axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)

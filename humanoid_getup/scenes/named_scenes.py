@@ -77,9 +77,18 @@ def load_scene(name: str, robot: Robot, seed: int = 0) -> Scene:
     return read_scene(file, robot, name)
 
 
-def is_seeded(name: str) -> bool:
-    """Return whether a seed makes the ground of a scene."""
-    return name.startswith(f"{ROUGH}:")
+def load_grounds(name: str, robot: Robot, count: int, seed: int) -> list[tuple[Scene, int]]:
+    """Load a scene on ``count`` grounds where a seed makes its ground, else once.
+
+    With each comes its own seed: no two seeds have a ground in common.
+
+    Raises:
+        ValueError: if there is no such scene, or its file is wrong.
+    """
+    if not name.startswith(f"{ROUGH}:"):
+        return [(load_scene(name, robot), seed)]
+    seeds = range(seed * count, (seed + 1) * count)
+    return [(load_scene(name, robot, own), own) for own in seeds]
 
 
 def _slope(degrees: str) -> SceneTable:

@@ -70,7 +70,8 @@ class LearnedRise:
             torque_limit: Of the servos; a loaded policy must have been loaded with it.
             name: For reports; ``None`` for the name of the file.
             style: What a policy that follows style curves should follow: a style, the name of
-                one, or a style file; ``None`` for the nearest of all named styles.
+                one, or a style file; ``None`` to choose among all named ones, as
+                `Style.choose` does.
 
         Raises:
             ValueError: if the policy is unknown, does not fit the robot, or was loaded with
@@ -89,7 +90,10 @@ class LearnedRise:
         if style is not None:
             given = style if isinstance(style, Style) else load_style(style, world.robot)
             policy = policy.following(given)
-        self.policy, self.name = policy, name or "policy"
+        self.policy = policy
+        """The loaded policy, with the style that it follows."""
+        self.name = name or "policy"
+        """For reports."""
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
         """Plan to run the policy."""

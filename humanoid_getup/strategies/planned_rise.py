@@ -61,6 +61,7 @@ class PlannedRise:
         prefer: PreferenceName = "time",
         search_budget: float = SEARCH_BUDGET,
         keys: Sequence[Posture | KeyPosture] = (),
+        threads: int = 0,
     ) -> None:
         """Prepare to plan.
 
@@ -75,6 +76,7 @@ class PlannedRise:
             search_budget: Simulated time in which a search may vary a rollout's targets [s].
             keys: Key postures to rise through, in order; what physics refuses is dropped. They
                 require planning and filtering.
+            threads: That step physics; 0 for one per processor. They change no result.
 
         Raises:
             ValueError: if the preference is unknown, the budget or assistance out of range, or
@@ -94,8 +96,10 @@ class PlannedRise:
         self.planning, self.filtering, self.assistance = planning, filtering, assistance
         self.database = load_database(world.robot) if database is None else database
         self._approach = Approach(world, planning=planning)
-        self.filter = DynamicsFilter(world, torque_limit=self.torque_limit, prefer=prefer)
-        self._crawl = Crawl(world, self.torque_limit, CHECK_DISTURBANCE)
+        self.filter = DynamicsFilter(
+            world, torque_limit=self.torque_limit, prefer=prefer, threads=threads
+        )
+        self._crawl = Crawl(world, self.torque_limit, CHECK_DISTURBANCE, threads=threads)
         self._leg = leg_length(world.robot)
         if keys and not (planning and filtering):
             raise ValueError("keys are given, expected planning and filtering with them")

@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.scenes.ground import FLAT, Ground
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, Strategy
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus, Strategy
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.extraction import extract_curves, measure_features
+from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_features
 from humanoid_getup.style.style import Style
 from robots import Posture, Robot
 from robots.kinematics import place_postures
+from robots.quaternion import Array
 
 PLANNED = "planned"
 """Name of the style that is the curves of a plan."""
@@ -36,11 +39,17 @@ class StyledRise:
         self._learned, self._planner = learned, planner
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
-        """Plan a motion; return the policy with its curves, or the plan if it has no motion."""
+        """Plan a motion; return the policy with its curves, or the plan if it has no motion.
+
+        A motion that ends lower than a stand has no curves: then there is nothing to play.
+        """
         planned = self._planner.plan(start, rng)
         if not isinstance(planned, MotionPlan) or not planned.motion.rises:
             return planned
-        curves = read_curves(self.world.robot, planned.motion)
+        try:
+            curves = read_curves(self.world, planned.motion)
+        except ExtractionError as error:
+            return RisePlan(status=RiseStatus.FELL, detail=str(error), planned=planned.planned)
         policy = self._learned.policy.following(Style(name=PLANNED, curves=(curves,)))
         plan = self._learned.plan(start, rng)
         return replace(
@@ -56,8 +65,18 @@ class StyledRise:
         )
 
 
-def read_curves(robot: Robot, motion: Motion) -> StyleCurves:
-    """Extract the style curves of a robot's motion on level ground."""
+def read_curves(world: World, motion: Motion) -> StyleCurves:
+    """Extract the style curves of a motion in a world.
+
+    Raises:
+        ExtractionError: if it does not end standing.
+    """
+    features = measure_motion(world.robot, motion, world.scene.ground)
+    return extract_curves(motion.time, features)
+
+
+def measure_motion(robot: Robot, motion: Motion, ground: Ground = FLAT) -> Array:
+    """Measure the style features (T, 3) of a robot's motion."""
     model = robot.spec().compile()
     qpos = place_postures(robot, model, motion.position, motion.orientation, motion.joint_pos)
-    return extract_curves(motion.time, measure_features(robot, model, qpos))
+    return measure_features(robot, model, qpos, ground)

@@ -66,6 +66,11 @@ class StyleCurves:
         """
         return self._pieces
 
+    @property
+    def turn(self) -> float:
+        """Return by how much both angles change from point to point, in sum [rad]."""
+        return float(np.abs(np.diff(self.points[:, 1:], axis=0)).sum())
+
     def sample(self, time: Array) -> Array:
         """Compute the features (..., 3) at times [s], (...); a stand is held at the end."""
         share = np.clip(np.asarray(time, dtype=float) / self.duration, 0.0, 1.0)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from humanoid_getup.scenes.ground import FLAT, Ground, mean_height
 from humanoid_getup.style.curves import LEAST_END, PLACES, StyleCurves
-from humanoid_getup.style.features import COUNT, angle_distance, torso_angles
+from humanoid_getup.style.features import AROUND, COUNT, angle_distance, torso_angles
 from robots import Robot, quaternion
-from robots.kinematics import site_heights
+from robots.kinematics import site_positions
 from robots.quaternion import Array
 
 # A body that differs less than this from its first or last sample has not begun or has ended.
@@ -20,12 +21,20 @@ class ExtractionError(ValueError):
     """A record does not hold a rise; the message says why."""
 
 
-def measure_features(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
-    """Measure style features (T, 3) of a robot on flat ground at MuJoCo positions (T, nq)."""
-    height = site_heights(model, qpos, robot.neck_site) / robot.standing_neck_height
-    orientation = qpos[:, robot.layout(model).root_orientation]
+def compute_features(robot: Robot, neck: Array, orientation: Array, ground: Ground) -> Array:
+    """Compute style features (T, 3) from neck positions [m], (T, 3), and orientations, (T, 4)."""
+    size = robot.standing_neck_height
+    height = (neck[:, 2] - mean_height(ground, neck[:, 0], neck[:, 1], AROUND * size)) / size
     angles = torso_angles(quaternion.gravity_in_body(orientation))
     return np.concatenate([height[:, None], angles], axis=-1)
+
+
+def measure_features(
+    robot: Robot, model: mujoco.MjModel, qpos: Array, ground: Ground = FLAT
+) -> Array:
+    """Measure style features (T, 3) of a robot at MuJoCo positions (T, nq)."""
+    neck = site_positions(model, qpos, robot.neck_site)
+    return compute_features(robot, neck, qpos[:, robot.layout(model).root_orientation], ground)
 
 
 def trim(features: Array) -> slice:
@@ -54,7 +63,10 @@ def extract_curves(time: Array, features: Array) -> StyleCurves:
         )
     share = (time - time[0]) / (time[-1] - time[0])
     points = [np.interp(PLACES, share, column) for column in features.T]
-    return StyleCurves.of(np.stack(points, axis=-1), float(time[-1] - time[0]))
+    try:
+        return StyleCurves.of(np.stack(points, axis=-1), float(time[-1] - time[0]))
+    except ValueError as error:
+        raise ExtractionError(str(error)) from error
 
 
 def _differs(features: Array, still: Array) -> Array:

@@ -10,6 +10,8 @@ from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.features import angle_distance
 from robots.quaternion import Array
 
+ALIKE = np.radians(5.0)  # by which the beginnings of curves may differ that are nearly alike
+
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
@@ -28,17 +30,10 @@ class Style:
     def choose(self, features: Array) -> StyleCurves:
         """Choose the curves, or their mirror image, that begin nearest to measured features (3,).
 
-        Among those that begin alike, the ones that are not mirrored are chosen.
+        Among those that begin nearly alike, the ones that turn the torso least are chosen.
         """
         every = list(self.curves)
         every += [curve.mirrored() for curve in self.curves]
-        distance = [round(float(angle_distance(c.points[0], features)), 6) for c in every]
-        return every[int(np.argmin(distance))]
-
-    def scaled(self, factor: float) -> Style:
-        """Return the style with all durations multiplied by a factor."""
-        return Style(
-            name=self.name,
-            about=self.about,
-            curves=tuple(curve.lasting(factor * curve.duration) for curve in self.curves),
-        )
+        distance = np.array([angle_distance(curve.points[0], features) for curve in every])
+        turn = np.array([round(curve.turn, 6) for curve in every])
+        return every[int(np.argmin(np.where(distance <= distance.min() + ALIKE, turn, np.inf)))]

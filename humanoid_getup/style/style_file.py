@@ -82,7 +82,7 @@ def load_style(name: str, robot: Robot) -> Style:
 
 
 def load_any_style(robot: Robot) -> Style:
-    """Load all named styles as one, of which a robot follows the curves that begin nearest."""
+    """Load all named styles as one, whose curves `Style.choose` chooses from."""
     styles = [load_style(name, robot) for name in list_styles()]
     curves = tuple(curve for style in styles for curve in style.curves)
     return Style(name="any", about="the nearest of all named styles", curves=curves)

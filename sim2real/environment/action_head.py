@@ -8,16 +8,18 @@ import numpy as np
 
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import UPRIGHT, Mirror, mirror_of_actions
+from humanoid_getup.style.curve_tracker import CurveTracker
 from robots import Robot
 from robots.quaternion import Array
+from sim2real.environment.ankle_balance import AnkleBalance
 from sim2real.pose_prior.pose_prior import PosePrior
 
 FILTER_SHARE = 0.4  # of a new output in the filtered one, each policy step
 MOST_OUTPUT = 3.0  # largest output: latent parameters are standard normal over the postures
 MOST_LATENT = 2.5  # of a posture that is encoded, so that the filter can follow
 # Share of the neck height, and angle [rad], off the stance from which outputs count fully.
-CALM_HEIGHT, CALM_ANGLE = 0.2, 0.5
-CALMEST = 0.2
+STANCE_HEIGHT, STANCE_ANGLE = 0.2, 0.5
+LEAST_SCALE = 0.5
 OFFSET_SCALE = 0.3  # rad of a joint's offset from the decoded posture by an output of one
 
 
@@ -40,15 +42,14 @@ class ActionHead(Protocol):
         ...
 
     def act(
-        self, outputs: Array, memory: Array, wanted: Array, measured: Array, /
+        self, outputs: Array, memory: Array, tracker: CurveTracker | None, /
     ) -> tuple[Array, Array]:
         """Compute actions (N, k) and the next memory (N, m).
 
         Args:
             outputs: Of the network, (N, m).
             memory: Of the last policy step, (N, m).
-            wanted: Style features that the curves ask for now, (N, 3).
-            measured: Style features of the robots, (N, 3).
+            tracker: Curves that the robots follow; ``None`` for none.
         """
         ...
 
@@ -63,7 +64,7 @@ class DirectHead:
         self.mirror = mirror_of_actions(robot, action)
 
     def act(
-        self, outputs: Array, _memory: Array, _wanted: Array, _measured: Array
+        self, outputs: Array, _memory: Array, _tracker: CurveTracker | None
     ) -> tuple[Array, Array]:
         """Clip the outputs."""
         action = np.clip(outputs, -1.0, 1.0)
@@ -79,19 +80,33 @@ class PriorHead:
         """Prepare for actions that are postures of the prior's robot."""
         robot, k = prior.robot, prior.size
         self.prior, self._action = prior, action
+        self.balance = AnkleBalance(robot)
         self.names = (*(f"latent {i}" for i in range(k)), *robot.joint_names)
         joints = Mirror(robot.mirror_index, robot.mirror_sign)
         self.mirror = Mirror.join((Mirror(np.arange(k), prior.latent_sign), joints))
 
     def act(
+        self, outputs: Array, memory: Array, tracker: CurveTracker | None
+    ) -> tuple[Array, Array]:
+        """Filter the outputs, decode the posture, add offsets and what balances the robot.
+
+        Raises:
+            ValueError: without curves.
+        """
+        if tracker is None:
+            raise ValueError("postures are decoded for style curves, expected a tracker of them")
+        return self.decode(outputs, memory, tracker.wanted, tracker.features)
+
+    def decode(
         self, outputs: Array, memory: Array, wanted: Array, measured: Array
     ) -> tuple[Array, Array]:
-        """Filter the outputs, decode the posture, and add the offsets."""
+        """Compute actions and memory from style features that are wanted and measured, (N, 3)."""
         new = np.clip(outputs, -self.limit, self.limit)
         memory = FILTER_SHARE * new + (1.0 - FILTER_SHARE) * memory
-        scaled = memory * find_calm(measured)
+        scaled = memory * scale_near_stance(measured)
         latent, offset = scaled[:, : self.prior.size], scaled[:, self.prior.size :]
         pos = self.prior.decode(latent, wanted) + OFFSET_SCALE * offset
+        pos = pos + self.balance.correct(wanted, measured)
         return (pos - self._action.home) / self._action.scale, memory
 
     def invert(self, target: Array, memory: Array, wanted: Array, measured: Array) -> Array:
@@ -105,24 +120,25 @@ class PriorHead:
 
     def remember(self, target: Array, wanted: Array, measured: Array) -> Array:
         """Compute the memory (N, m) of a robot whose joint targets are and were [rad], (N, n)."""
-        calm = find_calm(measured)
-        most = MOST_LATENT * calm
+        scale = scale_near_stance(measured)
+        target = target - self.balance.correct(wanted, measured)
+        most = MOST_LATENT * scale
         latent = np.clip(self.prior.encode(target, wanted), -most, most)
         offset = (target - self.prior.decode(latent, wanted)) / OFFSET_SCALE
-        memory = np.concatenate([latent, offset], axis=-1) / calm
+        memory = np.concatenate([latent, offset], axis=-1) / scale
         return np.clip(memory, -self.limit, self.limit)
 
     def offsets(self, memory: Array, measured: Array) -> Array:
         """Return the joint offsets from the decoded posture [rad], (N, n)."""
-        return OFFSET_SCALE * (memory * find_calm(measured))[:, self.prior.size :]
+        return OFFSET_SCALE * (memory * scale_near_stance(measured))[:, self.prior.size :]
 
 
-def find_calm(measured: Array) -> Array:
+def scale_near_stance(measured: Array) -> Array:
     """Compute the factor on outputs, (N, 1), by the measured style features (N, 3).
 
     It is small for a robot that stands: outputs that explore, or answer delayed measurements,
     would throw it over. Its posture is then nearly the decoded one.
     """
     off = np.abs(measured - UPRIGHT - np.array([1.0, 0.0, 0.0]))
-    far = (off / np.array([CALM_HEIGHT, CALM_ANGLE, CALM_ANGLE])).max(axis=-1, keepdims=True)
-    return np.clip(far, CALMEST, 1.0)
+    far = (off / np.array([STANCE_HEIGHT, STANCE_ANGLE, STANCE_ANGLE])).max(axis=-1, keepdims=True)
+    return np.clip(far, LEAST_SCALE, 1.0)

@@ -24,10 +24,10 @@ from humanoid_getup.policy.observation import (
 )
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
-from humanoid_getup.style.features import COUNT as FEATURE_COUNT
 from robots import Robot, load_robot
 from robots.quaternion import Array
 from sim2real.environment.action_head import ActionHead, DirectHead
+from sim2real.environment.assistive_force import AssistiveForce
 from sim2real.environment.initial_states import (
     StartPool,
     list_motion_starts,
@@ -41,11 +41,7 @@ from sim2real.environment.privileged_state import (
 )
 from sim2real.environment.randomization import RANDOMIZATIONS, DomainRandomization
 from sim2real.environment.rewards import QUICK, REWARDS, Reward, RewardInputs, score
-from sim2real.environment.style_task import (
-    StyleReward,
-    StyleTask,
-    reward_style,
-)
+from sim2real.environment.style_task import StyleTask
 from sim2real.environment.terrain import TerrainCurriculum
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
@@ -56,8 +52,6 @@ EPISODE = 6.0
 # s of standing that count as success: half of what a judge requires, since exploration noise
 # disturbs a stand that would be held.
 HELD = 1.5
-# Hard falls are drawn more often: a success rate of 0.45 means more than half of all falls.
-FORCE_EPISODES, FORCE_SUCCESS, FORCE_STEP = 200, 0.45, 0.05
 STANDS = 64  # standing initial postures
 FLOAT = np.float32
 
@@ -78,11 +72,13 @@ class EnvOptions:
     assistive_force: float = 0.0
     """Initial upper limit of the assistive force, as a fraction of the weight; fades with
     success."""
+    restarts: float = 0.0
+    """Fraction of episodes after a deviation from style curves that go on from where it led."""
     ends_early: float = 0.5
     """Fraction of episodes that end once the robot has stood for ``HELD``."""
     scene: str | Scene = "flat"
     origin: tuple[float, float] = (0.0, 0.0)
-    """Where robots are placed that do not start with a fall: on flat ground [m]."""
+    """Where robots are placed that start along motions: on flat ground [m]."""
     physics_step: float = PHYSICS_STEP
     """[s]"""
     threads: int = 0
@@ -104,33 +100,6 @@ class _Episodes:
     ends_early: NDArray[np.bool_]
 
 
-@dataclass(eq=False)
-class _AssistiveForce:
-    """Curriculum of the assistive force; field names are those of the checkpoint file."""
-
-    lift: float
-    """Upper limit, as a fraction of the weight."""
-    first: float
-    """Initial upper limit."""
-    ended: int = 0
-    stood: int = 0
-
-    @property
-    def cost_share(self) -> float:
-        """Return the factor on costs: it grows from 0 to 1 as the force fades."""
-        return 1.0 - self.lift / self.first if self.first else 1.0
-
-    def note(self, stood: NDArray[np.bool_]) -> None:
-        """Count episodes; reduce the force after enough of them if most ended in a stand."""
-        self.ended += len(stood)
-        self.stood += int(stood.sum())
-        if self.ended < FORCE_EPISODES:
-            return
-        if self.stood > FORCE_SUCCESS * self.ended:
-            self.lift = max(self.lift - FORCE_STEP, 0.0)
-        self.ended = self.stood = 0
-
-
 class GetUpEnv(VectorEnv):
     """Fallen robots that are rewarded for standing up, as a Gymnasium vector environment.
 
@@ -149,10 +118,12 @@ class GetUpEnv(VectorEnv):
         pool: StartPool,
         options: EnvOptions,
         style: StyleTask | None = None,
+        stands: StartPool | None = None,
     ) -> None:
         """Build the robots; the pool holds settled falls in a training world of theirs.
 
-        With style curves they are rewarded for following these.
+        With style curves they are rewarded for following these. ``stands`` are initial states
+        that are neither falls nor along motions; ``None`` for standing robots on flat ground.
         """
         self.robot, self.action, self.options, self.pool = robot, action, options, pool
         self.style = style
@@ -179,8 +150,9 @@ class GetUpEnv(VectorEnv):
         self._motions = (
             style.library.state_qpos if style else list_motion_starts(robot, world.model)
         )
-        self._nothing = np.zeros((n, FEATURE_COUNT))  # features that no curve asks for
-        self._stands = sample_stands(robot, world.model, STANDS, np.random.default_rng(0))
+        self._stands = stands or StartPool.of(
+            sample_stands(robot, world.model, STANDS, np.random.default_rng(0))
+        )
         self.step_time = robot.control_period * action.cycles
         self.terms = list_terms(robot, action, style.input if style else None)
         self._critic_terms = list_critic_terms(robot)
@@ -191,7 +163,7 @@ class GetUpEnv(VectorEnv):
         self.single_action_space = space(-limit, limit, (outputs,), FLOAT)
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
-        self._force = _AssistiveForce(options.assistive_force, options.assistive_force)
+        self._force = AssistiveForce(options.assistive_force, options.assistive_force)
         self._terrain = TerrainCurriculum(pool.level)
         self._rng = np.random.default_rng(0)
         self.target = np.zeros((n, robot.n))
@@ -224,9 +196,7 @@ class GetUpEnv(VectorEnv):
         if seed is not None:
             self._rng = self.np_random
             self.pool.success[:] = 0.0
-            self._force = _AssistiveForce(
-                self.options.assistive_force, self.options.assistive_force
-            )
+            self._force = AssistiveForce(self.options.assistive_force, self.options.assistive_force)
             self._terrain = TerrainCurriculum(self.pool.level)
         self._begin(np.arange(self.num_envs))
         observation = self._observe()
@@ -237,9 +207,8 @@ class GetUpEnv(VectorEnv):
     ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Step all robots by one policy step."""
         requested = np.asarray(actions, dtype=float)
-        guide = self.style.guide if self.style else None
-        wanted, found = (guide.wanted, guide.features) if guide else (self._nothing, self._nothing)
-        action, memory = self.head.act(requested, self.memory, wanted, found)
+        tracker = self.style.tracker if self.style else None
+        action, memory = self.head.act(requested, self.memory, tracker)
         measured, gravity = self.sensed.joint_pos, self.sensed.gravity
         following = next_target(self.robot, self.action, self.target, measured, gravity, action)
         self.sim.follow(self.target, following)
@@ -252,20 +221,22 @@ class GetUpEnv(VectorEnv):
             action=memory,
             last_action=self.memory,
             away=self.sensed.joint_pos - self.robot.standing.joint_pos,
-            style=self._follow_style(memory),
+            style=self.style.follow(self.sim, self.sensed, memory) if self.style else None,
         )
         self.memory = memory
         reward, parts = score(self.options.rewards, inputs, self._force.cost_share)
         reward[self.sim.diverged] = 0.0
         self._push()
-        terminated = self._find_lost(inputs)
+        terminated = self._find_terminated(inputs)
         ended, report = self._end(inputs, terminated)
         truncated = np.zeros(self.num_envs, dtype=bool)
         truncated[ended] = True
         truncated &= ~terminated
         if len(ended):
             report |= {"final_obs": self._observe(), "_final_obs": truncated | terminated}
-            self._begin(ended)
+            restarting = self._draw_restarting(ended, terminated)
+            self._restart(restarting)
+            self._begin(np.setdiff1d(ended, restarting))
         observation = self._observe()
         info = {
             "critic": self._observe_privileged(observation),
@@ -286,29 +257,14 @@ class GetUpEnv(VectorEnv):
         speed = randomization.push_speed
         self.sim.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
 
-    def _follow_style(self, memory: Array) -> StyleReward | None:
-        """Measure how near the robots are to their curves after a policy step."""
-        if self.style is None:
-            return None
-        self.style.guide.measure(self.sensed.gravity, self.sensed.joint_pos)
-        layout, qvel = self.robot.layout(self.sim.model), self.sim.read("qvel")
-        turning = slice(layout.root_dof + 3, layout.root_dof + 6)
-        return reward_style(
-            self.sim.measure_features(),
-            self.style.advance(self.step_time),
-            np.concatenate([qvel[:, layout.dof], qvel[:, turning]], axis=1),
-            self.sensed.joint_pos - self.robot.standing.joint_pos,
-            self.style.head.offsets(memory, self.style.guide.features),
-        )
-
-    def _find_lost(self, inputs: RewardInputs) -> NDArray[np.bool_]:
-        """Find the robots whose episode ends because they have lost their curve, (N,)."""
+    def _find_terminated(self, inputs: RewardInputs) -> NDArray[np.bool_]:
+        """Find the robots whose episode is terminated because they deviate too much, (N,)."""
         if self.style is None or inputs.style is None:
             return np.zeros(self.num_envs, dtype=bool)
-        return self.style.find_lost(inputs.style, inputs, self.step_time)
+        return self.style.find_terminated(inputs.style, inputs, self.step_time)
 
     def _end(
-        self, inputs: RewardInputs, lost: NDArray[np.bool_]
+        self, inputs: RewardInputs, terminated: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int_], dict[str, Any]]:
         """Find the episodes that are over; count the outcomes of those from falls."""
         e = self._episodes
@@ -316,7 +272,7 @@ class GetUpEnv(VectorEnv):
         e.held = np.where(inputs.standing, e.held + 1, 0)
         succeeded = e.held >= round(HELD / self.step_time)
         succeeded &= ~self.sim.diverged
-        is_over = (e.age >= e.length) | (succeeded & e.ends_early) | self.sim.diverged | lost
+        is_over = (e.age >= e.length) | (succeeded & e.ends_early) | self.sim.diverged | terminated
         ended = np.flatnonzero(is_over)
         from_fall = ended[e.start[ended] >= 0]
         self.pool.note(e.start[from_fall], succeeded[from_fall])
@@ -329,13 +285,13 @@ class GetUpEnv(VectorEnv):
         rng, o, count = self._rng, self.options, len(ids)
         kind = rng.random(count)
         start = np.where(kind < o.falls, self.pool.draw(count, rng, self._terrain.open), -1)
-        stands = self._stands[rng.integers(0, STANDS, count)]
+        stands = self._stands.qpos[self._stands.draw(count, rng, self._terrain.open)]
         qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], stands)
         along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
         states = rng.integers(0, max(len(self._motions), 1), count)
         qpos[along] = self._motions[states[along]]
         layout = self.robot.layout(self.sim.model)
-        qpos[start < 0, layout.root_qpos : layout.root_qpos + 2] += o.origin
+        qpos[along, layout.root_qpos : layout.root_qpos + 2] += o.origin
         if o.randomization:
             drawn = o.randomization.sample(self.sim.world, count, rng)
             self.sim.set_parameters(ids, drawn)
@@ -349,22 +305,40 @@ class GetUpEnv(VectorEnv):
         e.ends_early[ids] = rng.random(count) < o.ends_early
         self.sensed = self.sim.sense(rng if o.randomization else None)
         if self.style is not None:
-            self.style.guide.measure(self.sensed.gravity, self.sensed.joint_pos)
             library = self.style.library
             # A robot that stands has followed any curve to its end.
             rows = np.where(along, library.state_curve[states], -1)
             share = np.where(along, library.state_share[states], np.where(start >= 0, 0.0, 1.0))
-            left = self.style.begin(ids, rows, share, rng)
+            left = self.style.begin(ids, rows, share, self.sensed, rng)
             e.length[ids] = np.ceil(left / self.step_time)
             on_the_way = ids[start < 0]
-            guide = self.style.guide
-            self.memory[on_the_way] = self.style.head.remember(
-                self.target[on_the_way], guide.wanted[on_the_way], guide.features[on_the_way]
-            )
+            self.memory[on_the_way] = self.style.remember(on_the_way, self.target[on_the_way])
+
+    def _draw_restarting(
+        self, ended: NDArray[np.int_], terminated: NDArray[np.bool_]
+    ) -> NDArray[np.int_]:
+        """Draw those that restart of the robots whose episodes have ended, (m,)."""
+        if self.style is None or not self.options.restarts:
+            return ended[:0]
+        drawn = self._rng.random(len(ended)) < self.options.restarts
+        ids = ended[drawn & (terminated & ~self.sim.diverged)[ended]]
+        return ids[self.style.library.find_near(self.style.tracker.features[ids])]
+
+    def _restart(self, ids: NDArray[np.int_]) -> None:
+        """Start episodes of some robots on new curves from where they are, as on a robot."""
+        if self.style is None or not len(ids):
+            return
+        e = self._episodes
+        e.age[ids] = e.held[ids] = 0
+        self.memory[ids] = 0.0
+        left = self.style.begin(
+            ids, np.full(len(ids), -1), np.zeros(len(ids)), self.sensed, self._rng
+        )
+        e.length[ids] = np.ceil(left / self.step_time)
 
     def _observe(self) -> Floats:
         share = compute_torque_share(self.robot, self.action, self.sim.parameters.torque_limit)
-        more = self.style.observe() if self.style else ()
+        more = self.style.observe(self.sim) if self.style else ()
         return observe(self.robot, self.sensed, self.target, self.memory, share, more)
 
     @property

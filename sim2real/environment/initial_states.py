@@ -11,13 +11,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.falls import FallError, drop
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
-from robots import Robot
+from robots import Robot, quaternion
 from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
 from robots.kinematics import mirror_positions, place
 from robots.quaternion import Array
@@ -33,6 +34,9 @@ MEMORY = 0.3
 # Weight of an initial state that always ends standing, relative to one that never does: low
 # enough to leave time for hard ones, high enough that it is not forgotten.
 LEAST = 0.15
+TERRAIN_STANDS = 2048
+RAISES = 3  # by what a robot is in a slope, which is less than what it must come up
+NEARLY_RISEN = 0.85  # of the height of a standing torso
 POOL_SEED = 7_001  # makes the falls of training differ from those of evaluation
 # Every fourth frame of a motion, 32 ms apart on the OP3: between two, joints move 0.17 rad at
 # most, so that more frames would hardly differ.
@@ -58,8 +62,13 @@ class StartPool:
         return StartPool(qpos, np.zeros(len(qpos)), flat if level is None else level)
 
     def draw(self, count: int, rng: np.random.Generator, highest: int = 0) -> NDArray[np.int_]:
-        """Draw rows of the pool up to the highest level, hard ones more often."""
+        """Draw rows of the pool, as often from each level up to the highest, hard ones more often.
+
+        Otherwise most episodes would begin on the level where no robot rises yet.
+        """
         weight = LEAST + (1.0 - LEAST) * (1.0 - self.success)
+        if self.level.any():
+            weight = weight / np.bincount(self.level, weight)[self.level]
         weight = np.where(self.level <= highest, weight, 0.0)
         total = np.cumsum(weight)
         return np.searchsorted(total, rng.uniform(0.0, total[-1], count))
@@ -106,12 +115,16 @@ def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
 def make_terrain_pool(
     world: World, terrain: Terrain, count: int, rng: np.random.Generator
 ) -> StartPool:
-    """Make a pool of ``count`` settled falls on each patch of a terrain, the world's scene."""
+    """Make a pool of settled falls on each patch of a terrain, the world's scene.
+
+    There are ``count`` on each of two patches of a level, and twice as many if it has only one.
+    """
     falls, levels = [], []
     sim = VecSim(world, min(count, BATCH))
     for patch in terrain.patches:
-        falls.append(drop_falls(sim, count, rng, (patch.region,)))
-        levels.append(np.full(count, patch.level))
+        beside = sum(other.level == patch.level for other in terrain.patches)
+        falls.append(drop_falls(sim, 2 * count // beside, rng, (patch.region,)))
+        levels.append(np.full(len(falls[-1]), patch.level))
     return StartPool.of(np.concatenate(falls), np.concatenate(levels))
 
 
@@ -173,6 +186,51 @@ def sample_stands(
         if (bodies == 0).any(axis=1).all():
             qpos[:] = data.qpos
     return stands
+
+
+def sample_terrain_stands(
+    world: World, terrain: Terrain, rises: Array, rng: np.random.Generator
+) -> StartPool:
+    """Sample robots that stand, or have nearly risen, on a terrain, the world's scene.
+
+    The latter are states of rises on level ground, (S, nq), in which the torso is high.
+    """
+    robot, model = world.robot, world.model
+    upward = robot.layout(model).root_position.start + 2
+    high = rises[rises[:, upward] >= NEARLY_RISEN * robot.standing.position[2]]
+    count = TERRAIN_STANDS // 2 if len(high) else 0
+    states = [sample_stands(robot, model, TERRAIN_STANDS - count, rng)]
+    if count:
+        states.append(high[rng.integers(0, len(high), count)])
+    return place_on_terrain(world, terrain, np.concatenate(states), rng)
+
+
+def place_on_terrain(
+    world: World, terrain: Terrain, states: Array, rng: np.random.Generator
+) -> StartPool:
+    """Place robots that stand on level ground, (S, nq), anywhere on a terrain, the world's scene.
+
+    The torso stays as upright as it is; legs fit the ground.
+    """
+    robot, model = world.robot, world.model
+    layout, fit, data = robot.layout(model), GroundFit(world), mujoco.MjData(model)
+    upward = layout.root_position.start + 2
+    patches = rng.integers(0, len(terrain.patches), len(states))
+    placed = states.copy()
+    for qpos, patch in zip(placed, patches, strict=True):
+        region = terrain.patches[patch].region
+        turn = quaternion.from_yaw(rng.uniform(-np.pi, np.pi))
+        at = np.array([rng.uniform(*region.x), rng.uniform(*region.y), qpos[upward]])
+        qpos[layout.root_position] = at
+        qpos[layout.root_orientation] = quaternion.multiply(turn, qpos[layout.root_orientation])
+        qpos[upward] += fit.measure_level(qpos)
+        qpos[layout.qpos] += fit.shift_legs(qpos)
+        for _ in range(RAISES):
+            data.qpos[:] = qpos
+            mujoco.mj_forward(model, data)
+            qpos[upward] -= min(0.0, float(np.min(data.contact.dist, initial=0.0)))
+    levels = np.array([patch.level for patch in terrain.patches])
+    return StartPool.of(placed, levels[patches])
 
 
 def find_arms(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robots.quaternion import Array
 from sim2real.environment.privileged_state import PrivilegedState
-from sim2real.environment.style_task import StyleReward
+from sim2real.environment.style_reward import StyleReward
 
 SOLES_LOW = 0.3  # fraction of the standing neck height
 MOST_REQUESTED = 4.0  # unclipped action from which the cost saturates
@@ -23,11 +23,12 @@ class RewardInputs(PrivilegedState):
     """Inputs of the reward terms for N robots."""
 
     requested: Array
-    """Actions of the policy before clipping, (N, k)."""
+    """Outputs of the network before clipping, as shares of the largest, (N, m)."""
     action: Array
-    """Actions clipped to -1 to 1, (N, k)."""
+    """What the policy remembers of its actions, (N, m): the clipped actions, or filtered outputs
+    with style curves."""
     last_action: Array
-    """Clipped actions of the last policy step, (N, k)."""
+    """The same of the last policy step, (N, m)."""
     away: Array
     """Angle of each joint from standing [rad], (N, n)."""
     style: StyleReward | None = None

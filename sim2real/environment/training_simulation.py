@@ -15,7 +15,8 @@ from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
-from humanoid_getup.style.features import torso_angles
+from humanoid_getup.style.extraction import compute_features
+from humanoid_getup.style.height_map import measure_height_map
 from robots import quaternion
 from robots.quaternion import Array
 from sim2real.environment.privileged_state import PrivilegedState
@@ -23,10 +24,6 @@ from sim2real.environment.randomization import ObservationNoise
 from sim2real.environment.training_world import SensorAddresses
 
 BACKLASH_TORQUE = 0.3  # N·m that keep a gear at the end of its backlash
-# Heights of a body are over the mean of the ground around it: of the paper's height map of 1 m by
-# 1 m, in neck heights of its human.
-AROUND = 0.5 / 1.46
-AROUND_X, AROUND_Y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2))
 RECORDED = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
 
 
@@ -204,20 +201,15 @@ class TrainingSim(VecSim):
 
     def measure_features(self) -> Array:
         """Measure the style features, which the robot's sensors cannot, (N, 3)."""
-        qpos, neck = self.read("qpos"), self.read("site_xpos")[:, self._neck]
-        height = (neck[:, 2] - self._ground(neck)) / self.robot.standing_neck_height
-        gravity = quaternion.gravity_in_body(qpos[:, self._layout.root_orientation])
-        return np.concatenate([height[:, None], torso_angles(gravity)], axis=-1)
+        neck = self.read("site_xpos")[:, self._neck]
+        orientation = self.read("qpos")[:, self._layout.root_orientation]
+        return compute_features(self.robot, neck, orientation, self.world.scene.ground)
 
-    def _ground(self, point: Array) -> Array:
-        """Compute the height of the ground under points (N, 3) [m], on average around them."""
-        ground = self.world.scene.ground
-        if ground.is_level:
-            return np.zeros(len(point))
-        reach = AROUND * self.robot.standing_neck_height
-        x = point[:, :1] + reach * AROUND_X
-        y = point[:, 1:2] + reach * AROUND_Y
-        return ground.height(x, y).mean(axis=1)
+    def measure_height_map(self) -> Array:
+        """Measure the ground around the robots, (N, 25)."""
+        qpos, layout = self.read("qpos"), self._layout
+        position, orientation = qpos[:, layout.root_position], qpos[:, layout.root_orientation]
+        return measure_height_map(self.robot, self.world.scene.ground, position, orientation)
 
     def save_state(self) -> dict[str, Any]:
         """Return the complete state, for :meth:`restore_state`."""

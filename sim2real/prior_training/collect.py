@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import as_completed
 from pathlib import Path
 
 import mujoco
@@ -16,9 +17,9 @@ from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import Robot
-from robots.kinematics import place_postures
-from robots.quaternion import Array
+from humanoid_getup.worker_pool import worker_pool
+from robots import Posture, Robot
+from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.initial_states import drop_falls
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import build_training_world
@@ -26,8 +27,6 @@ from sim2real.policy_evaluation import roll_out_policy
 from sim2real.pose_prior.rise_set import PERIOD, POLICY_SOURCE, Rise
 
 PRIOR_SEED = 7_003  # makes these falls differ from those of trainings and evaluations
-PLANS = "plans"
-"""Folder of the planned motions, so that a collection can be interrupted."""
 LONGEST = 8.0  # s of a policy's rollout
 AFTER = 4  # frames of the stand that belong to a rise
 SHORTEST = 12  # frames of a rise
@@ -35,32 +34,53 @@ PHYSICS_STEP = 0.002  # s, the twin's
 
 
 def plan_rises(
-    robot: Robot, count: int, seed: int, folder: Path, report: Callable[[float], None]
+    robot: Robot, count: int, seed: int, folder: Path, jobs: int, report: Callable[[float], None]
 ) -> list[Motion]:
-    """Plan rises from settled falls, equally many of each class, and keep them in a folder.
+    """Plan rises from settled falls, equally many of each class, in processes.
 
-    A rise that is there already is not planned again; each one is reported.
+    Those that stand are kept in a folder of this count and seed, so that the planning can be
+    interrupted: what is there already is not planned again. Each rise is reported.
     """
-    world = World(robot, "flat")
     own_seed = int(np.random.default_rng([seed, PRIOR_SEED]).integers(2**31))
-    falls = sample_fall_set(world, dict.fromkeys(CLASSES, -(-count // len(CLASSES))), own_seed)
-    planner = PlannedRise(world)
-    folder.mkdir(parents=True, exist_ok=True)
-    order = np.random.default_rng(own_seed).permutation(len(falls.falls))[:count]
-    motions = []
-    for number in order.tolist():
-        file, missing = folder / f"{number:05d}.npz", folder / f"{number:05d}.none"
-        if not file.exists() and not missing.exists():
-            start = falls.falls[number].posture
-            plan = planner.plan(start, np.random.default_rng([own_seed, number]))
-            if isinstance(plan, MotionPlan) and plan.status is RiseStatus.STOOD:
-                plan.motion.save(file)
-            else:
-                missing.touch()
-        if file.exists():
-            motions.append(Motion.load(file))
-        report(1)
-    return motions
+    each = -(-count // len(CLASSES))
+    falls = sample_fall_set(World(robot, "flat"), dict.fromkeys(CLASSES, each), own_seed).falls
+    kept = folder / f"plans_{count}_seed_{seed}"
+    kept.mkdir(parents=True, exist_ok=True)
+    files = [kept / f"{number:05d}.npz" for number in range(len(falls))]
+    left = [n for n, file in enumerate(files) if not file.exists() and not _failed(file).exists()]
+    report(len(files) - len(left))
+    with worker_pool(jobs, _start_planner, robot) as pool:
+        started = [
+            pool.submit(_plan, falls[number].posture, (own_seed, number), files[number])
+            for number in left
+        ]
+        for planned in as_completed(started):
+            planned.result()
+            report(1)
+    return [Motion.load(file) for file in files if file.exists()]
+
+
+_planner: PlannedRise
+"""In a worker: its planner."""
+
+
+def _start_planner(robot: Robot) -> None:
+    global _planner
+    _planner = PlannedRise(World(robot, "flat"), threads=1)
+
+
+def _plan(start: Posture, seed: tuple[int, int], file: Path) -> None:
+    """In a worker: plan a rise; write the motion if it stands, or else that it does not."""
+    plan = _planner.plan(start, np.random.default_rng(seed))
+    if isinstance(plan, MotionPlan) and plan.status is RiseStatus.STOOD:
+        plan.motion.save(file)
+    else:
+        _failed(file).touch()
+
+
+def _failed(file: Path) -> Path:
+    """Return the file that says that a rise could not be planned."""
+    return file.with_suffix(".none")
 
 
 def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) -> Rise:
@@ -73,11 +93,22 @@ def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) 
     return Rise(source=f"{kind}: {motion.strategy}", qpos=qpos, joint_target=motion.joint_target[k])
 
 
-def roll_out(robot: Robot, name: str, count: int, seed: int) -> Iterator[Rise]:
-    """Roll out one of the robot's policies from settled falls; yield the rises that stood."""
+def load_policy(robot: Robot, name: str) -> OnnxPolicy:
+    """Load one of the robot's policies that rises can be taken from.
+
+    Raises:
+        ValueError: if there is none of this name, or it follows style curves.
+    """
     policy = OnnxPolicy.load(find_policy(robot, name), robot)
     if policy.contract.style is not None:
-        return
+        raise ValueError(
+            f"policy '{name}' follows style curves, expected one that rises without them"
+        )
+    return policy
+
+
+def roll_out(robot: Robot, name: str, policy: OnnxPolicy, count: int, seed: int) -> Iterator[Rise]:
+    """Roll out a policy from settled falls; yield the rises that stood."""
     world = build_training_world(robot, World(robot, "flat").scene, PHYSICS_STEP)
     action = policy.action
     sim = TrainingSim(world, count, cycles=action.cycles, pwm_limit=action.pwm_limit)
@@ -87,7 +118,7 @@ def roll_out(robot: Robot, name: str, count: int, seed: int) -> Iterator[Rise]:
     model = robot.spec().compile()
     for row in np.flatnonzero(rollouts.stood):
         end = round(rollouts.stand_time[row] / PERIOD) + AFTER
-        qpos = _keep_own(robot, world.model, model, rollouts.qpos[row, :end])
+        qpos = transfer_positions(robot, world.model, model, rollouts.qpos[row, :end])
         if len(qpos) >= SHORTEST:
             joint_pos = qpos[:, robot.layout(model).qpos]
             # What is sent shortly before is where the joints are one step later, or beyond.
@@ -100,33 +131,23 @@ def collect_rises(
     count: int,
     seed: int,
     folder: Path,
-    policies: Sequence[str],
+    policies: Mapping[str, OnnxPolicy],
+    *,
+    jobs: int = 1,
     report: Callable[[float], None] = lambda _: None,
 ) -> list[Rise]:
     """Collect the robot's stored motions, ``count`` planned rises, and half as many of policies.
 
     Raises:
         FallError: if too few falls settle.
-        ValueError: if the robot has no motions, or not these policies.
+        ValueError: if the robot has no motions.
     """
     model = robot.spec().compile()
     stored = [motion for motion in load_database(robot).motions if motion.rises]
     rises = [read_motion(robot, model, motion, "stored") for motion in stored]
-    planned = plan_rises(robot, count, seed, folder / PLANS, report)
+    planned = plan_rises(robot, count, seed, folder, jobs, report)
     rises += [read_motion(robot, model, motion, "planned") for motion in planned]
-    each = count // (2 * max(len(policies), 1))
-    for name in policies if each else ():
-        rises += roll_out(robot, name, each, seed)
+    for name, policy in policies.items():
+        if each := count // (2 * len(policies)):
+            rises += roll_out(robot, name, policy, each, seed)
     return rises
-
-
-def _keep_own(robot: Robot, model: mujoco.MjModel, own: mujoco.MjModel, qpos: Array) -> Array:
-    """Convert MuJoCo positions (T, nq) in a world to those of the robot's own model."""
-    there = robot.layout(model)
-    return place_postures(
-        robot,
-        own,
-        qpos[:, there.root_position],
-        qpos[:, there.root_orientation],
-        qpos[:, there.qpos],
-    )

@@ -30,12 +30,12 @@ class FitOptions:
     """Weight of the divergence of the latent parameters from a standard normal distribution."""
     learning_rate: float = 1e-4
     conditional: bool = True
-    """Whether the decoder gets the style features; a plain autoencoder's input is zero."""
+    """Whether encoder and decoder get the style features; those of a plain autoencoder do not."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Postures:
-    """Postures and their style features, in units of standard deviations."""
+    """Postures and their style features, and the statistics by which they are standardized."""
 
     robot: Robot
     joint_pos: Array

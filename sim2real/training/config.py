@@ -23,14 +23,15 @@ class StyleRecipe:
 
     falls: float = 0.5
     """Share of episodes that start with a settled fall."""
-    authored: float = 0.5
-    """Share of episodes with named styles; the others take the curves of rises."""
+    named: float = 0.5
+    """Share of named styles where an episode does not start along a rise; the others
+    follow the curves of rises."""
     motions: float = 0.4
     """Share that starts along a rise; the rest starts standing."""
-    terrain: bool = True
-    """Whether robots leave flat ground as they succeed."""
-    terrain_falls: int = 256
-    """Settled falls on each patch of the terrain."""
+    restarts: float = 0.0
+    """Share of episodes after a deviation that go on from where it led, on new curves."""
+    height_map: bool = False
+    """Whether the policy may observe the ground around it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +50,10 @@ class Recipe:
     robots: int = 512
     hidden: tuple[int, ...] = (256, 128)
     falls: int = 1024
-    """Settled falls in the pool; their mirror images double it."""
+    """Settled falls in the pool, whose mirror images double it; on terrain, falls on each patch,
+    and twice as many on the flat one."""
+    terrain: bool = False
+    """Whether robots leave flat ground as they succeed."""
     discount: float = 0.97
     """At 20.8 Hz a horizon of 1.6 s, most of a rise."""
     desired_kl: float = 0.015
@@ -96,19 +100,21 @@ ONWARD = Recipe(
     most_std=0.45,
     lift=0.3,
 )
+FLAT_STYLE = StyleRecipe(falls=0.5, motions=0.4, named=0.4)
 # What it imitates is spoilt by more noise, and by larger steps at first.
 STYLED = Recipe(
     rewards="styled",
     randomization="torque",
     wide=True,
     iterations=1500,
-    hidden=(256, 256),
+    hidden=(384, 256),
     entropy=0.0,
     first_std=0.2,
     most_std=0.5,
     learning_rate=5e-5,
+    desired_kl=0.025,
     lift=0.2,
-    style=StyleRecipe(falls=0.4, motions=0.5, authored=0.25, terrain=False),
+    style=FLAT_STYLE,
 )
 RECIPES = {
     "quick": Recipe(rewards="quick", randomization="torque", wide=False, iterations=500),
@@ -118,12 +124,25 @@ RECIPES = {
     "gentle": replace(
         ONWARD, rewards="gentle", randomization="mild", iterations=400, pwm_limit=0.55
     ),
+    # From `robust`: it rises on flat ground already.
+    "rough": replace(
+        ONWARD,
+        iterations=1000,
+        falls=512,
+        terrain=True,
+        first_std=0.3,
+        learning_rate=1e-4,
+        lift=0.0,
+    ),
     "styled-quick": STYLED,
     "styled": replace(
         STYLED,
-        randomization="mild",
         iterations=6000,
-        style=StyleRecipe(falls=0.6, motions=0.3, authored=0.5, terrain=True),
+        falls=512,
+        terrain=True,
+        lift=0.0,
+        desired_kl=0.04,
+        style=StyleRecipe(falls=0.5, motions=0.25, named=0.5, restarts=0.5, height_map=True),
     ),
 }
 

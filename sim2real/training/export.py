@@ -25,11 +25,11 @@ from robots import Robot
 from robots.files import atomic_path
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import TrainingRecord
+from sim2real.training.networks.styled_network import StyledNetwork
+from sim2real.training.networks.symmetric_model import MirroredNormalizer, SymmetricModel
 from sim2real.training.ppo import AVERAGE
 from sim2real.training.runner import Mirrors, build_config
-from sim2real.training.styled_network import StyledNetwork
 from sim2real.training.styled_training import load_head
-from sim2real.training.symmetric_model import BothSides, SymmetricModel
 
 OPSET = 18
 SAMPLES = 1000  # observations on which torch and onnxruntime must agree
@@ -64,8 +64,8 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
     """
     action = training.recipe.choose_actions(robot)
     is_other = training.robot != robot.name
-    has_style = training.recipe.style is not None
-    head = load_head(robot, action, training.folder) if has_style and not is_other else None
+    recipe = training.recipe.style
+    head = load_head(robot, action, training.folder) if recipe and not is_other else None
     outputs = head.names if head else action.names
     if is_other or training.actions != outputs:
         raise ExportError(
@@ -73,7 +73,9 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
             f"{', '.join(training.actions)}; expected '{robot.name}' with {', '.join(outputs)}"
         )
     checkpoint = read_checkpoint(training.folder / CHECKPOINT)
-    style = StyleInput(memory=len(outputs)) if head else None
+    style = None
+    if recipe is not None:
+        style = StyleInput(memory=len(outputs), height_map=recipe.height_map)
     terms = list_terms(robot, action, style)
     mirrors = None
     if head is not None:
@@ -151,7 +153,7 @@ def _write(network: Any, size: int, contract: PolicyContract, file: Path) -> Non
 def _sample_observations(actor: MLPModel) -> torch.Tensor:
     """Draw observations as an actor is used to, (N, size)."""
     normalizer: Any = actor.obs_normalizer
-    if isinstance(normalizer, BothSides):
+    if isinstance(normalizer, MirroredNormalizer):
         normalizer = normalizer.normalizer
     noise = torch.randn(SAMPLES, actor.obs_dim, generator=torch.Generator().manual_seed(0))
     return normalizer.mean + noise * normalizer.std

@@ -23,11 +23,12 @@ from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.style_task import StyleTask
 from sim2real.training.rsl_rl_env import RslEnv
 
-STEPS = 200  # policy steps of each part
-PARTS = 3  # the motions replayed, then the policy twice
-EPOCHS = 8
+REPLAYED = 150  # policy steps in which motions are replayed
+STEPS = 60  # policy steps of each part in which the policy moves the robots
+PARTS = 20  # of the latter
+EPOCHS = 3  # over all examples so far, after each part
 BATCH = 2048
-LEARNING_RATE = 1e-3
+LEARNING_RATES = (1e-3, 1e-4)  # at first, and in the last part
 NOISE = 0.1  # of the outputs while motions are replayed
 
 
@@ -40,35 +41,36 @@ class Example:
 
 
 def imitate(actor: MLPModel, env: RslEnv, rng: np.random.Generator) -> list[float]:
-    """Let an actor imitate the motions of an environment; return the final loss of each part."""
+    """Let an actor imitate the motions of an environment; return the last loss of each part.
+
+    The actor is symmetric by construction, so that mirror images would teach nothing more.
+    """
     task = env.env.style
     if task is None:
         raise ValueError("rises are imitated along style curves, expected an environment with them")
-    examples: list[Example] = []
-    losses = []
-    optimizer = torch.optim.Adam(actor.mlp.parameters(), lr=LEARNING_RATE)
-    for part in range(PARTS):
-        examples += _collect(actor, env, task, rng, is_replayed=part == 0)
-        losses.append(_fit(actor, env, examples, optimizer, is_first=part == 0))
+    optimizer = torch.optim.Adam(actor.mlp.parameters())
+    examples = _collect(None, env, task, rng, REPLAYED)
+    seen = torch.cat([example.observation for example in examples])
+    actor.update_normalization(TensorDict({"policy": seen}, batch_size=[len(seen)]))
+    losses = [_fit(actor, examples, optimizer, LEARNING_RATES[0])]
+    for rate in np.linspace(*LEARNING_RATES, PARTS):
+        examples += _collect(actor, env, task, rng, STEPS)
+        losses.append(_fit(actor, examples, optimizer, float(rate)))
     return losses
 
 
 def _collect(
-    actor: MLPModel,
-    env: RslEnv,
-    task: StyleTask,
-    rng: np.random.Generator,
-    *,
-    is_replayed: bool,
+    actor: MLPModel | None, env: RslEnv, task: StyleTask, rng: np.random.Generator, steps: int
 ) -> list[Example]:
+    """Collect examples while an actor moves the robots, or without one their motions do."""
     examples = []
-    for _ in range(STEPS):
+    for _ in range(steps):
         outputs, known = find_outputs(env.env, task)
         observed = env.get_observations()["policy"]
         rows = torch.from_numpy(np.flatnonzero(known))
-        wanted = torch.as_tensor(outputs, dtype=torch.float32)
+        wanted = torch.as_tensor(outputs, dtype=torch.float32, device=observed.device)
         examples.append(Example(observed[rows], wanted[rows]))
-        if is_replayed:
+        if actor is None:
             moved = torch.as_tensor(outputs + rng.normal(0.0, NOISE, outputs.shape))
         else:
             with torch.no_grad():
@@ -82,38 +84,28 @@ def find_outputs(env: GetUpEnv, task: StyleTask) -> tuple[Array, NDArray[np.bool
 
     Only some curves are those of a motion whose targets are known: which, is (N,).
     """
-    share = (task.guide.time + env.step_time) / task.guide.duration
+    share = (task.tracker.time + env.step_time) / task.tracker.duration
     target = task.library.interpolate_targets(task.row, share)
     known = task.library.is_planned[task.row]
     target = np.where(known[:, None], target, env.robot.standing.joint_pos)
-    guide = task.guide
-    return task.head.invert(target, env.memory, guide.wanted, guide.features), known
+    tracker = task.tracker
+    return task.head.invert(target, env.memory, tracker.wanted, tracker.features), known
 
 
 def _fit(
-    actor: MLPModel,
-    env: RslEnv,
-    examples: list[Example],
-    optimizer: torch.optim.Optimizer,
-    *,
-    is_first: bool,
+    actor: MLPModel, examples: list[Example], optimizer: torch.optim.Optimizer, rate: float
 ) -> float:
+    """Fit an actor to examples; return the mean loss of the last epoch."""
+    for group in optimizer.param_groups:
+        group["lr"] = rate
     observed = torch.cat([example.observation for example in examples])
     outputs = torch.cat([example.outputs for example in examples])
-    if is_first:
-        actor.update_normalization(TensorDict({"policy": observed}, batch_size=[len(observed)]))
     total = 0.0
     for _ in range(EPOCHS):
         total = 0.0
         for rows in torch.randperm(len(observed)).split(BATCH):
             seen = TensorDict({"policy": observed[rows]}, batch_size=[len(rows)])
-            wanted = outputs[rows]
-            if torch.rand(()) < 0.5:  # of half of the batches the mirror image
-                index, sign = env.mirrors["policy"]
-                seen = TensorDict({"policy": observed[rows][:, index] * sign}, [len(rows)])
-                index, sign = env.action_mirror
-                wanted = wanted[:, index] * sign
-            loss = (actor(seen) - wanted).square().mean()
+            loss = (actor(seen) - outputs[rows]).square().mean()
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnx
 import torch
 from onnx import numpy_helper
@@ -13,10 +15,13 @@ from humanoid_getup.policy.contract import ContractError, PolicyContract
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
 from humanoid_getup.policy.onnx_policy import SUFFIX
 from robots import Robot
-from sim2real.training.config import TrainingFolderError
+from robots.quaternion import Array
+from sim2real.pose_prior.pose_prior import PosePrior
+from sim2real.training.config import Recipe, TrainingFolderError
 
-LAYERS = "actor.mlp.network."
-MEAN = "actor.obs_normalizer.normalizer._mean"
+LAYERS = re.compile(r"mlp\.(kept|turned)\.\d+\.weight|mlp\.kept\.\d+\.bias|mlp\.\d+\.(weight|bias)")
+DECODER = re.compile(r"decoder\.\d+\.weight")
+MEAN, ACTOR = "_mean", "actor."
 
 
 def is_policy_file(parent: Path) -> bool:
@@ -24,12 +29,13 @@ def is_policy_file(parent: Path) -> bool:
     return parent.suffix == SUFFIX
 
 
-def read_contract(file: Path, robot: Robot) -> PolicyContract:
-    """Read the contract of a policy of this robot that follows style curves.
+def check_policy_parent(file: Path, robot: Robot, recipe: Recipe) -> None:
+    """Check that a policy of this robot can begin a training.
 
     Raises:
         OSError: if the file cannot be read.
-        TrainingFolderError: if it is no such policy.
+        TrainingFolderError: if it is no such policy, or follows style curves and the training does
+            not, or the other way round.
     """
     try:
         model = onnx.load_model_from_string(read_model(file))
@@ -37,19 +43,40 @@ def read_contract(file: Path, robot: Robot) -> PolicyContract:
         contract = PolicyContract.from_json(properties[CONTRACT_KEY])
     except (NetworkError, ContractError, ValueError) as error:
         raise TrainingFolderError(f"{file} is not a policy: {error}") from error
-    if contract.style is None:
+    if recipe.style is not None and contract.style is None:
         raise TrainingFolderError(
             f"{file} follows no style curves, expected a policy that does, or the folder of a "
             "training"
         )
+    if recipe.style is None and contract.style is not None:
+        raise TrainingFolderError(f"{file} follows style curves, expected a policy that does not")
     faults = contract.find_mismatches(robot, robot.control_period)
+    own = recipe.choose_actions(robot).names
+    if contract.action.names != own:
+        faults.append(f"it has actions {', '.join(contract.action.names)}; expected {own}")
     if faults:
         raise TrainingFolderError(f"{file}: {'; '.join(faults)}")
-    return contract
+
+
+def check_decoder(file: Path, prior: PosePrior) -> None:
+    """Check that the decoder of a policy is that of a pose prior.
+
+    Raises:
+        OSError: if the file cannot be read.
+        TrainingFolderError: if it is not.
+    """
+    found = _read_weights(file)
+    weights = [values for name, values in found.items() if DECODER.fullmatch(name)]
+    own = prior.decoder.weights
+    if len(weights) != len(own) or not all(map(np.array_equal, weights, own)):
+        raise TrainingFolderError(
+            f"{file} was trained with another prior, expected --prior with the one that is beside "
+            "it, or with which it was trained"
+        )
 
 
 def read_actor(file: Path, actor: Any) -> dict[str, torch.Tensor]:
-    """Read the weights of a policy with style curves as the state of a symmetric actor.
+    """Read the weights of a policy as the state of an actor.
 
     What a graph does not hold, the deviation of exploration, is that of ``actor``.
 
@@ -57,32 +84,28 @@ def read_actor(file: Path, actor: Any) -> dict[str, torch.Tensor]:
         OSError: if the file cannot be read.
         TrainingFolderError: if the networks differ.
     """
-    model = onnx.load_model_from_string(read_model(file))
-    found = {
-        entry.name: torch.tensor(numpy_helper.to_array(entry)) for entry in model.graph.initializer
-    }
+    found = {name: torch.tensor(values) for name, values in _read_weights(file).items()}
     state = dict(actor.state_dict())
-    read = {
-        f"mlp.network.{name.removeprefix(LAYERS)}": values
-        for name, values in found.items()
-        if name.startswith(LAYERS)
+    expected = {name: values.shape for name, values in state.items() if LAYERS.fullmatch(name)}
+    prefix = ACTOR if any(name.startswith(ACTOR) for name in found) else ""  # with a decoder
+    read = {name: found.get(f"{prefix}{name}", torch.zeros(0)) for name in expected}
+    normalizer = next(name.removesuffix(MEAN) for name in state if name.endswith(f"r.{MEAN}"))
+    # Exporting has added a small number to the deviations and named the sum by itself.
+    name_of_mean = f"{prefix}{normalizer}{MEAN}"
+    mean = found.get(name_of_mean, torch.zeros(0))
+    sums = [v for name, v in found.items() if name != name_of_mean and v.shape == mean.shape]
+    if {name: values.shape for name, values in read.items()} != expected or len(sums) != 1:
+        raise TrainingFolderError(f"{file} has another network than the recipe")
+    std = sums[0] - actor.get_submodule(normalizer.removesuffix(".")).eps
+    statistics = {
+        MEAN: mean,
+        "_std": std,
+        "_var": std.square(),
+        "count": torch.ones((), dtype=torch.long),
     }
-    mean = found.get(MEAN)
-    scales = [v for name, v in found.items() if mean is not None and v.shape == mean.shape]
-    shapes = {name: tuple(values.shape) for name, values in read.items()}
-    wanted = {name: tuple(state[name].shape) for name in state if name.startswith("mlp.network")}
-    if mean is None or len(scales) != 2 or shapes != wanted:
-        raise TrainingFolderError(f"{file} has another network than this recipe")
-    (scale,) = (v for name, v in found.items() if v.shape == mean.shape and name != MEAN)
-    normalizer = "obs_normalizer.normalizer."
-    std = scale - actor.obs_normalizer.normalizer.eps
-    return (
-        state
-        | read
-        | {
-            f"{normalizer}_mean": mean,
-            f"{normalizer}_std": std,
-            f"{normalizer}_var": std.square(),
-            f"{normalizer}count": torch.ones_like(state[f"{normalizer}count"]),
-        }
-    )
+    return state | read | {f"{normalizer}{name}": values for name, values in statistics.items()}
+
+
+def _read_weights(file: Path) -> dict[str, Array]:
+    model = onnx.load_model_from_string(read_model(file))
+    return {entry.name: numpy_helper.to_array(entry) for entry in model.graph.initializer}

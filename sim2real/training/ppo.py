@@ -11,6 +11,8 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from torch.optim.swa_utils import AveragedModel
 
+from sim2real.training.torch_threads import torch_threads
+
 AVERAGE = "averaged_actor_state_dict"
 """Key of the averaged weights in a checkpoint."""
 UPDATES = "averaged_updates"
@@ -42,12 +44,14 @@ class AveragingPPO(PPO):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self._threads = torch.get_num_threads()
         self.symmetry = MirroredBatches(**kwargs["symmetry_cfg"])
         self.average = _average(self._raw_actor)
 
     def update(self) -> dict[str, float]:
         """Learn from the collected steps; update the average."""
-        losses = super().update()
+        with torch_threads(self._threads):
+            losses = super().update()
         del losses["symmetry"]
         self.average.update_parameters(self._raw_actor)
         return losses

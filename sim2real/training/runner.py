@@ -12,7 +12,6 @@ from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import SAME, Mirror
-from sim2real.training.action_extension import extend_actions
 from sim2real.training.checkpoint import (
     CHECKPOINT,
     read_checkpoint,
@@ -22,12 +21,16 @@ from sim2real.training.checkpoint import (
 from sim2real.training.config import STEPS, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.imitation import imitate
+from sim2real.training.networks.action_extension import extend_actions
+from sim2real.training.networks.input_extension import extend_inputs
+from sim2real.training.networks.symmetric_model import as_exchange
 from sim2real.training.policy_parent import read_actor
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
-from sim2real.training.symmetric_model import as_exchange
 
-IMITATED_FALLS = 0.4  # share of episodes from settled falls while rises are imitated
+# Shares of episodes from settled falls and along rises, while these are imitated.
+IMITATED_FALLS, IMITATED_RISES = 0.25, 0.7
 CRITIC_ROUNDS, CRITIC_RATE = 12, 1e-3
+MAP_STD = 0.05  # by which height maps are normalized; their unit is a neck height
 Mirrors = tuple[Mirror, Mirror, Mirror]
 
 
@@ -46,6 +49,7 @@ class TrainingRunner(OnPolicyRunner):
     ) -> None:
         super().__init__(env, config, str(folder), device)
         self._file, self._process = folder / CHECKPOINT, process
+        self._frozen = False  # whether the statistics of observations stay as they are
         self.logger.git_status_repos = []  # do not record the git state of the current folder
 
     def save(self, path: str, infos: dict | None = None) -> None:
@@ -57,6 +61,7 @@ class TrainingRunner(OnPolicyRunner):
             "observations": self.env.observations.cpu().to_dict(),
             "torch_rng": torch.get_rng_state(),
             "cuda_rng": torch.cuda.get_rng_state(self.device) if self._on_gpu else None,
+            "frozen": self._frozen,
             "timesteps": self.logger.tot_timesteps,
             "time": self.logger.tot_time,
         }
@@ -69,7 +74,7 @@ class TrainingRunner(OnPolicyRunner):
         """
         state = read_checkpoint(self._file, self.device)
         self.alg.load(state, None, True)
-        if self.env.env.style is not None:
+        if state["frozen"]:
             self.freeze_normalizers()
         self.current_learning_iteration = state["iter"] + 1
         if not self._process.leads:
@@ -96,8 +101,21 @@ class TrainingRunner(OnPolicyRunner):
                 f"{parent} is a training with outputs {', '.join(before)}; expected "
                 f"{', '.join(env.head.names)}"
             )
-        networks = {name: state[name] for name in ("actor_state_dict", "critic_state_dict")}
-        self.alg.load(networks, {"actor": True, "critic": True}, True)
+        models = {
+            "actor_state_dict": self.alg._raw_actor,
+            "critic_state_dict": self.alg._raw_critic,
+        }
+        networks = {name: state[name] for name in models}
+        if env.style is not None and env.style.input.height_map:
+            at = sum(term.size for term in env.terms[:-1])
+            networks = {
+                name: extend_inputs(networks[name], model, at, MAP_STD)
+                for name, model in models.items()
+            }
+        try:
+            self.alg.load(networks, {"actor": True, "critic": True}, True)
+        except RuntimeError as error:
+            raise TrainingFolderError(f"{parent} has other networks than the recipe") from error
         if env.style is not None:
             self.freeze_normalizers()
 
@@ -105,13 +123,7 @@ class TrainingRunner(OnPolicyRunner):
         """Start with the actor of a policy file; the critic learns what it earns."""
         actor: Any = self.alg._raw_actor
         actor.load_state_dict(read_actor(file, actor))
-        actor.obs_normalizer.freeze()
-        self.env.reports = False
-        for _ in range(CRITIC_ROUNDS):
-            self._teach_critic()
-        self.freeze_normalizers()
-        self.env.begin(seed, np.random.default_rng(seed))
-        self.env.reports = True
+        self._teach_critic(seed)
 
     def imitate(self, seed: int) -> list[float]:
         """Let a new policy imitate rises, and the critic judge it; return the losses.
@@ -119,26 +131,40 @@ class TrainingRunner(OnPolicyRunner):
         Afterwards normalizers stay as they are: their drift would distort what was learned.
         """
         env = self.env.env
-        usual, self.env.reports = env.options, False
-        env.options = replace(usual, falls=IMITATED_FALLS, assistive_force=0.0)
-        self.env.begin(seed, np.random.default_rng(seed))
+        self.env.reports = False
+        usual = env.options
+        env.options = replace(
+            usual, falls=IMITATED_FALLS, motions=IMITATED_RISES, assistive_force=0.0
+        )
+        self.env.begin(seed, np.random.default_rng(seed))  # along rises
         losses = imitate(self.alg._raw_actor, self.env, np.random.default_rng(seed))
         env.options = usual
-        self.env.begin(seed, np.random.default_rng(seed))
-        losses += [self._teach_critic() for _ in range(CRITIC_ROUNDS)]
-        self.freeze_normalizers()
-        self.env.begin(seed, np.random.default_rng(seed))
-        self.env.reports = True
-        return losses
+        self.env.begin(seed, np.random.default_rng(seed))  # as the training does
+        return losses + self._teach_critic(seed)
 
     def freeze_normalizers(self) -> None:
         """Keep the statistics of observations as they are."""
+        self._frozen = True
         for model in (self.alg._raw_actor, self.alg._raw_critic):
-            normalizer: Any = model.obs_normalizer
-            normalizer.freeze()
+            _freeze(model)
 
-    def _teach_critic(self) -> float:
-        """Teach the critic what the present policy earns; return its mean squared error."""
+    def _teach_critic(self, seed: int) -> list[float]:
+        """Teach the critic what the present policy earns; return the error of each round.
+
+        Not to distort the policy, the statistics of its observations are kept meanwhile; those of
+        the critic's are kept from then on.
+        """
+        actor: Any = self.alg._raw_actor
+        _freeze(actor)
+        self.env.reports = False
+        errors = [self._teach_critic_once() for _ in range(CRITIC_ROUNDS)]
+        self.freeze_normalizers()
+        self.env.begin(seed, np.random.default_rng(seed))
+        self.env.reports = True
+        return errors
+
+    def _teach_critic_once(self) -> float:
+        """Collect steps of the policy, and fit the critic; return its mean squared error."""
         alg: Any = self.alg
         alg.train_mode()
         with torch.inference_mode():
@@ -164,6 +190,11 @@ class TrainingRunner(OnPolicyRunner):
         return self.device.startswith("cuda")
 
 
+def _freeze(model: Any) -> None:
+    """Let a network's normalizer learn from no more observations."""
+    model.obs_normalizer.until = 1
+
+
 def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> dict[str, Any]:
     """Build rsl-rl's configuration; values without a comment are its defaults.
 
@@ -184,7 +215,7 @@ def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> d
     }
     actor, critic = network | {"distribution_cfg": gaussian}, dict(network)
     if mirrors is not None:
-        own = {"class_name": "sim2real.training.symmetric_model:SymmetricModel"}
+        own = {"class_name": "sim2real.training.networks.symmetric_model:SymmetricModel"}
         inputs, critic_inputs, outputs = map(as_exchange, mirrors)
         actor |= own | {"inputs": inputs, "outputs": outputs}
         critic |= own | {"inputs": critic_inputs, "outputs": as_exchange(SAME)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,19 +15,19 @@ from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.style_file import list_styles, load_style
 from robots import Robot
 from robots.files import atomic_path
+from robots.kinematics import leg_length
 from sim2real.environment.action_head import PriorHead
 from sim2real.environment.curve_library import build_library
 from sim2real.environment.style_task import StyleTask
 from sim2real.environment.terrain import Terrain, build_terrain
 from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.pose_prior.rise_set import RiseSet
-from sim2real.training.config import TrainingFolderError
-from sim2real.training.policy_parent import is_policy_file
+from sim2real.training.config import StyleRecipe, TrainingFolderError
+from sim2real.training.policy_parent import check_decoder, is_policy_file
 
 PRIOR, RISES = "prior.npz", "rises.npz"
 """Files of a pose prior's folder, which a training keeps copies of."""
-# The paper's durations of 2.5, 5.1 and 7.6 s, as shares of the second, which styles are made for.
-DURATIONS = (2.5 / 5.1, 1.0, 7.6 / 5.1)
+DURATIONS, LEGS = (2.5, 5.1, 7.6), 0.9  # s that a person of such legs [m] takes in [Frezzato22]
 TERRAIN_SEED = 7_002  # makes the terrain of training differ from every scene's
 
 
@@ -36,7 +37,7 @@ def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: P
     That is the one that is given, or else the parent's, or else the training's own.
 
     Raises:
-        TrainingFolderError: if there is no prior.
+        TrainingFolderError: if there is no prior, or another one than the parent's.
         ValueError: if it is another robot's.
     """
     is_folder = parent is not None and not is_policy_file(parent)
@@ -46,8 +47,12 @@ def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: P
         raise TrainingFolderError(
             f"{source} has no {missing[0]}, expected --prior with the folder of `getup prior`"
         )
-    PosePrior.load(source / PRIOR, robot)
+    found = PosePrior.load(source / PRIOR, robot)
     RiseSet.load(source / RISES, robot)
+    if parent is not None and not is_folder:
+        check_decoder(parent, found)
+    elif parent is not None and (parent / PRIOR).read_bytes() != (source / PRIOR).read_bytes():
+        raise TrainingFolderError(f"{source / PRIOR} is another prior than that of {parent}")
     return source
 
 
@@ -83,7 +88,7 @@ def build_style_task(
     folder: Path,
     *,
     robots: int,
-    authored: float,
+    recipe: StyleRecipe,
     threads: int,
 ) -> StyleTask:
     """Build the task of a training from the files in its folder.
@@ -92,16 +97,22 @@ def build_style_task(
         ValueError: if they are not of this robot.
     """
     rises = RiseSet.load(folder / RISES, robot)
-    library = build_library(robot, model, rises, list(list_authored(robot)), authored)
-    return StyleTask(robot, robots, library, load_head(robot, action, folder), threads)
+    library = build_library(robot, model, rises, list(list_named_curves(robot)), recipe.named)
+    head = load_head(robot, action, folder)
+    return StyleTask(robot, robots, library, head, threads, height_map=recipe.height_map)
 
 
-def list_authored(robot: Robot) -> Iterator[StyleCurves]:
-    """List the named styles' curves with three durations, and their mirror images."""
+def list_named_curves(robot: Robot) -> Iterator[StyleCurves]:
+    """List the named styles' curves and their mirror images.
+
+    Their durations are their own, and all but the shortest of the paper's.
+    """
+    scale = math.sqrt(leg_length(robot) / LEGS)
     for name in list_styles():
         for curve in load_style(name, robot).curves:
-            for share in DURATIONS:
-                timed = curve.lasting(share * curve.duration)
+            # The shortest is beyond what position servos of a small robot can follow.
+            for duration in {curve.duration, *(scale * duration for duration in DURATIONS[1:])}:
+                timed = curve.lasting(duration)
                 yield timed
                 if not np.allclose(timed.side, np.pi / 2):
                     yield timed.mirrored()

@@ -19,12 +19,14 @@ from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot
 from robots.files import write_atomically
+from robots.quaternion import Array
 from sim2real.environment.get_up_env import PHYSICS_STEP, EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import (
     StartPool,
     make_pool,
     make_terrain_pool,
     pool_rng,
+    sample_terrain_stands,
 )
 from sim2real.environment.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import REWARDS
@@ -40,7 +42,7 @@ from sim2real.training.config import (
 )
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
-from sim2real.training.policy_parent import is_policy_file, read_contract
+from sim2real.training.policy_parent import check_policy_parent, is_policy_file
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.styled_training import (
@@ -50,6 +52,7 @@ from sim2real.training.styled_training import (
     load_head,
     make_terrain,
 )
+from sim2real.training.torch_threads import torch_threads
 
 POOL = "falls.npz"
 PROGRESS = "progress.csv"
@@ -85,9 +88,9 @@ def train(
     has its own robots and GPU, and the first one writes.
 
     The device is that of the networks; 0 threads of physics are one per processor. The policy of
-    the training in the folder ``parent``, extended to this action space, is the initial one; or,
-    with style curves, that of a policy file. A
-    training with style curves needs the folder of a pose prior, of which it keeps a copy.
+    the training in the folder ``parent``, extended to this action space, is the initial one, or
+    the policy in the file ``parent``, with this action space. A training with style curves needs
+    the folder of a pose prior, of which it keeps a copy.
 
     Raises:
         OSError: if the parent cannot be read.
@@ -97,7 +100,7 @@ def train(
     """
     process = DistributedProcess.from_environment(os.environ)
     seed, device, common_seed = process.seed(seed), process.device(device), seed
-    source = check_prior(robot, prior, parent, folder) if recipe.style else None
+    source = check_inputs(robot, recipe, folder, parent, prior)
     folder.mkdir(parents=True, exist_ok=True)
     action = recipe.choose_actions(robot)
     outputs = action.names
@@ -129,7 +132,29 @@ def train(
         iteration_log.resume(runner.current_learning_iteration)
         left = recipe.iterations - runner.current_learning_iteration
         if left > 0:
-            runner.learn(left)
+            with torch_threads(1):  # but for updates, whose batches are larger
+                runner.learn(left)
+
+
+def check_inputs(
+    robot: Robot, recipe: Recipe, folder: Path, parent: Path | None, prior: Path | None
+) -> Path | None:
+    """Check what a training begins with; return the folder of its pose prior, if it needs one.
+
+    Raises:
+        OSError: if a file cannot be read.
+        TrainingFolderError: if parent or prior are missing, or do not fit the recipe.
+        ValueError: if the prior is another robot's.
+    """
+    if parent is not None and is_policy_file(parent):
+        check_policy_parent(parent, robot, recipe)
+    if recipe.style is None:
+        return None
+    if recipe.style.height_map and parent is None:
+        raise TrainingFolderError(
+            f"{folder}: a training with a height map goes on from one without, expected --from"
+        )
+    return check_prior(robot, prior, parent, folder)
 
 
 def build_env(
@@ -142,19 +167,35 @@ def build_env(
         ValueError: if a file is of another robot.
     """
     options, style = build_options(recipe, threads), recipe.style
-    if style is None:
-        return GetUpEnv(robot, action, load_pool(robot, recipe, seed, folder / POOL), options)
-    terrain = make_terrain(robot, seed) if style.terrain else None
+    terrain = make_terrain(robot, seed) if recipe.terrain else None
     pool = load_pool(robot, recipe, seed, folder / POOL, terrain)
-    options = replace(options, falls=style.falls, motions=style.motions, ends_early=0.0)
     if terrain is not None:
         x, y = terrain.flat_center
         options = replace(options, scene=terrain.scene, origin=(float(x), float(y)))
+    if style is None:
+        stands = make_stands(robot, seed, terrain) if terrain else None
+        return GetUpEnv(robot, action, pool, options, stands=stands)
+    options = replace(
+        options,
+        falls=style.falls,
+        motions=style.motions,
+        restarts=style.restarts,
+        ends_early=0.0,
+    )
     model = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP).model
     task = build_style_task(
-        robot, model, action, folder, robots=recipe.robots, authored=style.authored, threads=threads
+        robot, model, action, folder, robots=recipe.robots, recipe=style, threads=threads
     )
-    return GetUpEnv(robot, action, pool, options, task)
+    rises = task.library.state_qpos
+    stands = make_stands(robot, seed, terrain, rises) if terrain else None
+    return GetUpEnv(robot, action, pool, options, task, stands)
+
+
+def make_stands(robot: Robot, seed: int, terrain: Terrain, rises: Array | None = None) -> StartPool:
+    """Make the standing initial states on a terrain; some are states near the end of rises."""
+    world = build_training_world(robot, terrain.scene, PHYSICS_STEP)
+    states = np.zeros((0, world.model.nq)) if rises is None else rises
+    return sample_terrain_stands(world, terrain, states, pool_rng(seed))
 
 
 def write_recipe(
@@ -187,7 +228,6 @@ def write_recipe(
 def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:
     """Identify the parent of a training by its content."""
     if is_policy_file(parent):
-        read_contract(parent, robot)
         return {"policy": parent.stem, "sha256": hashlib.sha256(parent.read_bytes()).hexdigest()}
     record = TrainingRecord.load(parent)
     if record.robot != robot.name:
@@ -218,8 +258,8 @@ def load_pool(
     world = build_training_world(robot, scene, PHYSICS_STEP)
     if not file.exists():
         rng = pool_rng(seed)
-        if terrain is not None and recipe.style is not None:
-            pool = make_terrain_pool(world, terrain, recipe.style.terrain_falls, rng)
+        if terrain is not None:
+            pool = make_terrain_pool(world, terrain, recipe.falls, rng)
         else:
             pool = make_pool(world, recipe.falls, rng)
         pool.save(file, robot)

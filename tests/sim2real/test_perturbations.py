@@ -139,6 +139,7 @@ def test_figures_count_by_class(op3: Robot):
         features=np.zeros((3, 1, 3)),
         wanted=np.zeros((3, 0, 3)),
         style_duration=np.full(3, np.nan),
+        restarts=np.zeros(3, dtype=int),
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
     figures = summarize_rollouts(falls, [record], ("prone", "left"))

@@ -47,6 +47,7 @@ def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand():
         features=np.zeros((5, 1, 3)),
         wanted=np.zeros((5, 0, 3)),
         style_duration=np.full(5, np.nan),
+        restarts=np.zeros(5, dtype=int),
         torque=np.ones((5, samples, 2)),
         joint_vel=np.ones((5, samples, 2)),
         head_contact=np.zeros_like(upright),
@@ -77,6 +78,7 @@ def stood() -> PolicyRollouts:
         features=np.zeros((2, 1, 3)),
         wanted=np.zeros((2, 0, 3)),
         style_duration=np.full(2, np.nan),
+        restarts=np.zeros(2, dtype=int),
         torque=torque,
         joint_vel=joint_vel,
         head_contact=np.zeros_like(upright),
@@ -183,5 +185,6 @@ def test_errors_of_style_count_while_the_curves_last(op3):
         features=features,
         wanted=wanted,
         style_duration=np.array([2.0, 3.0]) * 6 * op3.control_period,
+        restarts=np.zeros(2, dtype=int),
     )
     assert rollouts.style_error() == pytest.approx(np.array([[0.2, 0.4, 0.6]] * 2))

@@ -284,9 +284,7 @@ GROUPS: dict[str, list[Case]] = {
         case("eval empty.onnx --n 4", "empty.onnx"),
     ],
     "style": [
-        case(
-            "style show cartwheel", "unknown style 'cartwheel', expected push-up, side-sit, sit-up"
-        ),
+        case("style show cartwheel", "unknown style 'cartwheel', expected long-sit, push-up"),
         case("style show few.toml", "few.toml: curves 1: neck_height has 2 points, expected 9"),
         case(
             "style show kneeling.toml", "neck_height ends at 0.6 of standing, expected 0.9 or more"
@@ -324,6 +322,7 @@ GROUPS: dict[str, list[Case]] = {
         case("run robust --from supine --style planned", "follows no style curves"),
         case("rise --from supine --style sit-up", "expected --method policy with it"),
         case("eval robust --n 4 --style sit-up", "policy 'robust' follows no style curves"),
+        case("eval robust --n 4 --height-map", "policy 'robust' has no height map"),
         case("eval robust --n 4 --scene flat,flat", "expected each scene once"),
         case("eval robust --n 4 --scene flat,moon", "unknown scene 'moon'"),
     ],
@@ -342,9 +341,15 @@ GROUPS: dict[str, list[Case]] = {
         case(
             "train --out mine --prior none", "--prior is none, expected the folder of a pose prior"
         ),
-        case("train --out mine --from text.onnx", "only recipe styled begins with a policy file"),
+        case("train --out mine --from text.onnx", "text.onnx is not a policy", extra="rsl_rl"),
         case("prior --out mine --rises 2", "--rises is 2, expected 4 or more"),
         case("prior --out text.txt", "text.txt is not a folder"),
+        case("prior --out mine --jobs 0", "--jobs is 0, expected 1 or more"),
+        case(
+            "prior --out mine --policies styled",
+            "policy 'styled' follows style curves",
+            extra="rsl_rl",
+        ),
         case("train --out mine --threads -2", "--threads is -2, expected 0 or more"),
         case("train --out mine --iterations 0", "--iterations is 0, expected 1 or more"),
         case("train --out mine --robots 0", "--robots is 0, expected 1 or more"),

@@ -26,11 +26,11 @@ class Train(RobotOption):
 
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for checkpoint, progress and TensorBoard files."""
-    recipe: Literal["quick", "robust", "gentle", "styled-quick", "styled"] = "quick"
+    recipe: Literal["quick", "robust", "gentle", "rough", "styled-quick", "styled"] = "quick"
     """Training recipe."""
     parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
-    """Folder of a training whose policy is the initial one, or, for a training with style curves,
-    a policy file; default: random weights."""
+    """Folder of a training whose policy is the initial one, or a policy file (.onnx) with the same
+    actions; default: random weights."""
     prior: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder of a pose prior, see `getup prior`, for a training with style curves."""
     seed: Seed = 0
@@ -73,9 +73,13 @@ class Evaluate(TorqueOptions, WorldOptions):
     """Names of scenes, see `getup scenes`, or scene files (.toml), with commas between them."""
     style: Annotated[str | None, arg(metavar="STYLE,...")] = None
     """Styles that a policy with style curves follows, with commas between them: names, files, or
-    planned for the curves of a motion that is planned for each fall; default: the nearest."""
+    planned for the curves of a motion that is planned for each fall; default: of the named
+    styles that begin nearest to the robot, the one that turns it least."""
+    height_map: bool = False
+    """Let a policy with a height map see the ground around it; else it takes it for level."""
     n: Annotated[int, at_least(4, step=4)] = 1000
-    """Number of falls in each scene, equally many of each class."""
+    """Number of falls in each scene, equally many of each class. Rough ground is another one for
+    every four of them, unless they are read from a file."""
     falls: Annotated[Path | None, arg(metavar="FILE")] = None
     """File of falls: read if it exists, else written."""
     delay: Annotated[float, between(0.0, 60.0, "ms"), arg(metavar="MS")] = 0.0

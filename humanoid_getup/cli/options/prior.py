@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least
-from humanoid_getup.cli.options.shared import A_POLICY, RobotOption, Seed
+from humanoid_getup.cli.options.shared import A_POLICY, Count, RobotOption, Seed
 from humanoid_getup.cli.output import find_folder_faults
 
 
@@ -23,6 +23,8 @@ class MakePrior(RobotOption):
     """Number of rises to plan; policies add half as many."""
     policies: tuple[str, ...] = ("robust", "gentle")
     """Policies of the robot that add rises; with no name, none."""
+    jobs: Count = 2
+    """Number of processes that plan."""
     epochs: Annotated[int, at_least(1)] = 100
     """Passes over the postures."""
     fitted: Annotated[Path | None, arg(metavar="FILE.npz")] = None

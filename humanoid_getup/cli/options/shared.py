@@ -54,7 +54,8 @@ StyleOption = Annotated[
     arg(
         metavar="STYLE|planned",
         help="What a policy that follows style curves follows: a style, see `getup style list`, a "
-        "style file, or the curves of a motion that is planned; default: the nearest style.",
+        "style file, or the curves of a motion that is planned; default: of the styles that begin "
+        "nearest to the robot, the one that turns it least.",
     ),
 ]
 Seed = Annotated[int, at_least(0), arg(help="Random seed.")]

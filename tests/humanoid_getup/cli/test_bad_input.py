@@ -8,6 +8,9 @@ from bad_inputs import GROUPS, Case, is_possible, make_files, run
 from robots import Robot
 
 CASES = [case for cases in GROUPS.values() for case in cases]
+PARAMETERS = [
+    pytest.param(case, marks=pytest.mark.train if case.extra == "rsl_rl" else ()) for case in CASES
+]
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,7 @@ def test_the_table_is_as_long_as_promised():
     assert len({case.command for case in CASES}) == len(CASES) >= 110
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.command[:60])
+@pytest.mark.parametrize("case", PARAMETERS, ids=lambda case: case.command[:60])
 def test_bad_input_is_refused_in_one_line(case: Case, folder: Path, monkeypatch):
     if not is_possible(case):
         pytest.skip("root reads every file, or a package is missing")

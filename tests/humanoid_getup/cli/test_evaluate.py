@@ -12,7 +12,10 @@ from tiny_policies import save_policy
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.policies import Evaluate
+from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from sim2real.environment.model_variants import MODEL_VARIANTS
 
@@ -90,3 +93,29 @@ def test_falls_of_another_scene_are_refused(policy: str, falls: str, op3: Robot,
     moon.save(Path(falls))
     assert main(("eval", policy, "--n", "4", "--falls", falls)) == 2
     assert "they are of scene 'moon', not 'flat'" in capsys.readouterr().err
+
+
+def test_every_four_falls_on_rough_ground_have_a_ground_of_their_own(tmp_path):
+    file = tmp_path / "rough.json"
+    command = ("eval", "quick", "--n", "8", "--scene", "flat,rough:easy", "--json", str(file))
+    assert main(command) == 0
+    flat, rough = json.loads(file.read_text())["cases"].values()
+    assert (flat["grounds"], rough["grounds"]) == (1, 2)
+    assert [row["n"] for row in rough["classes"].values()] == [2, 2, 2, 2]
+
+
+def test_falls_without_a_plan_follow_the_nearest_style_and_are_not_counted_as_planned(
+    op3, tmp_path, monkeypatch
+):
+    file = tmp_path / "planned.json"
+    motion = next(m for m in load_database(op3).motions if m.name == "prone_push_up_fast")
+    found = MotionPlan(status=RiseStatus.STOOD, motion=motion)
+    plans = iter([found, RisePlan(status=RiseStatus.NOT_PLANNED), None, found])
+    monkeypatch.setattr(PlannedRise, "plan", lambda *_: next(plans))
+    command = ("eval", "styled", "--n", "4", "--style", "planned,nearest", "--json", str(file))
+    assert main(command) == 0
+    planned, nearest = json.loads(file.read_text())["cases"].values()
+    assert planned["planned"] == 2
+    assert "planned" not in nearest
+    same = [planned["classes"][kind] == nearest["classes"][kind] for kind in CLASSES]
+    assert same == [False, True, True, False]

@@ -74,7 +74,7 @@ def test_what_it_remembers_is_what_it_observes_next(op3, tmp_path, monkeypatch):
     assert again[0] == pytest.approx([0.0, 0.0])  # a new rise begins without memory
 
 
-def test_a_second_rise_enters_its_curves_anew(op3, tmp_path, monkeypatch):
+def test_a_second_rise_enters_its_curves_from_their_beginning(op3, tmp_path, monkeypatch):
     policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
     first = observe_all(policy, op3, monkeypatch, 30)
     second = observe_all(policy, op3, monkeypatch, 30)
@@ -103,3 +103,20 @@ def test_a_memory_of_another_size_is_refused(op3, tmp_path: Path, memory: int):
 def test_a_policy_without_style_has_no_guidance(op3, tmp_path):
     policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", op3), op3)
     assert (policy.style, policy.guidance) == (None, None)
+
+
+def test_a_robot_that_stays_lying_begins_again_without_memory(op3, tmp_path, monkeypatch):
+    plain = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
+    at = find_places(plain)
+    keep = np.zeros((plain.contract.observation_size, 2))
+    keep[at["torque_share"], 0] = 0.5
+    file = save_styled_policy(tmp_path / "q.onnx", op3, memory=keep)
+    style = load_style("long-sit", op3)
+    policy = OnnxPolicy.load(file, op3, style=style)
+    seen = observe_all(policy, op3, monkeypatch, 100)
+    memory = seen[:, at["last_action"].start]
+    again = 1 + int(np.argmax(memory[1:] == 0.0))
+    assert 0.5 * style.curves[0].duration < again * STEP < style.curves[0].duration + 1.0
+    targets = seen[:, at["style_targets"]]
+    assert targets[again] == pytest.approx(targets[0], abs=1e-5)
+    assert targets[again + 10] == pytest.approx(targets[10], abs=1e-5)

@@ -7,7 +7,7 @@ import pytest
 
 from humanoid_getup.style.features import FeatureSense, level, mirror_features, torso_angles
 from robots import quaternion
-from robots.kinematics import lowest_points, place_postures, site_heights
+from robots.kinematics import lowest_points, place_postures, site_positions
 
 RIGHT = math.pi / 2
 
@@ -35,7 +35,7 @@ def test_estimated_features_are_those_of_the_posture_on_level_ground(op3):
     orientation, joint_pos = draw(op3, np.random.default_rng(0), 40)
     model = op3.spec().compile()
     qpos = place_postures(op3, model, np.zeros((40, 3)), orientation, joint_pos)
-    neck = site_heights(model, qpos, op3.neck_site) - lowest_points(model, qpos)
+    neck = site_positions(model, qpos, op3.neck_site)[:, 2] - lowest_points(model, qpos)
     found = FeatureSense(op3, 40)(quaternion.gravity_in_body(orientation), joint_pos)
     assert found[:, 0] == pytest.approx(neck / op3.standing_neck_height)
     assert found[:, 1:] == pytest.approx(torso_angles(quaternion.gravity_in_body(orientation)))

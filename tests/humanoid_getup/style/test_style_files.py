@@ -30,7 +30,7 @@ front_deg = {RIGHT}
 
 
 def test_named_styles_begin_in_every_way_of_lying(op3):
-    assert list_styles() == ["push-up", "side-sit", "sit-up"]
+    assert list_styles() == ["long-sit", "push-up", "side-sit", "sit-up"]
     for name in list_styles():
         starts = np.degrees([curve.points[0, 1:] for curve in load_style(name, op3).curves])
         assert starts[0] == pytest.approx([90.0, 15.0])  # supine
@@ -53,7 +53,14 @@ def test_a_robot_follows_the_curves_that_begin_as_it_lies(op3):
     assert style.choose(np.array([0.2, 1.6, 2.9])) is prone
     right = style.choose(np.array([0.3, math.pi - 0.4, 1.5]))
     assert right.points == pytest.approx(left.mirrored().points)
-    assert len(load_any_style(op3).curves) == 9
+
+
+def test_of_all_styles_a_robot_follows_the_one_that_turns_it_least(op3):
+    every = load_any_style(op3)
+    assert len(every.curves) == 12
+    for features, name in (([0.3, 1.5, 0.3], "long-sit"), ([0.2, 1.6, 2.9], "push-up")):
+        chosen = every.choose(np.array(features))
+        assert any(np.array_equal(chosen.points, c.points) for c in load_style(name, op3).curves)
 
 
 def test_a_written_style_reads_back(op3, tmp_path):
@@ -97,7 +104,7 @@ def test_a_wrong_file_is_refused_in_one_line(op3, tmp_path, before, after, fault
 
 
 def test_an_unknown_style_is_answered_with_the_known_ones(op3):
-    with pytest.raises(StyleError, match=r"unknown style 'cartwheel', expected push-up, side-sit"):
+    with pytest.raises(StyleError, match=r"unknown style 'cartwheel', expected long-sit, push-up"):
         load_style("cartwheel", op3)
     with pytest.raises(ValueError, match="style 'empty' has no curves"):
         Style(name="empty", curves=())

@@ -98,7 +98,9 @@ def test_standing_is_rewarded_and_lying_is_not(op3, action, pool, options, earne
         assert info["rewards"] == {"stands": earned}
 
 
-def test_who_diverges_earns_nothing_and_begins_anew(op3, action, pool, tmp_path, monkeypatch):
+def test_a_robot_whose_simulation_diverges_earns_nothing_and_is_reset(
+    op3, action, pool, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
     env = GetUpEnv(op3, action, pool, replace(STANDING, rewards=(Reward(stands, 1.0),)))
     env.reset(seed=0)

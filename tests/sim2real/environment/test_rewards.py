@@ -29,7 +29,7 @@ from sim2real.environment.rewards import (
     torque,
     way_up,
 )
-from sim2real.environment.style_task import StyleReward
+from sim2real.environment.style_reward import StyleReward
 from sim2real.environment.training_simulation import TrainingSim
 
 STANDING = RewardInputs(

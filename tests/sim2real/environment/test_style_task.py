@@ -1,5 +1,6 @@
 """Rewards, curves and ends of a training with style curves."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,19 +13,13 @@ from made_up_rises import make_prior
 from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
-from sim2real.environment.action_head import PriorHead, find_calm
+from sim2real.environment.action_head import PriorHead, scale_near_stance
+from sim2real.environment.curve_library import NEAR, CurveLibrary
 from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.style_task import (
-    GRACE,
-    HEAD_UP,
-    LOST_TIME,
-    NEAR,
-    CurveLibrary,
-    StyleTask,
-    reward_style,
-)
+from sim2real.environment.style_reward import reward_style
+from sim2real.environment.style_task import GRACE, HEAD_UP, TERMINATION_TIME, StyleTask
 
 RIGHT = np.pi / 2
 STEP = 0.048  # s
@@ -63,6 +58,12 @@ def env(op3: Robot, pool: StartPool, head: PriorHead) -> GetUpEnv:
     return made
 
 
+def step_on(task: StyleTask) -> None:
+    """Advance the curves by a policy step."""
+    task.tracker.advance(STEP)
+    task._age = task._age + STEP
+
+
 def reward(height=0.0, side=0.0, front=0.0, *, wanted=0.5, speed=0.0, away=0.0, offset=0.0):
     target = np.array([[wanted, RIGHT, RIGHT]])
     return reward_style(
@@ -98,10 +99,10 @@ def test_outputs_that_lead_to_a_posture_lead_there(head):
     spec = head._action
     for _ in range(12):
         outputs = head.invert(posture, memory, wanted, fallen)
-        action, memory = head.act(outputs, memory, wanted, fallen)
+        action, memory = head.decode(outputs, memory, wanted, fallen)
     assert spec.home + spec.scale * action == pytest.approx(posture, abs=1e-3)
     memory = head.remember(posture, wanted, fallen)
-    resting, _ = head.act(memory, memory, wanted, fallen)
+    resting, _ = head.decode(memory, memory, wanted, fallen)
     assert spec.home + spec.scale * resting == pytest.approx(posture, abs=1e-3)
 
 
@@ -111,8 +112,8 @@ def test_mirrored_outputs_lead_to_mirrored_actions(op3, head):
     flip = np.array([1.0, -1.0, 1.0])
     wanted, measured = rng.uniform(0.2, 2.0, (2, 6, 3))
     away = np.array([0.0, 2.0 * RIGHT, 0.0])
-    action, after = head.act(outputs, memory, wanted, measured)
-    other, mirrored = head.act(
+    action, after = head.decode(outputs, memory, wanted, measured)
+    other, mirrored = head.decode(
         head.mirror(outputs), head.mirror(memory), away + flip * wanted, away + flip * measured
     )
     assert mirrored == pytest.approx(head.mirror(after))
@@ -121,7 +122,7 @@ def test_mirrored_outputs_lead_to_mirrored_actions(op3, head):
 
 def test_outputs_count_less_for_a_robot_that_stands():
     measured = np.array([[1.0, RIGHT, RIGHT], [0.9, RIGHT, RIGHT], [0.3, RIGHT, 0.0]])
-    assert find_calm(measured)[:, 0] == pytest.approx([0.2, 0.5, 1.0])
+    assert scale_near_stance(measured)[:, 0] == pytest.approx([0.5, 0.5, 1.0])
 
 
 def test_curves_are_drawn_among_those_that_begin_near(op3, pool):
@@ -135,7 +136,9 @@ def test_curves_are_drawn_among_those_that_begin_near(op3, pool):
 
 def test_named_styles_are_drawn_as_often_as_asked(op3, pool):
     library, rng = make_library(op3, pool.qpos[:4]), np.random.default_rng(3)
-    object.__setattr__(library, "pieces", np.tile(library.pieces[:1], (9, 1, 1, 1)))
+    object.__setattr__(
+        library, "pieces", np.tile(library.pieces[:1], (len(library.pieces), 1, 1, 1))
+    )
     drawn = library.draw_near(np.tile(library.starts[0], (2000, 1)), rng)
     assert np.mean(drawn >= 2) == pytest.approx(0.5, abs=0.05)
     durations = library.draw_durations(drawn, rng)
@@ -143,32 +146,51 @@ def test_named_styles_are_drawn_as_often_as_asked(op3, pool):
     assert np.ptp(durations[drawn == 3]) == 0.0
 
 
-def test_a_robot_that_loses_its_curve_ends_its_episode_after_a_while(env):
+def test_a_robot_that_deviates_from_its_curves_ends_its_episode_after_a_while(env):
     task = env.style
     ends = []
     lost = SimpleNamespace(task=np.where(np.arange(12) == 4, 0.05, 0.5))
     state = SimpleNamespace(head_contact=np.zeros(12, dtype=bool))
     while not ends or not ends[-1].any():
-        task.advance(STEP)
-        ends.append(task.find_lost(lost, state, STEP))
+        step_on(task)
+        ends.append(task.find_terminated(lost, state, STEP))
     assert np.flatnonzero(ends[-1]).tolist() == [4]
-    assert len(ends) * STEP == pytest.approx(max(LOST_TIME, GRACE), abs=1.01 * STEP)
+    assert len(ends) * STEP == pytest.approx(max(TERMINATION_TIME, GRACE), abs=1.01 * STEP)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_robot_that_deviated_restarts_where_it_is(env, monkeypatch, share):
+    env.options = replace(env.options, restarts=share)
+    task, everyone = env.style, np.ones(12, dtype=bool)
+    monkeypatch.setattr(task, "find_terminated", lambda *_: everyone)
+    monkeypatch.setattr(CurveLibrary, "find_near", lambda _, seen: np.arange(len(seen)) < 5)
+    ended = []
+    monkeypatch.setattr(env.sim, "place", lambda ids, _: ended.append(ids.tolist()))
+    before = env.sim.read("qpos").copy()
+    _, _, terminated, _, _ = env.step(np.zeros(env.action_space.shape))
+    assert terminated.all()
+    assert ended == [list(range(5 if share else 0, 12))], "the others are reset"
+    assert np.abs(env.sim.read("qpos") - before).max() < 0.5
+    assert env.ages.tolist() == [0] * 12
+    assert task.tracker.time[:5].max() == 0.0 or not share
+    left = task.tracker.duration - task.tracker.time
+    assert env._episodes.length * STEP == pytest.approx(left + 3.0, abs=STEP)
 
 
 def test_a_head_on_the_ground_counts_once_the_neck_should_be_up(env):
     task = env.style
     fine = SimpleNamespace(task=np.ones(12))
     down = SimpleNamespace(head_contact=np.ones(12, dtype=bool))
-    early = [row for row in range(12) if task.guide.wanted[row, 0] < HEAD_UP]
+    early = [row for row in range(12) if task.tracker.wanted[row, 0] < HEAD_UP]
     assert early
     for _ in range(8):
-        task.guide.time[early] = 0.0
-        task.advance(STEP)
-        lost = task.find_lost(fine, down, STEP)
+        task.tracker.time[early] = 0.0
+        step_on(task)
+        lost = task.find_terminated(fine, down, STEP)
     assert not lost[early].any()
     for _ in range(120):
-        task.advance(STEP)
-        lost = task.find_lost(fine, down, STEP)
+        step_on(task)
+        lost = task.find_terminated(fine, down, STEP)
     assert lost.all()
 
 
@@ -188,7 +210,7 @@ def test_an_interrupted_environment_goes_on_to_the_bit(env, head):
 
 def test_episodes_last_as_long_as_their_curves_and_a_stand(env):
     task, episodes = env.style, env._episodes
-    left = task.guide.duration - task.guide.time
+    left = task.tracker.duration - task.tracker.time
     assert episodes.length * env.step_time == pytest.approx(left + 3.0, abs=env.step_time)
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -9,9 +10,13 @@ pytest.importorskip("gymnasium")
 
 from humanoid_getup.scenes.named_scenes import ROUGHNESS, TILE
 from humanoid_getup.simulation.world import World
-from robots import Robot
-from robots.kinematics import leg_length
-from sim2real.environment.initial_states import StartPool, make_terrain_pool
+from robots import Robot, quaternion
+from robots.kinematics import leg_length, place
+from sim2real.environment.initial_states import (
+    StartPool,
+    make_terrain_pool,
+    sample_terrain_stands,
+)
 from sim2real.environment.terrain import (
     LEVELS,
     SLOPES,
@@ -23,6 +28,7 @@ from sim2real.environment.terrain import (
 from sim2real.environment.training_world import build_training_world
 
 PHYSICS_STEP = 0.006  # s
+UP = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +64,12 @@ def test_every_level_is_rough_as_its_scene_and_steep_as_its_slope(op3, terrain):
 
 def test_robots_fall_on_each_patch_and_lie_on_it(op3, terrain, terrain_world):
     pool = make_terrain_pool(terrain_world, terrain, 3, np.random.default_rng(1))
-    assert np.bincount(pool.level).tolist() == [3, 6, 6, 6]
+    assert np.bincount(pool.level).tolist() == [6, 6, 6, 6]
     root = op3.layout(terrain_world.model).root_position
-    for number, patch in enumerate(terrain.patches):
-        for qpos in pool.qpos[3 * number : 3 * number + 3]:
+    # The flat patch is alone on its level and has twice as many falls.
+    rows = np.split(pool.qpos, 6 + 3 * np.arange(len(terrain.patches) - 1))
+    for patch, falls in zip(terrain.patches, rows, strict=True):
+        for qpos in falls:
             assert patch.region.spans(qpos[root])
             x, y, z = qpos[root]
             over = z - terrain.scene.ground.height(x, y)
@@ -91,3 +99,36 @@ def test_only_falls_of_open_levels_are_drawn():
     for highest in range(4):
         drawn = pool.level[pool.draw(500, rng, highest)]
         assert set(drawn.tolist()) == set(range(highest + 1))
+
+
+def test_levels_are_drawn_alike_however_hard_they_are():
+    pool = StartPool.of(np.zeros((40, 7)), np.repeat([0, 1], [4, 36]))
+    pool.success[:4] = 1.0
+    pool.success[4:22] = 1.0  # half of level 1
+    drawn = pool.draw(4000, np.random.default_rng(0), 1)
+    assert np.mean(drawn < 4) == pytest.approx(0.5, abs=0.04)
+    assert np.mean(drawn >= 22) == pytest.approx(0.5 / 1.15, abs=0.04)
+
+
+def test_standing_robots_stand_upright_and_with_their_soles_on_the_terrain(
+    op3, terrain, terrain_world
+):
+    model = terrain_world.model
+    data, layout = mujoco.MjData(model), op3.layout(model)
+    squat = place(op3, model, op3.standing)
+    squat[layout.root_position][2] -= 0.02
+    lying = place(op3, model, op3.standing)
+    lying[layout.root_position][2] = 0.05
+    rises = np.stack([squat, lying])
+    upright = quaternion.rotate(op3.standing.orientation, UP)[2]
+    stands = sample_terrain_stands(terrain_world, terrain, rises, np.random.default_rng(2))
+    assert set(stands.level.tolist()) == set(range(len(LEVELS)))
+    for qpos in stands.qpos[::40]:
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        spine = quaternion.rotate(qpos[layout.root_orientation], UP)
+        assert spine[2] == pytest.approx(upright, abs=1e-6)
+        assert np.min(data.contact.dist, initial=0.0) > -0.002
+        for name in op3.sole_sites:
+            x, y, z = data.site(name).xpos
+            assert z - terrain.scene.ground.height(x, y) == pytest.approx(0.0, abs=0.03)

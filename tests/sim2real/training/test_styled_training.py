@@ -28,7 +28,9 @@ QUICK = replace(RECIPES["styled-quick"], robots=8, iterations=1, hidden=(16, 16)
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(imitation, "STEPS", 6)
+    for steps in ("REPLAYED", "STEPS"):
+        monkeypatch.setattr(imitation, steps, 6)
+    monkeypatch.setattr(imitation, "PARTS", 2)
     monkeypatch.setattr(imitation, "EPOCHS", 1)
     monkeypatch.setattr(runner, "CRITIC_ROUNDS", 1)
 
@@ -89,7 +91,7 @@ def test_the_graph_does_what_training_did(op3, learn, tmp_path):
     wanted, measured = (
         seen[:, at[name] : at[name] + 3] + UPRIGHT for name in ("style_targets", "style_features")
     )
-    again, remembered = head.act(outputs, before, wanted, measured)
+    again, remembered = head.decode(outputs, before, wanted, measured)
     assert action == pytest.approx(again, abs=1e-4)
     assert memory == pytest.approx(remembered, abs=1e-5)
 
@@ -129,6 +131,19 @@ def test_a_training_needs_a_prior_and_keeps_to_it(op3, learn, prior, tmp_path):
         learn("one", prior=other)
 
 
+def test_a_training_has_the_prior_of_what_it_begins_with(op3, learn, prior, tmp_path):
+    first, file = learn("first"), tmp_path / "styled.onnx"
+    export_policy(TrainingRecord.load(first), op3, file)
+    other = tmp_path / "other"
+    other.mkdir()
+    make_prior(op3, 4).save(other / PRIOR)
+    (other / RISES).write_bytes((prior / RISES).read_bytes())
+    for parent, message in ((file, "was trained with another prior"), (first, "another prior")):
+        with pytest.raises(TrainingFolderError, match=message):
+            learn("next", prior=other, parent=parent)
+        assert not (tmp_path / "next" / "recipe.json").exists()
+
+
 def test_a_policy_without_style_cannot_be_given_one(op3):
     file = op3.folder / "policies" / "robust.onnx"
     with pytest.raises(PolicyError, match="it follows no style curves, expected no style"):
@@ -141,3 +156,21 @@ def test_a_policy_without_style_cannot_begin_a_styled_training(op3, learn):
     robust = op3.folder / "policies" / "robust.onnx"
     with pytest.raises(TrainingFolderError, match=r"robust.onnx follows no style curves"):
         learn("one", parent=robust)
+
+
+def test_a_height_map_is_added_to_what_was_learned(op3, learn, tmp_path):
+    sees = replace(QUICK, learning_rate=0.0, style=replace(QUICK.style, height_map=True))
+    with pytest.raises(TrainingFolderError, match="expected --from"):
+        learn("blank", sees)
+    first = learn("first", replace(QUICK, learning_rate=0.0))
+    folders = {"blind": first, "seeing": learn("seeing", sees, parent=first)}
+    for name, folder in folders.items():
+        export_policy(TrainingRecord.load(folder), op3, tmp_path / f"{name}.onnx")
+    contract = OnnxPolicy.load(tmp_path / "seeing.onnx", op3).contract
+    assert contract.style.height_map
+    assert contract.observation[-1].name == "height_map"
+    blind, seeing = (OnnxNetwork(tmp_path / f"{name}.onnx") for name in folders)
+    rng = np.random.default_rng(0)
+    seen = rng.normal(0.0, 0.5, (20, contract.observation_size)).astype(np.float32)
+    for own, other in zip(seeing(seen), blind(seen[:, :-25]), strict=True):
+        assert own == pytest.approx(other, abs=1e-5)

@@ -25,6 +25,7 @@ from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
 from sim2real.environment.initial_states import StartPool
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, STEPS, Recipe, TrainingFolderError, TrainingRecord
+from sim2real.training.export import export_policy
 from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 from sim2real.training.runner import TrainingRunner, build_config
@@ -224,6 +225,24 @@ def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, t
     assert [row["iteration"] for row in read_rows(tmp_path)] == ["0"]
     with pytest.raises(TrainingFolderError, match="parent"):
         train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
+
+
+def test_a_policy_file_begins_a_training_on_terrain(op3, unbroken, tmp_path):
+    file, folder = tmp_path / "parent.onnx", tmp_path / "rough"
+    export_policy(TrainingRecord.load(unbroken), op3, file)
+    rough = replace(TINY, terrain=True, falls=2, learning_rate=0.0, iterations=1)
+    train(op3, rough, 2, folder, threads=1, parent=file)
+    exported = torch.load(unbroken / CHECKPOINT, weights_only=True)[AVERAGE]
+    begun = torch.load(folder / CHECKPOINT, weights_only=True)["actor_state_dict"]
+    layers = [name for name in exported if name.startswith("mlp.")]
+    assert len(layers) == 6
+    assert all(torch.equal(exported[name], begun[name]) for name in layers)
+    std = "obs_normalizer._std"
+    assert torch.allclose(exported[std], begun[std], rtol=1e-4, atol=1e-5)
+    levels = StartPool.load(folder / "falls.npz", op3, 27).level
+    assert np.bincount(levels).tolist() == [4, 4, 4, 4]
+    with pytest.raises(TrainingFolderError, match=r"parent.onnx: it has actions .* expected"):
+        train(op3, replace(rough, wide=False), 2, tmp_path / "other", threads=1, parent=file)
 
 
 def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):

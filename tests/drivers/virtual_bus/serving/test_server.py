@@ -261,6 +261,12 @@ def test_the_books_balance(devices: FakeDevices, time_mode: TimeMode):
     assert (told.noise, told.damaged, told.overflow, told.unanswered) == (0, 0, 0, 0)
 
 
+def _count_served(bus: VirtualBus) -> int:
+    """Count answered reads, and those that a busy machine delivered in two parts, too far apart."""
+    told = bus.statistics
+    return told.answers + told.broken_off
+
+
 @pytest.mark.parametrize("time_mode", TimeMode)
 def test_a_client_that_never_reads_does_not_hold_the_bus_up(
     devices: FakeDevices, time_mode: TimeMode
@@ -269,7 +275,7 @@ def test_a_client_that_never_reads_does_not_hold_the_bus_up(
     with VirtualBus(devices, time_mode=time_mode) as bus, connect(bus) as port:
         for _ in range(400):
             port.write(read)
-        wait_until(lambda: bus.statistics.answers == 400)
+        wait_until(lambda: _count_served(bus) == 400)
         wait_until(lambda: bus.statistics.overflow > 0)
         told = bus.statistics
         assert told.bytes_out + told.overflow <= 400 * 261

@@ -16,7 +16,7 @@ from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from robots.kinematics import mirror_positions, place, site_heights
+from robots.kinematics import mirror_positions, place, site_positions
 
 PNG = b"\x89PNG"
 
@@ -49,7 +49,7 @@ def test_left_and_right_of_a_humanoid_are_mirror_images(humanoid: Robot):
     qpos = place(humanoid, world.model, posture)
     mirrored = mirror_positions(humanoid, world.model, qpos)
     rows = np.array([qpos, mirrored])
-    left, right = (site_heights(world.model, rows, site) for site in ("l_sole", "r_sole"))
+    left, right = (site_positions(world.model, rows, site)[:, 2] for site in ("l_sole", "r_sole"))
     assert left == pytest.approx(right[::-1])
 
 

@@ -1,8 +1,6 @@
-"""The graph of a styled policy: actor, filter, decoder and offsets in one network."""
+"""The graph of a styled policy: actor, filter, decoder, offsets and balance in one network."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import torch
@@ -12,13 +10,14 @@ from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import UPRIGHT, Term
 from robots.quaternion import Array
 from sim2real.environment.action_head import (
-    CALM_ANGLE,
-    CALM_HEIGHT,
-    CALMEST,
     FILTER_SHARE,
+    LEAST_SCALE,
     MOST_OUTPUT,
     OFFSET_SCALE,
+    STANCE_ANGLE,
+    STANCE_HEIGHT,
 )
+from sim2real.environment.ankle_balance import BEGIN, FULL, GAINS, LARGEST, AnkleBalance
 from sim2real.pose_prior.pose_prior import Network, PosePrior
 
 FEATURE_SIGN = torch.tensor([1.0, -1.0, 1.0])  # of features counted from upright, mirrored
@@ -26,6 +25,22 @@ FEATURE_SIGN = torch.tensor([1.0, -1.0, 1.0])  # of features counted from uprigh
 
 class StyledNetwork(nn.Module):
     """Maps observations to actions and to the memory, as `PriorHead` does with an actor."""
+
+    latent_sign: torch.Tensor
+    latent_mean: torch.Tensor
+    latent_std: torch.Tensor
+    pos_mean: torch.Tensor
+    pos_std: torch.Tensor
+    feature_mean: torch.Tensor
+    feature_std: torch.Tensor
+    feature_sign: torch.Tensor
+    mirror_sign: torch.Tensor
+    standing: torch.Tensor
+    stance_range: torch.Tensor
+    ankles: torch.Tensor
+    gains: torch.Tensor
+    home: torch.Tensor
+    scale: torch.Tensor
 
     def __init__(
         self, actor: nn.Module, terms: tuple[Term, ...], action: ActionSpec, prior: PosePrior
@@ -52,7 +67,9 @@ class StyledNetwork(nn.Module):
             "feature_std": prior.feature_std,
             "mirror_sign": prior.robot.mirror_sign,
             "standing": np.array([1.0, 0.0, 0.0]),
-            "calm_range": np.array([CALM_HEIGHT, CALM_ANGLE, CALM_ANGLE]),
+            "stance_range": np.array([STANCE_HEIGHT, STANCE_ANGLE, STANCE_ANGLE]),
+            "ankles": AnkleBalance(prior.robot).ankles,
+            "gains": GAINS,
             "home": action.home,
             "scale": action.scale,
         }
@@ -64,21 +81,26 @@ class StyledNetwork(nn.Module):
         """Map observations (N, size) to actions (N, n) and memory (N, m)."""
         outputs = self.actor(x).clamp(-MOST_OUTPUT, MOST_OUTPUT)
         memory = FILTER_SHARE * outputs + (1.0 - FILTER_SHARE) * x[:, self.memory]
-        b: Any = self
-        off = (x[:, self.measured] - b.standing).abs() / b.calm_range
-        scaled = memory * off.amax(dim=1, keepdim=True).clamp(CALMEST, 1.0)
+        distance = (x[:, self.measured] - self.standing).abs() / self.stance_range
+        scaled = memory * distance.amax(dim=1, keepdim=True).clamp(LEAST_SCALE, 1.0)
         latent, wanted = scaled[:, : self.size], x[:, self.wanted]
-        turned = self._decode(latent * b.latent_sign, wanted * b.feature_sign)
-        mirrored = turned[:, self.mirror_index] * b.mirror_sign
+        turned = self._decode(latent * self.latent_sign, wanted * self.feature_sign)
+        mirrored = turned[:, self.mirror_index] * self.mirror_sign
         pos = 0.5 * (self._decode(latent, wanted) + mirrored)
-        pos = pos + OFFSET_SCALE * scaled[:, self.size :]
-        return (pos - b.home) / b.scale, memory
+        pos = pos + OFFSET_SCALE * scaled[:, self.size :] + self._balance(x)
+        return (pos - self.home) / self.scale, memory
+
+    def _balance(self, x: torch.Tensor) -> torch.Tensor:
+        """Compute what `AnkleBalance` adds to the joint targets."""
+        measured = x[:, self.measured]
+        share = ((measured[:, :1] - BEGIN) / (FULL - BEGIN)).clamp(0.0, 1.0)
+        error = (x[:, self.wanted] - measured)[:, 1:]
+        return share * (self.gains * error).clamp(-LARGEST, LARGEST) @ self.ankles
 
     def _decode(self, latent: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-        b: Any = self
-        condition = (wanted - b.feature_mean) / b.feature_std
-        x = torch.cat([latent * b.latent_std + b.latent_mean, condition], dim=-1)
-        return self.decoder(x) * b.pos_std + b.pos_mean
+        condition = (wanted - self.feature_mean) / self.feature_std
+        x = torch.cat([latent * self.latent_std + self.latent_mean, condition], dim=-1)
+        return self.decoder(x) * self.pos_std + self.pos_mean
 
 
 def _build(network: Network) -> nn.Sequential:

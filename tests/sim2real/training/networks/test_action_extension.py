@@ -12,8 +12,12 @@ from tensordict import TensorDict
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
-from sim2real.training.action_extension import FIRST_STD, ActionExtensionError, extend_actions
 from sim2real.training.config import RECIPES
+from sim2real.training.networks.action_extension import (
+    FIRST_STD,
+    ActionExtensionError,
+    extend_actions,
+)
 from sim2real.training.runner import build_config
 
 

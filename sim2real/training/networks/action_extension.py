@@ -52,10 +52,10 @@ def _extend_input(state: Weights, at: int, more: int) -> Weights:
     """Insert ``more`` inputs of zero weight before input ``at``."""
     state = dict(state)
     first = "mlp.0.weight"
-    state[first] = _insert(state[first], at, torch.zeros(len(state[first]), more))
+    state[first] = insert_columns(state[first], at, torch.zeros(len(state[first]), more))
     for name, value in (("_mean", 0.0), ("_var", 1.0), ("_std", 1.0)):
         key = f"obs_normalizer.{name}"
-        state[key] = _insert(state[key], at, torch.full((1, more), value))
+        state[key] = insert_columns(state[key], at, torch.full((1, more), value))
     return state
 
 
@@ -74,5 +74,6 @@ def _extend_output(state: Weights, more: int) -> Weights:
     return state
 
 
-def _insert(values: torch.Tensor, at: int, new: torch.Tensor) -> torch.Tensor:
-    return torch.cat((values[:, :at], new, values[:, at:]), dim=1)
+def insert_columns(values: torch.Tensor, at: int, new: torch.Tensor) -> torch.Tensor:
+    """Insert columns before column ``at``."""
+    return torch.cat((values[:, :at], new.to(values), values[:, at:]), dim=1)

@@ -1,0 +1,1 @@
+"""Networks of policies: symmetric ones, the styled one with its decoder, and their extension."""

@@ -1,0 +1,77 @@
+"""A policy follows the curves of what was planned, in the world it was planned in."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.styled_rise import StyledRise, read_curves
+from robots import Robot
+
+
+@dataclass
+class Planner:
+    """A planner whose plan is made already."""
+
+    made: RisePlan
+
+    def plan(self, _start, _rng) -> RisePlan:
+        return self.made
+
+
+@pytest.fixture(scope="module")
+def motion(op3: Robot) -> Motion:
+    return next(m for m in load_database(op3).motions if m.name == "prone_push_up_fast")
+
+
+@pytest.fixture(scope="module")
+def learned(world: World) -> LearnedRise:
+    return LearnedRise(world, "styled")
+
+
+def plan_of(motion: Motion) -> MotionPlan:
+    return MotionPlan(status=RiseStatus.STOOD, motion=motion, planned=True, plan_s=0.5)
+
+
+def rise(learned: LearnedRise, made: RisePlan, start) -> RisePlan:
+    return StyledRise(learned, Planner(made)).plan(start, np.random.default_rng(0))
+
+
+def test_the_policy_follows_the_curves_of_the_plan(world, learned, motion):
+    plan = rise(learned, plan_of(motion), motion.posture(0))
+    assert (plan.status, plan.planned, plan.plan_s) == (RiseStatus.LEARNED, True, 0.5)
+    (curves,) = plan.policy.style.curves
+    assert curves.duration == pytest.approx(motion.time[-1] - motion.time[0])
+    assert np.array_equal(curves.points, read_curves(world, motion).points)
+    assert learned.policy.style.name == "any"  # its own is left alone
+
+
+def test_without_a_motion_the_plan_is_handed_on(learned, motion):
+    failed = RisePlan(status=RiseStatus.NOT_PLANNED)
+    assert rise(learned, failed, motion.posture(0)) is failed
+
+
+def test_a_motion_that_does_not_stand_up_has_nothing_to_follow(learned, motion):
+    squat = replace(motion, position=motion.position * [1.0, 1.0, 0.7])
+    plan = rise(learned, plan_of(squat), motion.posture(0))
+    assert plan.status is RiseStatus.FELL
+    assert "the neck ends at" in plan.detail
+    assert plan.controller(learned) is None
+
+
+def test_heights_on_a_slope_are_over_the_slope(op3, motion):
+    """A rise has the same curves wherever on the slope it is."""
+    world = World(op3, "slope:10")
+    away = np.array([3.0, 1.0, 3.0 * np.tan(np.radians(10.0))])
+    up = replace(motion, position=motion.position + away)
+    assert read_curves(world, up).points == pytest.approx(read_curves(world, motion).points)
+
+
+def test_a_policy_without_style_is_refused(world, motion):
+    with pytest.raises(ValueError, match="'robust' follows no style curves"):
+        StyledRise(LearnedRise(world, "robust"), Planner(plan_of(motion)))

@@ -9,7 +9,12 @@ On flat ground, each from nothing: imitation, then as many policy steps.
 - no assistive force, and with it costs that count in full from the beginning;
 - no imitation.
 
-On the terrain, each from the same policy: the recipe styled, and with all levels open at once.
+On the terrain, each from the same policy:
+
+- terrain: the recipe styled;
+- all open: without the curriculum, robots on all levels at once;
+- no restarts: a robot that deviates from its curves ends its episode;
+- no ankle balance.
 
     python benchmarks/style_ablations.py --prior out/prior --parent out/styled --out out/ablations
 
@@ -21,7 +26,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,7 +38,7 @@ from humanoid_getup.style.features import COUNT
 from robots import Robot, load_robot
 from robots.files import write_atomically
 from robots.quaternion import Array
-from sim2real.environment import terrain
+from sim2real.environment import ankle_balance, terrain
 from sim2real.pose_prior.pose_prior import Network, PosePrior
 from sim2real.pose_prior.rise_set import RiseSet
 from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
@@ -57,7 +62,7 @@ class Options:
     prior: Path
     """Folder of the pose prior."""
     parent: Path | None = None
-    """Training on flat ground that those on the terrain begin with; none without."""
+    """Training or policy file that those on the terrain begin with; none without."""
     out: Path
     robot: str = "op3"
     seed: int = 0
@@ -74,12 +79,14 @@ class Ablation:
     recipe: Recipe
     prior: str = "conditional"
     imitates: bool = True
-    all_open: bool = False
+    changes: tuple[tuple[object, str, object], ...] = ()
+    """Owners of constants, their names, and their values meanwhile."""
 
 
 def list_ablations() -> dict[str, Ablation]:
     """List the trainings on flat ground, and after them those on the terrain."""
     quick, whole = RECIPES["styled-quick"], RECIPES["styled"]
+    styled = whole.style or FLAT_STYLE
     still = replace(FLAT_STYLE, motions=0.0, falls=FLAT_STYLE.falls + FLAT_STYLE.motions)
     return {
         "whole": Ablation(quick),
@@ -89,7 +96,11 @@ def list_ablations() -> dict[str, Ablation]:
         "no assistive force": Ablation(replace(quick, lift=0.0)),
         "no imitation": Ablation(quick, imitates=False),
         "terrain": Ablation(whole),
-        "terrain, all open": Ablation(whole, all_open=True),
+        "terrain, all open": Ablation(whole, changes=((terrain, "TO_OPEN", 0),)),
+        "terrain, no restarts": Ablation(replace(whole, style=replace(styled, restarts=0.0))),
+        "terrain, no ankle balance": Ablation(
+            whole, changes=((ankle_balance, "GAINS", np.zeros(2)),)
+        ),
     }
 
 
@@ -167,11 +178,14 @@ def run(
     kind = ablation.prior
     prior = make_prior(robot, kind, options.prior, options.seed, options.out / f"prior, {kind}")
     begin = TrainingRunner.imitate if ablation.imitates else _only_teach_critic
-    with (
-        changed(imitation, "PARTS", ROUNDS),
-        changed(TrainingRunner, "imitate", begin),
-        changed(terrain, "TO_OPEN", 0 if ablation.all_open else terrain.TO_OPEN),
-    ):
+    changes = (
+        (imitation, "PARTS", ROUNDS),
+        (TrainingRunner, "imitate", begin),
+        *ablation.changes,
+    )
+    with ExitStack() as stack:
+        for change in changes:
+            stack.enter_context(changed(*change))
         train(
             robot,
             recipe,

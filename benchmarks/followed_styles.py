@@ -35,7 +35,7 @@ from robots import Posture, Robot, load_robot
 from robots.files import write_atomically
 from robots.kinematics import leg_length, read_posture
 from robots.quaternion import Array
-from sim2real.environment.curve_library import LEAST_DURATION, LONGEST, is_held_out
+from sim2real.environment.styled.curve_library import LEAST_DURATION, LONGEST, is_held_out
 from sim2real.perturbations import Perturbation, evaluate_policy
 from sim2real.pose_prior.rise_set import RiseSet
 from sim2real.training.styled_training import DURATIONS, LEGS, RISES

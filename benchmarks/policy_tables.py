@@ -32,8 +32,8 @@ from robots import Posture, Robot, load_robot
 from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array
-from sim2real.environment.model_variants import MODEL_VARIANTS
-from sim2real.environment.training_world import build_training_world
+from sim2real.environment.physics.model_variants import MODEL_VARIANTS
+from sim2real.environment.physics.training_world import build_training_world
 from sim2real.perturbations import Perturbation, evaluate_policy, summarize_rollouts
 from sim2real.policy_evaluation import PolicyRollouts
 

@@ -38,7 +38,8 @@ from humanoid_getup.style.features import COUNT
 from robots import Robot, load_robot
 from robots.files import write_atomically
 from robots.quaternion import Array
-from sim2real.environment import ankle_balance, terrain
+from sim2real.environment.starts import terrain
+from sim2real.environment.styled import ankle_balance
 from sim2real.pose_prior.pose_prior import Network, PosePrior
 from sim2real.pose_prior.rise_set import RiseSet
 from sim2real.prior_training.fit import FitOptions, Postures, fit_prior

@@ -22,7 +22,7 @@ from humanoid_getup.style.curve_tracker import CurveTracker
 from humanoid_getup.style.curves import CurveTargets, StyleCurves
 from humanoid_getup.style.features import COUNT
 from robots.quaternion import Array
-from sim2real.environment.training_simulation import Record, TrainingSim
+from sim2real.environment.physics.training_simulation import Record, TrainingSim
 
 PolicyFunction = Callable[[Floats], tuple[Array, Array]]
 """Maps observations (N, size) to actions (N, k) and to what it remembers of them (N, m)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import gymnasium
@@ -12,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from humanoid_getup.policy.action import ActionSpec, choose_actions, next_target
+from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import (
     SAME,
     Floats,
@@ -23,81 +22,27 @@ from humanoid_getup.policy.observation import (
     observe,
 )
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
-from robots import Robot, load_robot
+from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.action_head import ActionHead, DirectHead
-from sim2real.environment.assistive_force import AssistiveForce
-from sim2real.environment.initial_states import (
-    StartPool,
-    list_motion_starts,
-    make_pool,
-    pool_rng,
-    sample_stands,
-)
+from sim2real.environment.env_options import EnvOptions
+from sim2real.environment.episodes import Episodes, Outcome
+from sim2real.environment.physics.assistive_force import AssistiveForce
+from sim2real.environment.physics.training_simulation import TrainingSim
+from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
 from sim2real.environment.privileged_state import (
     list_critic_terms,
     observe_privileged,
 )
-from sim2real.environment.randomization import RANDOMIZATIONS, DomainRandomization
-from sim2real.environment.rewards import QUICK, REWARDS, Reward, RewardInputs, score
-from sim2real.environment.style_task import StyleTask
-from sim2real.environment.terrain import TerrainCurriculum
-from sim2real.environment.training_simulation import TrainingSim
-from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
+from sim2real.environment.rewards import RewardInputs, score
+from sim2real.environment.starts.motion_frames import list_motion_starts
+from sim2real.environment.starts.stands import sample_stands
+from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts.terrain import TerrainCurriculum
+from sim2real.environment.styled.style_task import StyleTask
 
-PHYSICS_STEP = 0.006  # s; evaluation takes 0.002
-# s; the stored motions rise in 1.6 to 4.6 s, so there is time for a second try and a stand.
-EPISODE = 6.0
-# s of standing that count as success: half of what a judge requires, since exploration noise
-# disturbs a stand that would be held.
-HELD = 1.5
 STANDS = 64  # standing initial postures
 FLOAT = np.float32
-
-
-@dataclass(frozen=True, kw_only=True)
-class EnvOptions:
-    """Settings of a training environment."""
-
-    robots: int = 512
-    """Number of robots that are simulated side by side."""
-    randomization: DomainRandomization | None = None
-    """``None``: every robot has its nominal parameters."""
-    rewards: tuple[Reward, ...] = QUICK
-    falls: float = 0.8
-    """Fraction of episodes that start with a settled fall."""
-    motions: float = 0.1
-    """Fraction that starts at a frame of a stored motion; the rest starts standing."""
-    assistive_force: float = 0.0
-    """Initial upper limit of the assistive force, as a fraction of the weight; fades with
-    success."""
-    restarts: float = 0.0
-    """Fraction of episodes after a deviation from style curves that go on from where it led."""
-    ends_early: float = 0.5
-    """Fraction of episodes that end once the robot has stood for ``HELD``."""
-    scene: str | Scene = "flat"
-    origin: tuple[float, float] = (0.0, 0.0)
-    """Where robots are placed that start along motions: on flat ground [m]."""
-    physics_step: float = PHYSICS_STEP
-    """[s]"""
-    threads: int = 0
-    """Threads that step physics; 0 for one per processor."""
-
-
-@dataclass(eq=False)
-class _Episodes:
-    """State of each robot's episode."""
-
-    age: NDArray[np.int_]
-    """Policy steps so far."""
-    length: NDArray[np.int_]
-    """Policy steps at most."""
-    held: NDArray[np.int_]
-    """Policy steps of uninterrupted standing."""
-    start: NDArray[np.int_]
-    """Row in the pool of falls; -1 for other initial states."""
-    ends_early: NDArray[np.bool_]
 
 
 class GetUpEnv(VectorEnv):
@@ -169,13 +114,7 @@ class GetUpEnv(VectorEnv):
         self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
         """What each policy remembers of its last actions, (N, m)."""
-        self._episodes = _Episodes(
-            age=np.zeros(n, dtype=int),
-            length=np.full(n, round(EPISODE / self.step_time)),
-            held=np.zeros(n, dtype=int),
-            start=np.full(n, -1),
-            ends_early=np.zeros(n, dtype=bool),
-        )
+        self._episodes = Episodes.of(n, self.step_time)
 
     @property
     def ages(self) -> NDArray[np.int_]:
@@ -228,7 +167,9 @@ class GetUpEnv(VectorEnv):
         reward[self.sim.diverged] = 0.0
         self._push()
         terminated = self._find_terminated(inputs)
-        ended, report = self._end(inputs, terminated)
+        outcome = self._episodes.advance(inputs.standing, terminated, self.sim.diverged)
+        report = self._note(outcome)
+        ended = outcome.ended
         truncated = np.zeros(self.num_envs, dtype=bool)
         truncated[ended] = True
         truncated &= ~terminated
@@ -263,22 +204,12 @@ class GetUpEnv(VectorEnv):
             return np.zeros(self.num_envs, dtype=bool)
         return self.style.find_terminated(inputs.style, inputs, self.step_time)
 
-    def _end(
-        self, inputs: RewardInputs, terminated: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.int_], dict[str, Any]]:
-        """Find the episodes that are over; count the outcomes of those from falls."""
-        e = self._episodes
-        e.age += 1
-        e.held = np.where(inputs.standing, e.held + 1, 0)
-        succeeded = e.held >= round(HELD / self.step_time)
-        succeeded &= ~self.sim.diverged
-        is_over = (e.age >= e.length) | (succeeded & e.ends_early) | self.sim.diverged | terminated
-        ended = np.flatnonzero(is_over)
-        from_fall = ended[e.start[ended] >= 0]
-        self.pool.note(e.start[from_fall], succeeded[from_fall])
-        self._force.note(succeeded[from_fall])
-        self._terrain.note(e.start[from_fall], succeeded[from_fall])
-        return ended, {"falls": len(from_fall), "stood": int(succeeded[from_fall].sum())}
+    def _note(self, outcome: Outcome) -> dict[str, Any]:
+        """Count how episodes from falls ended; the curricula follow."""
+        self.pool.note(outcome.starts, outcome.stood)
+        self._force.note(outcome.stood)
+        self._terrain.note(outcome.starts, outcome.stood)
+        return {"falls": len(outcome.starts), "stood": int(outcome.stood.sum())}
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
         """Place some robots for their next episode."""
@@ -299,10 +230,7 @@ class GetUpEnv(VectorEnv):
         self.sim.set_assistive_force(ids, rng.uniform(0.0, self._force.lift, count))
         self.target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
         self.memory[ids] = 0.0  # as on a robot that lies
-        e = self._episodes
-        e.age[ids] = e.held[ids] = 0
-        e.start[ids] = start
-        e.ends_early[ids] = rng.random(count) < o.ends_early
+        self._episodes.begin(ids, start, rng.random(count) < o.ends_early)
         self.sensed = self.sim.sense(rng if o.randomization else None)
         if self.style is not None:
             library = self.style.library
@@ -310,7 +238,7 @@ class GetUpEnv(VectorEnv):
             rows = np.where(along, library.state_curve[states], -1)
             share = np.where(along, library.state_share[states], np.where(start >= 0, 0.0, 1.0))
             left = self.style.begin(ids, rows, share, self.sensed, rng)
-            e.length[ids] = np.ceil(left / self.step_time)
+            self._episodes.limit(ids, left)
             on_the_way = ids[start < 0]
             self.memory[on_the_way] = self.style.remember(on_the_way, self.target[on_the_way])
 
@@ -328,13 +256,12 @@ class GetUpEnv(VectorEnv):
         """Start episodes of some robots on new curves from where they are, as on a robot."""
         if self.style is None or not len(ids):
             return
-        e = self._episodes
-        e.age[ids] = e.held[ids] = 0
+        self._episodes.restart(ids)
         self.memory[ids] = 0.0
         left = self.style.begin(
             ids, np.full(len(ids), -1), np.zeros(len(ids)), self.sensed, self._rng
         )
-        e.length[ids] = np.ceil(left / self.step_time)
+        self._episodes.limit(ids, left)
 
     def _observe(self) -> Floats:
         share = compute_torque_share(self.robot, self.action, self.sim.parameters.torque_limit)
@@ -387,46 +314,3 @@ class GetUpEnv(VectorEnv):
     def _observe_privileged(self, observation: Floats) -> Floats:
         state, held = self.sim.measure_privileged_state(), self._episodes.held * self.step_time
         return observe_privileged(self._critic_terms, observation, state, self.sim.parameters, held)
-
-
-def make_get_up(
-    num_envs: int = 512,
-    *,
-    robot: str = "op3",
-    rewards: str = "robust",
-    randomization: str = "all",
-    wide: bool = True,
-    falls: int = 128,
-    seed: int = 0,
-    threads: int = 0,
-) -> GetUpEnv:
-    """Build a training environment from names and numbers.
-
-    Args:
-        num_envs: Number of robots side by side.
-        robot: Name of a robot, or a folder with a robot.toml.
-        rewards: Name of the rewards.
-        randomization: Name of the domain randomization.
-        wide: Whether mirrored joints may also move in opposite directions, and limbs spread.
-        falls: Number of settled falls in the pool; their mirror images double it.
-        seed: Seed of the falls; that of the episodes goes to ``reset``.
-        threads: Threads that step physics; 0 for one per processor.
-
-    Raises:
-        ValueError: if there is no such robot, reward or randomization.
-    """
-    if rewards not in REWARDS:
-        raise ValueError(f"unknown rewards '{rewards}', expected {', '.join(REWARDS)}")
-    if randomization not in RANDOMIZATIONS:
-        expected = ", ".join(RANDOMIZATIONS)
-        raise ValueError(f"unknown randomization '{randomization}', expected {expected}")
-    loaded = load_robot(robot)
-    options = EnvOptions(
-        robots=num_envs,
-        randomization=RANDOMIZATIONS[randomization],
-        rewards=REWARDS[rewards],
-        threads=threads,
-    )
-    world = build_training_world(loaded, FLAT_SCENE, PHYSICS_STEP)
-    pool = make_pool(world, falls, pool_rng(seed))
-    return GetUpEnv(loaded, choose_actions(loaded, wide), pool, options)

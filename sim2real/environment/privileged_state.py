@@ -13,7 +13,7 @@ from humanoid_getup.policy.observation import ROTATION, SAME, VECTOR, Floats, Mi
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.randomization import MOST_DELAY
+from sim2real.environment.physics.randomization import MOST_DELAY
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,7 +7,7 @@ import this module, or make "sim2real.environment.registration:HumanoidGetUp-v0"
 from gymnasium.envs import registration
 
 NAME = "HumanoidGetUp-v0"
-ENTRY_POINT = "sim2real.environment.get_up_env:make_get_up"
+ENTRY_POINT = "sim2real.environment.get_up_factory:make_get_up"
 
 
 def register() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robots.quaternion import Array
 from sim2real.environment.privileged_state import PrivilegedState
-from sim2real.environment.style_reward import StyleReward
+from sim2real.environment.styled.style_reward import StyleReward
 
 SOLES_LOW = 0.3  # fraction of the standing neck height
 MOST_REQUESTED = 4.0  # unclipped action from which the cost saturates

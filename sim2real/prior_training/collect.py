@@ -20,9 +20,9 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.worker_pool import worker_pool
 from robots import Posture, Robot
 from robots.kinematics import place_postures, transfer_positions
-from sim2real.environment.initial_states import drop_falls
-from sim2real.environment.training_simulation import TrainingSim
-from sim2real.environment.training_world import build_training_world
+from sim2real.environment.physics.training_simulation import TrainingSim
+from sim2real.environment.physics.training_world import build_training_world
+from sim2real.environment.starts.settled_falls import drop_falls
 from sim2real.policy_evaluation import roll_out_policy
 from sim2real.pose_prior.rise_set import PERIOD, POLICY_SOURCE, Rise
 

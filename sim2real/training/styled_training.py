@@ -16,10 +16,10 @@ from humanoid_getup.style.style_file import list_styles, load_style
 from robots import Robot
 from robots.files import atomic_path
 from robots.kinematics import leg_length
-from sim2real.environment.action_head import PriorHead
-from sim2real.environment.curve_library import build_library
-from sim2real.environment.style_task import StyleTask
-from sim2real.environment.terrain import Terrain, build_terrain
+from sim2real.environment.starts.terrain import Terrain, build_terrain
+from sim2real.environment.styled.curve_library import build_library
+from sim2real.environment.styled.prior_head import PriorHead
+from sim2real.environment.styled.style_task import StyleTask
 from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.pose_prior.rise_set import RiseSet
 from sim2real.training.config import StyleRecipe, TrainingFolderError

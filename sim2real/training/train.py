@@ -20,18 +20,15 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot
 from robots.files import write_atomically
 from robots.quaternion import Array
-from sim2real.environment.get_up_env import PHYSICS_STEP, EnvOptions, GetUpEnv
-from sim2real.environment.initial_states import (
-    StartPool,
-    make_pool,
-    make_terrain_pool,
-    pool_rng,
-    sample_terrain_stands,
-)
-from sim2real.environment.randomization import RANDOMIZATIONS
+from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
+from sim2real.environment.get_up_env import GetUpEnv
+from sim2real.environment.physics.randomization import RANDOMIZATIONS
+from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.terrain import Terrain
-from sim2real.environment.training_world import build_training_world
+from sim2real.environment.starts.settled_falls import make_pool, make_terrain_pool, pool_rng
+from sim2real.environment.starts.stands import sample_terrain_stands
+from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts.terrain import Terrain
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import (
     RECIPE,

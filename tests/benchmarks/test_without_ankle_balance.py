@@ -5,7 +5,7 @@ import pytest
 from benchmark_scripts import load_script
 
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
-from sim2real.environment.ankle_balance import AnkleBalance
+from sim2real.environment.styled.ankle_balance import AnkleBalance
 
 
 def test_what_is_missing_is_what_the_ankle_balance_adds(op3, tmp_path):

@@ -8,9 +8,10 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import mirror_positions
-from sim2real.environment.initial_states import StartPool, drop_falls
-from sim2real.environment.training_simulation import TrainingSim
-from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
+from sim2real.environment.physics.training_simulation import TrainingSim
+from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
+from sim2real.environment.starts.settled_falls import drop_falls
+from sim2real.environment.starts.start_pool import StartPool
 
 PHYSICS_STEP = 0.004  # s
 

@@ -8,9 +8,9 @@ from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.falls import Fall
 from robots import Robot, load_robot
-from sim2real.environment.model_variants import MODEL_VARIANTS, backlash
-from sim2real.environment.training_simulation import TrainingSim
-from sim2real.environment.training_world import build_training_world
+from sim2real.environment.physics.model_variants import MODEL_VARIANTS, backlash
+from sim2real.environment.physics.training_simulation import TrainingSim
+from sim2real.environment.physics.training_world import build_training_world
 from sim2real.perturbations import (
     Perturbation,
     evaluate_policy,

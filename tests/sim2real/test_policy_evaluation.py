@@ -5,8 +5,8 @@ import pytest
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.kinematics import place
-from sim2real.environment.randomization import ObservationNoise
-from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.physics.randomization import ObservationNoise
+from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.policy_evaluation import PolicyRollouts, remember_actions, roll_out_policy
 
 

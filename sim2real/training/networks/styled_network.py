@@ -9,7 +9,8 @@ from torch import nn
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import UPRIGHT, Term
 from robots.quaternion import Array
-from sim2real.environment.action_head import (
+from sim2real.environment.styled.ankle_balance import BEGIN, FULL, GAINS, LARGEST, AnkleBalance
+from sim2real.environment.styled.prior_head import (
     FILTER_SHARE,
     LEAST_SCALE,
     MOST_OUTPUT,
@@ -17,7 +18,6 @@ from sim2real.environment.action_head import (
     STANCE_ANGLE,
     STANCE_HEIGHT,
 )
-from sim2real.environment.ankle_balance import BEGIN, FULL, GAINS, LARGEST, AnkleBalance
 from sim2real.pose_prior.pose_prior import Network, PosePrior
 
 FEATURE_SIGN = torch.tensor([1.0, -1.0, 1.0])  # of features counted from upright, mirrored

@@ -17,7 +17,7 @@ from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
-from sim2real.environment.model_variants import MODEL_VARIANTS
+from sim2real.environment.physics.model_variants import MODEL_VARIANTS
 
 
 @pytest.fixture

@@ -10,10 +10,12 @@ pytest.importorskip("gymnasium")
 from gymnasium.vector import AutoresetMode
 
 from robots.kinematics import place
-from sim2real.environment.get_up_env import HELD, EnvOptions, GetUpEnv
-from sim2real.environment.initial_states import StartPool
-from sim2real.environment.randomization import DomainRandomization
+from sim2real.environment.env_options import EnvOptions
+from sim2real.environment.episodes import HELD
+from sim2real.environment.get_up_env import GetUpEnv
+from sim2real.environment.physics.randomization import DomainRandomization
 from sim2real.environment.rewards import Reward, action_change, haste, stands
+from sim2real.environment.starts.start_pool import StartPool
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
 STANDING = replace(FALLEN, falls=0.0, motions=0.0)

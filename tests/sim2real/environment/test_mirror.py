@@ -5,8 +5,9 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
-from sim2real.environment.initial_states import StartPool
+from sim2real.environment.env_options import EnvOptions
+from sim2real.environment.get_up_env import GetUpEnv
+from sim2real.environment.starts.start_pool import StartPool
 
 # The OP3 is not quite symmetric: its torso's center of mass is 0.13 mm to one side. In the
 # air that makes up to 0.005 in an observation, whose joint speeds are about 5.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robots.kinematics import place
+from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.rewards import (
     MOST_REQUESTED,
     NECK_LOW,
@@ -29,8 +30,7 @@ from sim2real.environment.rewards import (
     torque,
     way_up,
 )
-from sim2real.environment.style_reward import StyleReward
-from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.styled.style_reward import StyleReward
 
 STANDING = RewardInputs(
     height=np.array([1.0]),

@@ -15,8 +15,8 @@ from humanoid_getup.policy.observation import UPRIGHT
 from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
 from humanoid_getup.style.style_file import load_style
 from robots import Robot
-from sim2real.environment.action_head import PriorHead
-from sim2real.environment.initial_states import StartPool
+from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.styled.prior_head import PriorHead
 from sim2real.training import imitation, runner
 from sim2real.training.config import RECIPES, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.export import export_policy

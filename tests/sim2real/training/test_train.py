@@ -21,8 +21,9 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
-from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
-from sim2real.environment.initial_states import StartPool
+from sim2real.environment.env_options import EnvOptions
+from sim2real.environment.get_up_env import GetUpEnv
+from sim2real.environment.starts.start_pool import StartPool
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, STEPS, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.export import export_policy

@@ -14,10 +14,10 @@ from robots import Robot
 from robots.drive import KP, VMAX
 from robots.kinematics import place
 from robots.servo import PWM
-from sim2real.environment.model_variants import backlash
-from sim2real.environment.randomization import DomainRandomization, ObservationNoise
-from sim2real.environment.training_simulation import BACKLASH_TORQUE, TrainingSim
-from sim2real.environment.training_world import build_training_world
+from sim2real.environment.physics.model_variants import backlash
+from sim2real.environment.physics.randomization import DomainRandomization, ObservationNoise
+from sim2real.environment.physics.training_simulation import BACKLASH_TORQUE, TrainingSim
+from sim2real.environment.physics.training_world import build_training_world
 
 CYCLES = 6
 

@@ -7,7 +7,7 @@ import pytest
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.servo import CURRENT, PWM
-from sim2real.environment.randomization import MOST_DELAY, DomainRandomization
+from sim2real.environment.physics.randomization import MOST_DELAY, DomainRandomization
 
 R = DomainRandomization()
 N = 400

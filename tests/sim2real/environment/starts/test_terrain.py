@@ -12,12 +12,11 @@ from humanoid_getup.scenes.named_scenes import ROUGHNESS, TILE
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import leg_length, place
-from sim2real.environment.initial_states import (
-    StartPool,
-    make_terrain_pool,
-    sample_terrain_stands,
-)
-from sim2real.environment.terrain import (
+from sim2real.environment.physics.training_world import build_training_world
+from sim2real.environment.starts.settled_falls import make_terrain_pool
+from sim2real.environment.starts.stands import sample_terrain_stands
+from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts.terrain import (
     LEVELS,
     SLOPES,
     TO_OPEN,
@@ -25,7 +24,6 @@ from sim2real.environment.terrain import (
     TerrainCurriculum,
     build_terrain,
 )
-from sim2real.environment.training_world import build_training_world
 
 PHYSICS_STEP = 0.006  # s
 UP = np.array([0.0, 0.0, 1.0])

@@ -13,13 +13,14 @@ from made_up_rises import make_prior
 from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
-from sim2real.environment.action_head import PriorHead, scale_near_stance
-from sim2real.environment.curve_library import NEAR, CurveLibrary
-from sim2real.environment.get_up_env import EnvOptions, GetUpEnv
-from sim2real.environment.initial_states import StartPool
+from sim2real.environment.env_options import EnvOptions
+from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.style_reward import reward_style
-from sim2real.environment.style_task import GRACE, HEAD_UP, TERMINATION_TIME, StyleTask
+from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.styled.curve_library import NEAR, CurveLibrary
+from sim2real.environment.styled.prior_head import PriorHead, scale_near_stance
+from sim2real.environment.styled.style_reward import reward_style
+from sim2real.environment.styled.style_task import GRACE, HEAD_UP, TERMINATION_TIME, StyleTask
 
 RIGHT = np.pi / 2
 STEP = 0.048  # s

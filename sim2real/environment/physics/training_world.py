@@ -10,7 +10,7 @@ import numpy as np
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World, add_contact_sensor, add_stance_sensors
 from robots import Robot
-from sim2real.environment.model_variants import ModelVariant
+from sim2real.environment.physics.model_variants import ModelVariant
 
 LONGEST_DELAY = 0.064  # s that the delay buffers hold
 

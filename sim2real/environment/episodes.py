@@ -1,0 +1,88 @@
+"""The episodes of a training: how old they are, when they are over, whether robots stood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.quaternion import Array
+
+# s; the stored motions rise in 1.6 to 4.6 s, so there is time for a second try and a stand.
+LONGEST = 6.0
+# s of standing that count as success: half of what a judge requires, since exploration noise
+# disturbs a stand that would be held.
+HELD = 1.5
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How episodes ended."""
+
+    ended: NDArray[np.int_]
+    """Robots whose episode is over."""
+    starts: NDArray[np.int_]
+    """Rows in the pool of falls where those of them began that began with one."""
+    stood: NDArray[np.bool_]
+    """Which of these ended standing."""
+
+
+@dataclass(eq=False)
+class Episodes:
+    """State of the episodes of N robots, in policy steps."""
+
+    step_time: float
+    """Of a policy [s]."""
+    age: NDArray[np.int_]
+    """Policy steps so far, (N,)."""
+    length: NDArray[np.int_]
+    """Policy steps at most, (N,)."""
+    held: NDArray[np.int_]
+    """Policy steps of uninterrupted standing, (N,)."""
+    start: NDArray[np.int_]
+    """Row in the pool of falls; -1 for other initial states, (N,)."""
+    ends_early: NDArray[np.bool_]
+    """Whether an episode ends once its robot has stood, (N,)."""
+
+    @staticmethod
+    def of(n: int, step_time: float) -> Episodes:
+        """Make episodes of full length that have not begun."""
+        return Episodes(
+            step_time=step_time,
+            age=np.zeros(n, dtype=int),
+            length=np.full(n, round(LONGEST / step_time)),
+            held=np.zeros(n, dtype=int),
+            start=np.full(n, -1),
+            ends_early=np.zeros(n, dtype=bool),
+        )
+
+    def begin(
+        self, ids: NDArray[np.int_], start: NDArray[np.int_], ends_early: NDArray[np.bool_]
+    ) -> None:
+        """Start new episodes of some robots."""
+        self.restart(ids)
+        self.start[ids], self.ends_early[ids] = start, ends_early
+
+    def restart(self, ids: NDArray[np.int_]) -> None:
+        """Start episodes that go on from where the last ones led."""
+        self.age[ids] = self.held[ids] = 0
+
+    def limit(self, ids: NDArray[np.int_], left: Array) -> None:
+        """Set the length of some episodes [s]."""
+        self.length[ids] = np.ceil(left / self.step_time)
+
+    def advance(
+        self,
+        standing: NDArray[np.bool_],
+        terminated: NDArray[np.bool_],
+        diverged: NDArray[np.bool_],
+    ) -> Outcome:
+        """Advance all episodes by a policy step; find those that are over, from masks (N,)."""
+        self.age += 1
+        self.held = np.where(standing, self.held + 1, 0)
+        stood = (self.held >= round(HELD / self.step_time)) & ~diverged
+        is_over = (self.age >= self.length) | (stood & self.ends_early) | diverged | terminated
+        ended = np.flatnonzero(is_over)
+        from_fall = ended[self.start[ended] >= 0]
+        return Outcome(ended, self.start[from_fall], stood[from_fall])

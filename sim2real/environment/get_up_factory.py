@@ -1,0 +1,56 @@
+"""Makes a training environment from names and numbers, for Gymnasium."""
+
+from __future__ import annotations
+
+from humanoid_getup.policy.action import choose_actions
+from humanoid_getup.scenes.scene import FLAT_SCENE
+from robots import load_robot
+from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
+from sim2real.environment.get_up_env import GetUpEnv
+from sim2real.environment.physics.randomization import RANDOMIZATIONS
+from sim2real.environment.physics.training_world import build_training_world
+from sim2real.environment.rewards import REWARDS
+from sim2real.environment.starts.settled_falls import make_pool, pool_rng
+
+
+def make_get_up(
+    num_envs: int = 512,
+    *,
+    robot: str = "op3",
+    rewards: str = "robust",
+    randomization: str = "all",
+    wide: bool = True,
+    falls: int = 128,
+    seed: int = 0,
+    threads: int = 0,
+) -> GetUpEnv:
+    """Build a training environment from names and numbers.
+
+    Args:
+        num_envs: Number of robots side by side.
+        robot: Name of a robot, or a folder with a robot.toml.
+        rewards: Name of the rewards.
+        randomization: Name of the domain randomization.
+        wide: Whether mirrored joints may also move in opposite directions, and limbs spread.
+        falls: Number of settled falls in the pool; their mirror images double it.
+        seed: Seed of the falls; that of the episodes goes to ``reset``.
+        threads: Threads that step physics; 0 for one per processor.
+
+    Raises:
+        ValueError: if there is no such robot, reward or randomization.
+    """
+    if rewards not in REWARDS:
+        raise ValueError(f"unknown rewards '{rewards}', expected {', '.join(REWARDS)}")
+    if randomization not in RANDOMIZATIONS:
+        expected = ", ".join(RANDOMIZATIONS)
+        raise ValueError(f"unknown randomization '{randomization}', expected {expected}")
+    loaded = load_robot(robot)
+    options = EnvOptions(
+        robots=num_envs,
+        randomization=RANDOMIZATIONS[randomization],
+        rewards=REWARDS[rewards],
+        threads=threads,
+    )
+    world = build_training_world(loaded, FLAT_SCENE, PHYSICS_STEP)
+    pool = make_pool(world, falls, pool_rng(seed))
+    return GetUpEnv(loaded, choose_actions(loaded, wide), pool, options)

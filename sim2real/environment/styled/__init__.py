@@ -1,0 +1,1 @@
+"""Style curves in training: what robots follow, what moves them, what it earns."""

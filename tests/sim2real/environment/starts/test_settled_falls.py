@@ -1,0 +1,97 @@
+"""Falls that episodes begin with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium")
+
+from humanoid_getup.simulation.drop import DropSampler
+from humanoid_getup.simulation.falls import FallError, sample_falls
+from humanoid_getup.simulation.world import World
+from robots.kinematics import lowest_point, mirror_positions
+from sim2real.environment.get_up_factory import make_get_up
+from sim2real.environment.physics.training_simulation import TrainingSim
+from sim2real.environment.starts import settled_falls
+from sim2real.environment.starts.settled_falls import drop_falls
+from sim2real.training.config import RECIPES
+from sim2real.training.train import load_pool
+
+
+def test_mirroring_a_start_twice_changes_nothing(op3, world, falls):
+    twice = mirror_positions(op3, world.model, mirror_positions(op3, world.model, falls))
+    assert twice == pytest.approx(falls)
+    assert not np.allclose(mirror_positions(op3, world.model, falls), falls)
+
+
+def test_mirrored_starts_lie_on_the_ground_as_the_others_do(op3, world, falls):
+    heights = [lowest_point(world.model, qpos) for qpos in falls]
+    mirrored = [
+        lowest_point(world.model, qpos) for qpos in mirror_positions(op3, world.model, falls)
+    ]
+    assert mirrored == pytest.approx(heights, abs=1e-3)  # the head is not quite symmetric
+    assert np.all(np.abs(heights) < 0.005)
+
+
+def test_falls_lie_still_within_their_limits(op3, world, falls):
+    sim = TrainingSim(world, len(falls), cycles=6, threads=1)
+    sim.place(np.arange(len(falls)), falls)
+    target = falls[:, op3.layout(world.model).qpos]
+    before = sim.measure_privileged_state().height
+    for _ in range(4):
+        sim.follow(target, target)
+    after = sim.measure_privileged_state()
+    assert after.height == pytest.approx(before, abs=0.07)
+    assert np.all(after.non_foot_contact)
+    slack = 0.05  # limits are soft
+    assert np.all((target > op3.lower - slack) & (target < op3.upper + slack))
+
+
+def test_one_seed_makes_one_set_of_falls(world):
+    def drop(seed: int, threads: int) -> np.ndarray:
+        sim = TrainingSim(world, 4, cycles=6, threads=threads)
+        return drop_falls(sim, 6, np.random.default_rng(seed))
+
+    assert np.array_equal(drop(1, 1), drop(1, 2))
+    assert not np.array_equal(drop(1, 1), drop(2, 1))
+
+
+def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
+    monkeypatch.setattr(settled_falls, "SETTLED_SPEED", 0.0)
+    monkeypatch.setattr(settled_falls, "MOST_ROUNDS", 2)
+    sim = TrainingSim(world, 2, cycles=6, threads=1)
+    told = "robot 'op3' does not come to rest: 0 of 8 falls settled, expected 3"
+    with pytest.raises(FallError, match=told):
+        drop_falls(sim, 3, np.random.default_rng(0))
+
+
+@pytest.fixture
+def drops(monkeypatch) -> list[np.ndarray]:
+    """Record where robots are dropped from, by whichever function drops them."""
+    recorded: list[np.ndarray] = []
+    sample = DropSampler.sample
+
+    def record(self: DropSampler, rng: np.random.Generator) -> np.ndarray:
+        recorded.append(sample(self, rng))
+        return recorded[-1]
+
+    monkeypatch.setattr(DropSampler, "sample", record)
+    return recorded
+
+
+def test_training_and_evaluation_never_draw_the_same_fall(drops, tiny, tmp_path):
+    """Through the functions that draw them, for every pair of some seeds."""
+    world = World(tiny)
+    for seed in range(4):
+        sample_falls(world, {"supine": 1}, np.random.default_rng(seed))
+    evaluation = {qpos.tobytes() for qpos in drops}
+    drops.clear()
+    recipe = replace(RECIPES["quick"], falls=4)
+    for seed in range(4):
+        load_pool(tiny, recipe, seed, tmp_path / f"{seed}.npz")
+        make_get_up(1, robot=str(tiny.folder), falls=4, seed=seed, threads=1)
+    training = {qpos.tobytes() for qpos in drops}
+    assert len(evaluation) >= 4 * 24
+    assert len(training) >= 4 * 4
+    assert not evaluation & training

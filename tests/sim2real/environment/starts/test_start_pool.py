@@ -1,0 +1,58 @@
+"""Pools of initial states."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium")
+
+from robots import load_robot
+from sim2real.environment.starts.start_pool import LEAST, StartPool
+
+
+def test_what_fails_is_drawn_more_often():
+    pool = StartPool.of(np.zeros((4, 1)))
+    pool.success[2:] = 1.0
+    drawn = pool.draw(20_000, np.random.default_rng(0))
+    count = np.bincount(drawn, minlength=4)
+    assert count[2:].sum() / count[:2].sum() == pytest.approx(LEAST, rel=0.1)
+    assert count[0] == pytest.approx(count[1], rel=0.1)
+
+
+def test_every_start_is_drawn_alike_while_nothing_is_known():
+    pool = StartPool.of(np.zeros((5, 1)))
+    drawn = pool.draw(10_000, np.random.default_rng(0))
+    assert np.bincount(drawn) == pytest.approx(np.full(5, 2000), rel=0.1)
+
+
+def test_a_share_of_success_follows_how_episodes_end():
+    pool = StartPool.of(np.zeros((3, 1)))
+    for _ in range(50):
+        pool.note(np.array([0, 1]), np.array([True, False]))
+    assert pool.success == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    pool.note(np.array([0]), np.array([False]))
+    assert 0.0 < pool.success[0] < 1.0
+
+
+def test_a_pool_survives_its_file(tmp_path: Path, op3, falls):
+    StartPool.of(falls).save(tmp_path / "falls.npz", op3)
+    again = StartPool.load(tmp_path / "falls.npz", op3, falls.shape[1])
+    assert np.array_equal(again.qpos, falls)
+    assert [file.name for file in tmp_path.iterdir()] == ["falls.npz"]
+
+
+def test_a_pool_of_another_robot_or_of_another_width_is_refused(tmp_path: Path, op3, falls):
+    file = tmp_path / "falls.npz"
+    StartPool.of(falls).save(file, op3)
+    tiny = load_robot("tests/robots/tiny")
+    with pytest.raises(ValueError, match=f"it is of robot 'op3', expected '{tiny.name}'"):
+        StartPool.load(file, tiny, 27)
+    with pytest.raises(ValueError, match=r"qpos has shape \(16, 27\), expected \(any, 28\)"):
+        StartPool.load(file, op3, 28)
+
+
+def test_a_file_that_tells_no_robot_holds_no_starts(tmp_path: Path, op3, falls):
+    np.savez(tmp_path / "falls.npz", qpos=falls)
+    with pytest.raises(ValueError, match="holds no starts"):
+        StartPool.load(tmp_path / "falls.npz", op3, falls.shape[1])

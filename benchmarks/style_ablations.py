@@ -148,7 +148,7 @@ def make_prior(robot: Robot, kind: str, source: Path, seed: int, folder: Path) -
     write_atomically(folder / RISES, (source / RISES).read_bytes())
     if not (folder / PRIOR).exists():
         rises = RiseSet.load(source / RISES, robot)
-        postures = Postures(robot=robot, joint_pos=rises.joint_pos, features=rises.features)
+        postures = Postures.of(rises)
         plain = FitOptions(conditional=False)
         made = make_joint_prior(postures) if kind == "none" else fit_prior(postures, seed, plain)
         made.save(folder / PRIOR)

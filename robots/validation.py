@@ -200,6 +200,8 @@ class _DuplicateError(ValueError):
 def _convert(hint: Any, value: Any) -> Any:
     base, meta = _split(hint)
     if get_origin(base) is np.ndarray:
+        if not _holds_numbers(value):
+            raise ValueError("not numbers alone")
         array = np.array(value, dtype=float)
         if array.ndim != (meta.extra or {}).get("axes") or not np.isfinite(array).all():
             raise ValueError("not finite numbers on the expected axes")
@@ -215,6 +217,13 @@ def _convert(hint: Any, value: Any) -> Any:
         if get_origin(base) is tuple and len(set(texts)) < len(texts):
             raise _DuplicateError
     return converted
+
+
+def _holds_numbers(value: Any) -> bool:
+    """Return whether nested lists hold numbers alone: no texts, and neither true nor false."""
+    if isinstance(value, list):
+        return all(map(_holds_numbers, value))
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 @cache

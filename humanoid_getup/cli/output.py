@@ -153,7 +153,8 @@ def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
         TimeRemainingColumn,
     )
 
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn())
+    name = TextColumn("{task.description}", markup=False)  # it may hold the name of a file
+    columns = (name, BarColumn(), MofNCompleteColumn())
     times = (TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, *times, console=Console(stderr=True)) as progress:
         bar = progress.add_task(what, total=total)

@@ -20,6 +20,7 @@ def make_prior(command: MakePrior) -> int:
         from sim2real.training.styled_training import PRIOR, RISES
     with phase("loading"), refusing():
         policies = {name: load_policy(robot, name) for name in command.policies}
+        fitted = PosePrior.load(command.fitted, robot) if command.fitted else None
     with refusing():
         with counting("rises", command.rises) as count:
             found = collect_rises(
@@ -32,24 +33,23 @@ def make_prior(command: MakePrior) -> int:
                 report=count,
             )
         rises = RiseSet.join(robot, found)
+        told, prior = "", fitted
+        if prior is None:
+            errors: list[float] = []
+            with counting("epochs", command.epochs) as count:
+
+                def note(_epoch: int, error: float) -> None:
+                    errors.append(error)
+                    count(1)
+
+                prior = fit_prior(
+                    Postures.of(rises), command.seed, FitOptions(epochs=command.epochs), note
+                )
+            told = f"; the decoder leaves {100.0 * errors[-1]:.1f} % of the variance"
         rises.save(command.out / RISES)
-        if command.fitted is not None:
-            PosePrior.load(command.fitted, robot).save(command.out / PRIOR)
-            console_for(None).print(f"{command.out}: {len(rises)} rises")
-            return DID_IT
-        postures = Postures(robot=robot, joint_pos=rises.joint_pos, features=rises.features)
-        errors = []
-        with counting("epochs", command.epochs) as count:
-
-            def note(_epoch: int, error: float) -> None:
-                errors.append(error)
-                count(1)
-
-            options = FitOptions(epochs=command.epochs)
-            prior = fit_prior(postures, command.seed, options, note)
         prior.save(command.out / PRIOR)
     console_for(None).print(
         f"{command.out}: {len(rises)} rises, {len(rises.qpos)} postures; {prior.size} latent "
-        f"parameters; the decoder leaves {100.0 * errors[-1]:.1f} % of the variance"
+        f"parameters{told}"
     )
     return DID_IT

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
@@ -15,7 +16,7 @@ from humanoid_getup.cli.options.style import EditStyle, ExtractStyle, ListStyles
 from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
 from humanoid_getup.reporting.style_plot import save_styles
 from humanoid_getup.strategies.styled_rise import measure_motion
-from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.curves import UPRIGHT_STAND, StyleCurves, is_stand
 from humanoid_getup.style.edits import hold, rise_time, shift_rise
 from humanoid_getup.style.extraction import ExtractionError, extract_curves, trim
 from humanoid_getup.style.features import FeatureSense
@@ -26,7 +27,6 @@ from robots import Robot
 from robots.kinematics import GravitySense, leg_length
 from robots.quaternion import Array
 
-STANDING = np.array([1.0, np.pi / 2, np.pi / 2])
 LOG, BVH, ACCLAIM = ".mcap", ".bvh", ".amc"
 
 
@@ -97,13 +97,12 @@ def extract(command: ExtractStyle) -> int:
         last = len(time) if command.end is not None else moving.stop
         time, features = time[first:last], features[first:last].copy()
         if command.finish:
-            features[-1] = STANDING
+            features[-1] = UPRIGHT_STAND
         try:
             curves = extract_curves(time, features)
         except ValueError as error:
-            raise BadInputError(
-                f"{command.source}: {error} (--finish lets the last point be a stand)"
-            ) from error
+            hint = "" if is_stand(features[-1]) else " (--finish lets the last point be a stand)"
+            raise BadInputError(f"{command.source}: {error}{hint}") from error
         curves = curves.lasting(curves.duration * scale)
         about = f"from {Path(command.source).name}, {time[0]:.2f} to {time[-1]:.2f} s"
         style = Style(name=command.out.stem, about=about, curves=(curves,))
@@ -126,9 +125,18 @@ def _edit(curve: StyleCurves, command: EditStyle) -> StyleCurves:
 def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, float]:
     """Read times [s], features (T, 3), and the factor on durations for this robot."""
     file = Path(command.source)
-    if file.suffix == LOG:
+    kind = file.suffix.lower()
+    of_clips = {"--up": command.up, "--rate": command.rate, "--skeleton": command.skeleton}
+    used = {BVH: ("--up",), ACCLAIM: tuple(of_clips)}.get(kind, ())
+    unused = [name for name, value in of_clips.items() if value is not None and name not in used]
+    if unused:
+        raise BadInputError(
+            f"{unused[0]} is given, expected none with {command.source}: it is of clips "
+            f"({ACCLAIM}{f', {BVH}' if unused[0] == '--up' else ''})"
+        )
+    if kind == LOG:
         return *_read_log(file, robot), 1.0
-    if file.suffix in (BVH, ACCLAIM):
+    if used:
         clip = _read_clip(command, file)
         scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
         return clip.time, clip.measure_features(), scale
@@ -138,13 +146,14 @@ def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, flo
 
 def _read_clip(command: ExtractStyle, file: Path):
     """Read a clip of motion capture."""
-    from humanoid_getup.style.clips.acclaim import read_acclaim
+    from humanoid_getup.style.clips.acclaim import RATE, read_acclaim
     from humanoid_getup.style.clips.bvh import read_bvh
 
-    if file.suffix == BVH:
-        return replace(read_bvh(file), up=command.up)
+    up = command.up or "y"
+    if file.suffix.lower() == BVH:
+        return replace(read_bvh(file), up=up)
     skeleton = command.skeleton or file.with_name(f"{file.stem.split('_')[0]}.asf")
-    return replace(read_acclaim(file, skeleton, command.rate), up=command.up)
+    return replace(read_acclaim(file, skeleton, command.rate or RATE), up=up)
 
 
 def _read_log(file: Path, robot: Robot) -> tuple[Array, Array]:
@@ -174,6 +183,7 @@ def _describe(style: Style) -> dict[str, Any]:
         "about": style.about,
         "curves": [
             {
+                "start": curve.start,
                 "duration_s": curve.duration,
                 "rise_s": rise_time(curve),
                 "neck_height": curve.neck_height,
@@ -187,9 +197,10 @@ def _describe(style: Style) -> dict[str, Any]:
 
 def _print_points(row: dict[str, Any]) -> None:
     console = console_for(None)
-    console.print(f"{row['name']}: {row['about']}")
+    console.print(escape(f"{row['name']}: {row['about']}"), soft_wrap=True)
     for curve in row["curves"]:
         heading = f"{curve['duration_s']:.2f} s, rises at {curve['rise_s']:.2f} s"
+        heading = f"{curve['start']}, {heading}" if curve["start"] else heading
         table = make_table((heading, *map(str, range(1, 10))), left=(heading,))
         for key, digits in (("neck_height", 2), ("side_deg", 0), ("front_deg", 0)):
             table.add_row(key, *(f"{value:.{digits}f}" for value in curve[key]))
@@ -200,11 +211,12 @@ def _print_times(file: Path, before: Style | None, curves: tuple[StyleCurves, ..
     """Print duration and time of the rise of each curve, and what they were before."""
     console = console_for(None)
     for number, curve in enumerate(curves):
-        text = f"{file}: {curve.duration:.2f} s, rises at {rise_time(curve):.2f} s"
+        name = f"{file}, {curve.start}" if curve.start else str(file)
+        text = f"{name}: {curve.duration:.2f} s, rises at {rise_time(curve):.2f} s"
         if before is not None:
             old = before.curves[number]
             text += f"; before: {old.duration:.2f} s, {rise_time(old):.2f} s"
-        console.print(text, soft_wrap=True)
+        console.print(escape(text), soft_wrap=True)
 
 
 def _span(values: list[float]) -> str:

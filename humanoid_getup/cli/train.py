@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -39,6 +40,7 @@ def train(command: Train) -> int:
     with phase("loading torch"), needing("train"):
         import torch
 
+        from sim2real.training.checkpoint import CHECKPOINT
         from sim2real.training.config import RECIPES
         from sim2real.training.distributed import DistributedProcess
         from sim2real.training.train import check_inputs, train
@@ -52,7 +54,8 @@ def train(command: Train) -> int:
     with refusing():
         check_inputs(robot, recipe, command.out, command.parent, command.prior)
     leads = DistributedProcess.from_environment(os.environ).leads
-    with refusing(), show_progress(recipe.iterations, shown=leads) as progress:
+    checkpoint = command.out / CHECKPOINT
+    with refusing(), show_progress(recipe.iterations, checkpoint, shown=leads) as progress:
         train(
             robot,
             recipe,
@@ -113,7 +116,7 @@ class TrainingProgress:
 
 
 @contextmanager
-def show_progress(iterations: int, *, shown: bool) -> Iterator[TrainingProgress]:
+def show_progress(iterations: int, checkpoint: Path, *, shown: bool) -> Iterator[TrainingProgress]:
     """Show a progress bar on standard error; yield what advances it."""
     columns = (
         "training",
@@ -130,7 +133,10 @@ def show_progress(iterations: int, *, shown: bool) -> Iterator[TrainingProgress]
         try:
             yield TrainingProgress(bar, iterations)
         except KeyboardInterrupt:
-            console.print("the last checkpoint is kept: the same command continues from it")
+            if checkpoint.exists():
+                console.print("the last checkpoint is kept: the same command continues from it")
+            else:
+                console.print("there is no checkpoint yet: the same command starts again")
             raise
 
 

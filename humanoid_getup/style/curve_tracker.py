@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.style.curves import LEAST_END, LOOKAHEAD, MOST_LEAN, CurveTargets, StyleCurves
+from humanoid_getup.style.curves import LOOKAHEAD, CurveTargets, StyleCurves, is_stand
 from humanoid_getup.style.features import COUNT, FeatureSense, angle_distance
 from robots import Robot
 from robots.quaternion import Array
@@ -71,8 +71,7 @@ class CurveTracker:
         """
         pieces = np.array([curve.pieces for curve in curves])
         duration = np.array([curve.duration for curve in curves])
-        height, angles = self.features[ids, 0], self.features[ids, 1:]
-        stands = (height >= LEAST_END) & (np.abs(angles - np.pi / 2).max(axis=1) <= MOST_LEAN)
+        stands = is_stand(self.features[ids])
         self.enter(ids, pieces, duration, np.where(stands, duration, 0.0))
 
     def restart_deviating(

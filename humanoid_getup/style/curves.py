@@ -22,9 +22,12 @@ LOOKAHEAD = np.array([0.0, 0.1, 0.2, 0.3])  # s, of the targets that a policy ob
 HIGHEST = 1.2  # share of the standing neck height; a robot on its toes stands higher than 1
 # The neck height and the tilt [rad] of a stand, by which rises are judged.
 LEAST_END, MOST_LEAN = 0.9, math.radians(15.0)
-LONGEST = 60.0  # s
+SHORTEST, LONGEST = 0.1, 60.0  # s
+ROUNDING = 1e-6  # by which a limit may be missed
 PLACES = np.linspace(0.0, 1.0, POINTS)
 """Share of the duration at each control point."""
+UPRIGHT_STAND = np.array([1.0, math.pi / 2, math.pi / 2])
+"""Features of a stand."""
 BLEND_SHARE = 0.25  # of the duration, over which a curve is entered from where a robot lies
 
 
@@ -40,6 +43,8 @@ class StyleCurves:
     """Control points of the angle between the torso's front and the vertical [rad], (9,)."""
     duration: float
     """[s]"""
+    start: str = ""
+    """How the body lies at the beginning, such as supine; for readers only."""
     _pieces: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -48,10 +53,12 @@ class StyleCurves:
         object.__setattr__(self, "_pieces", _fit(self.points))
 
     @staticmethod
-    def of(points: Array, duration: float) -> StyleCurves:
+    def of(points: Array, duration: float, start: str = "") -> StyleCurves:
         """Make curves from control points, (9, 3), in the order of the features."""
         height, side, front = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
-        return StyleCurves(neck_height=height, side=side, front=front, duration=duration)
+        return StyleCurves(
+            neck_height=height, side=side, front=front, duration=duration, start=start
+        )
 
     @property
     def points(self) -> Array:
@@ -71,6 +78,15 @@ class StyleCurves:
         """Return by how much both angles change from point to point, in sum [rad]."""
         return float(np.abs(np.diff(self.points[:, 1:], axis=0)).sum())
 
+    def retimed(self, time: Array, duration: float) -> StyleCurves:
+        """Return curves of a duration [s] through what these are at nine times [s], (9,).
+
+        Between control points a spline may overshoot: no control point is beyond these curves'
+        own.
+        """
+        points = np.clip(self.sample(time), self.points.min(axis=0), self.points.max(axis=0))
+        return StyleCurves.of(points, duration, self.start)
+
     def sample(self, time: Array) -> Array:
         """Compute the features (..., 3) at times [s], (...); a stand is held at the end."""
         share = np.clip(np.asarray(time, dtype=float) / self.duration, 0.0, 1.0)
@@ -78,7 +94,8 @@ class StyleCurves:
 
     def mirrored(self) -> StyleCurves:
         """Exchange left and right."""
-        return StyleCurves.of(mirror_features(self.points), self.duration)
+        start = {"left": "right", "right": "left"}.get(self.start, self.start)
+        return StyleCurves.of(mirror_features(self.points), self.duration, start)
 
     def lasting(self, duration: float) -> StyleCurves:
         """Return the same curves with another duration [s]."""
@@ -88,38 +105,45 @@ class StyleCurves:
         problems = []
         for name, values, upper, unit in (
             ("neck_height", self.neck_height, HIGHEST, ""),
-            ("side", self.side, math.pi, " rad"),
-            ("front", self.front, math.pi, " rad"),
+            ("side", np.degrees(self.side), 180.0, "°"),
+            ("front", np.degrees(self.front), 180.0, "°"),
         ):
             if np.shape(values) != (POINTS,):
                 problems.append(f"{name} has shape {np.shape(values)}, expected ({POINTS},)")
                 continue
-            wrong = np.flatnonzero(~((values >= 0.0) & (values <= upper)))  # nan as well
+            is_inside = (values >= -ROUNDING) & (values <= upper + ROUNDING)
+            wrong = np.flatnonzero(~is_inside)  # nan as well
             if len(wrong):
                 problems.append(
                     f"{name} is {values[wrong[0]]:g}{unit} at point {wrong[0] + 1}, "
-                    f"expected 0 to {upper:.4g}{unit}"
+                    f"expected 0 to {upper:g}{unit}"
                 )
-        if not 0.0 < self.duration <= LONGEST:
+        if not SHORTEST - ROUNDING <= self.duration <= LONGEST + ROUNDING:
             problems.append(
-                f"duration is {self.duration:g} s, expected above 0 s, at most {LONGEST:g} s"
+                f"duration is {self.duration:.4g} s, expected {SHORTEST:g} to {LONGEST:g} s"
             )
         return problems or self._find_faults_of_end()
 
     def _find_faults_of_end(self) -> list[str]:
         problems = []
-        if self.neck_height[-1] < LEAST_END:
+        if self.neck_height[-1] < LEAST_END - ROUNDING:
             problems.append(
-                f"neck_height ends at {self.neck_height[-1]:.3g} of standing, expected "
+                f"neck_height ends at {self.neck_height[-1]:.4g} of standing, expected "
                 f"{LEAST_END:g} or more: a rise ends in a stand"
             )
         for name, value in (("side", self.side[-1]), ("front", self.front[-1])):
-            if abs(value - math.pi / 2) > MOST_LEAN:
+            if abs(value - math.pi / 2) > MOST_LEAN + ROUNDING:
                 problems.append(
-                    f"{name} ends at {math.degrees(value):.0f}°, expected 75 to 105°: a rise ends "
+                    f"{name} ends at {math.degrees(value):.4g}°, expected 75 to 105°: a rise ends "
                     "upright"
                 )
         return problems
+
+
+def is_stand(features: Array) -> NDArray[np.bool_]:
+    """Return whether features (..., 3) are those of a stand, (...)."""
+    lean = np.abs(features[..., 1:] - math.pi / 2).max(axis=-1)
+    return (features[..., 0] >= LEAST_END - ROUNDING) & (lean <= MOST_LEAN + ROUNDING)
 
 
 def _fit(points: Array) -> Array:

@@ -47,7 +47,7 @@ def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
     def warp(share: float) -> StyleCurves:
         """Move what happens now at the time of the rise to a share of the duration."""
         bend = PchipInterpolator([0.0, share, 1.0], [0.0, now / curves.duration, 1.0])
-        return StyleCurves.of(curves.sample(curves.duration * bend(PLACES)), curves.duration)
+        return curves.retimed(curves.duration * bend(PLACES), curves.duration)
 
     def miss(share: float) -> float:
         return rise_time(warp(share)) - wanted
@@ -55,7 +55,7 @@ def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
     early, late = miss(EDGE), miss(1.0 - EDGE)
     if not early < 0.0 < late:
         raise EditError(
-            f"the rise would be at {wanted:.2f} s of {curves.duration:.2f} s, expected "
+            f"the rise would be at {wanted:.4g} s of {curves.duration:.2f} s, expected "
             f"{wanted + early:.2f} to {wanted + late:.2f} s: make the style slower first"
         )
     found: Any = brentq(miss, EDGE, 1.0 - EDGE, xtol=1e-4)
@@ -71,8 +71,8 @@ def hold(curves: StyleCurves, at: float, time: float) -> StyleCurves:
         EditError: if the moment is outside the duration.
     """
     if not 0.0 <= at <= curves.duration:
-        raise EditError(f"hold is at {at:g} s, expected 0 to {curves.duration:g} s")
+        raise EditError(f"hold is at {at:.4g} s, expected 0 to {curves.duration:.2f} s")
     duration = curves.duration + time
     then = PLACES * duration
     before = np.where(then <= at, then, np.maximum(at, then - time))
-    return StyleCurves.of(curves.sample(before), duration)
+    return curves.retimed(before, duration)

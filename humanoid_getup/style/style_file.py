@@ -21,7 +21,7 @@ from robots.validation import find_unknown_keys, load_toml, on_axes, positive, r
 
 FOLDER = Path(__file__).parent / "named"
 SUFFIX = ".toml"
-LONGEST = 60.0  # s
+LONGEST = 60.0  # s, of the body that the durations are of
 TALLEST = 10.0  # m
 
 Points = Annotated[Array, on_axes(1)]
@@ -37,7 +37,7 @@ class CurvesTable:
     neck_height: Points
     side_deg: Points
     front_deg: Points
-    duration: Annotated[float, Meta(ge=0.0, le=LONGEST, description="seconds, up to 60")] = 0.0
+    duration: Seconds | None = None
     """[s]; the style's own if left out."""
 
 
@@ -48,7 +48,7 @@ class StyleTable:
     about: str = ""
     leg_length: Annotated[float, positive(TALLEST, "m")]
     """Length of the legs of the body that the durations are of [m]."""
-    duration: Seconds = LONGEST
+    duration: Seconds | None = None
     """Of all curves that do not say otherwise [s]."""
     curves: Annotated[
         tuple[CurvesTable, ...], Meta(min_length=1, description="one or more tables [[curves]]")
@@ -116,15 +116,17 @@ def read_style(file: Path, robot: Robot) -> Style:
 
 def write_style(style: Style, robot: Robot, file: Path) -> None:
     """Write a style file whose durations are those of a robot."""
+    about = [f"about = {json.dumps(style.about, ensure_ascii=False)}"] if style.about else []
     lines = [
-        f"about = {json.dumps(style.about, ensure_ascii=False)}",
+        *about,
         f"leg_length = {leg_length(robot):.4f}  # m; of {robot.name}, whose durations these are",
     ]
     for curve in style.curves:
         lines += [
             "",
             "[[curves]]",
-            f"duration = {curve.duration:.4f}  # s",
+            *([f"start = {json.dumps(curve.start)}"] if curve.start else []),
+            f"duration = {curve.duration:.6g}  # s",
             f"neck_height = {_list(curve.neck_height, 4)}",
             f"side_deg = {_list(np.degrees(curve.side), 2)}",
             f"front_deg = {_list(np.degrees(curve.front), 2)}",
@@ -132,19 +134,20 @@ def write_style(style: Style, robot: Robot, file: Path) -> None:
     write_atomically(file, "\n".join(lines) + "\n")
 
 
-def _build(row: CurvesTable, duration: float, factor: float) -> StyleCurves:
+def _build(row: CurvesTable, duration: float | None, factor: float) -> StyleCurves:
+    seconds = duration if row.duration is None else row.duration
+    if seconds is None:
+        raise ValueError("duration is missing, expected seconds here, or for all curves")
     for key in ("neck_height", "side_deg", "front_deg"):
         values = getattr(row, key)
         if len(values) != POINTS:
             raise ValueError(f"{key} has {len(values)} points, expected {POINTS}")
-        if key != "neck_height" and not np.all((values >= 0.0) & (values <= 180.0)):
-            wrong = values[~((values >= 0.0) & (values <= 180.0))][0]
-            raise ValueError(f"{key} holds {wrong:g}°, expected 0 to 180°")
     return StyleCurves(
         neck_height=row.neck_height,
         side=np.radians(row.side_deg),
         front=np.radians(row.front_deg),
-        duration=factor * (row.duration or duration),
+        duration=factor * seconds,
+        start=row.start,
     )
 
 

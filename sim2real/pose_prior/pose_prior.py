@@ -118,7 +118,8 @@ class PosePrior:
         """Read the prior of a robot.
 
         Raises:
-            ValueError: if the file holds no prior of this robot.
+            OSError: if the file cannot be read.
+            ValueError: if it holds no prior of this robot.
         """
         try:
             arrays = load_arrays(file, ("robot", "joints", *VECTORS, *PARTS))
@@ -129,19 +130,24 @@ class PosePrior:
             if tuple(joints) != robot.joint_names:
                 raise ArchiveError(f"its joints are {shown(joints)}, not those of '{robot.name}'")
             return _build(robot, arrays)
-        except (OSError, ArchiveError) as error:
+        except ArchiveError as error:
             raise ValueError(
                 f"{file} holds no pose prior, expected an .npz of `getup prior`: {error}"
             ) from error
 
 
 def _build(robot: Robot, arrays: dict[str, Array]) -> PosePrior:
-    """Check the shapes of a prior's arrays."""
+    """Check a prior's arrays."""
     k, n = arrays["latent_sign"].size, robot.n
     sizes = dict.fromkeys(VECTORS, COUNT)
     sizes |= {key: k for key in VECTORS if key.startswith("latent")}
     sizes |= {key: n for key in VECTORS if key.startswith("pos")}
     vectors = {key: to_numbers(arrays[key], key, (size,)) for key, size in sizes.items()}
+    for key, values in vectors.items():
+        if key.endswith("_std") and not np.all(values > 0.0):
+            raise ArchiveError(f"{key} holds {values.min():g}, expected above 0")
+    if not np.all(np.abs(vectors["latent_sign"]) == 1.0):
+        raise ArchiveError("latent_sign holds another number than 1 and -1")
     ends = {"encoder": (n + COUNT, 2 * k), "decoder": (k + COUNT, n)}
     encoder, decoder = (_read_network(arrays, name, *ends[name]) for name in NETWORKS)
     return PosePrior(robot=robot, encoder=encoder, decoder=decoder, **vectors)

@@ -99,7 +99,8 @@ class RiseSet:
         """Read the rises of a robot.
 
         Raises:
-            ValueError: if the file holds no rises of this robot.
+            OSError: if the file cannot be read.
+            ValueError: if it holds no rises of this robot.
         """
         width = robot.spec().compile().nq
         try:
@@ -113,6 +114,6 @@ class RiseSet:
             first = to_numbers(arrays["first"], "first", (len(sources) + 1,)).astype(int)
             if first[0] != 0 or first[-1] != len(qpos) or np.any(np.diff(first) < 2):
                 raise ArchiveError("first does not divide the frames into rises")
-        except (OSError, ArchiveError) as error:
+        except ArchiveError as error:
             raise ValueError(f"{file} holds no rises, expected an .npz of them: {error}") from error
         return RiseSet(robot=robot, qpos=qpos, joint_target=target, first=first, sources=sources)

@@ -57,7 +57,20 @@ def plan_rises(
         for planned in as_completed(started):
             planned.result()
             report(1)
-    return [Motion.load(file) for file in files if file.exists()]
+    return [_load_plan(robot, file) for file in files if file.exists()]
+
+
+def _load_plan(robot: Robot, file: Path) -> Motion:
+    """Load a planned motion of a robot."""
+    try:
+        motion = Motion.load(file)
+    except ValueError as error:
+        raise ValueError(f"{error}; delete it, and it is planned again") from error
+    if motion.robot != robot.name:
+        raise ValueError(
+            f"{file} is a motion of robot '{motion.robot}', expected '{robot.name}': another --out"
+        )
+    return motion
 
 
 _planner: PlannedRise

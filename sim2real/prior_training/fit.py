@@ -13,6 +13,7 @@ from humanoid_getup.style.features import COUNT, mirror_features
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.pose_prior.pose_prior import Network, PosePrior
+from sim2real.pose_prior.rise_set import RiseSet
 
 VARIANCE = 0.85  # share of the postures' variance that the latent parameters account for
 UNUSED = 1e9  # standard deviation of features that a plain autoencoder does not get
@@ -42,6 +43,11 @@ class Postures:
     """[rad], (F, n)"""
     features: Array
     """(F, 3)"""
+
+    @staticmethod
+    def of(rises: RiseSet) -> Postures:
+        """Take the frames of rises."""
+        return Postures(robot=rises.robot, joint_pos=rises.joint_pos, features=rises.features)
 
     @property
     def pos_mean(self) -> Array:

@@ -18,9 +18,9 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.training.config import Recipe, TrainingFolderError
+from sim2real.training.networks.styled_network import list_prior_arrays
 
 LAYERS = re.compile(r"mlp\.(kept|turned)\.\d+\.weight|mlp\.kept\.\d+\.bias|mlp\.\d+\.(weight|bias)")
-DECODER = re.compile(r"decoder\.\d+\.weight")
 MEAN, ACTOR = "_mean", "actor."
 
 
@@ -51,6 +51,9 @@ def check_policy_parent(file: Path, robot: Robot, recipe: Recipe) -> None:
     if recipe.style is None and contract.style is not None:
         raise TrainingFolderError(f"{file} follows style curves, expected a policy that does not")
     faults = contract.find_mismatches(robot, robot.control_period)
+    weights = _read_weights(file)
+    bad = [name for name, values in weights.items() if not np.isfinite(values).all()]
+    faults += [f"its network holds NaN or infinity in {bad[0]}"] if bad else []
     own = recipe.choose_actions(robot).names
     if contract.action.names != own:
         faults.append(f"it has actions {', '.join(contract.action.names)}; expected {own}")
@@ -59,16 +62,18 @@ def check_policy_parent(file: Path, robot: Robot, recipe: Recipe) -> None:
 
 
 def check_decoder(file: Path, prior: PosePrior) -> None:
-    """Check that the decoder of a policy is that of a pose prior.
+    """Check that the decoder of a policy, with its statistics, is that of a pose prior.
 
     Raises:
         OSError: if the file cannot be read.
         TrainingFolderError: if it is not.
     """
     found = _read_weights(file)
-    weights = [values for name, values in found.items() if DECODER.fullmatch(name)]
-    own = prior.decoder.weights
-    if len(weights) != len(own) or not all(map(np.array_equal, weights, own)):
+    for name, values in list_prior_arrays(prior).items():
+        # Exporting drops biases of zero; of arrays that are equal it keeps one, under either name.
+        held = [found[name]] if name in found else [np.zeros_like(values), *found.values()]
+        if any(np.array_equal(values, other) for other in held):
+            continue
         raise TrainingFolderError(
             f"{file} was trained with another prior, expected --prior with the one that is beside "
             "it, or with which it was trained"

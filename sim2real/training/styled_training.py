@@ -47,6 +47,8 @@ def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: P
         raise TrainingFolderError(
             f"{source} has no {missing[0]}, expected --prior with the folder of `getup prior`"
         )
+    for name in (PRIOR, RISES):
+        _check_kept(source / name, folder / name)
     found = PosePrior.load(source / PRIOR, robot)
     RiseSet.load(source / RISES, robot)
     if parent is not None and not is_folder:
@@ -65,11 +67,20 @@ def keep_prior(prior: Path, folder: Path) -> None:
     """
     for name in (PRIOR, RISES):
         kept = folder / name
+        _check_kept(prior / name, kept)
         if not kept.exists():
             with atomic_path(kept) as partial:
                 shutil.copyfile(prior / name, partial)
-        elif kept.read_bytes() != (prior / name).read_bytes():
-            raise TrainingFolderError(f"{kept} is another file than {prior / name}")
+
+
+def _check_kept(file: Path, kept: Path) -> None:
+    """Check that a training's copy of a file, if there is one, is the same.
+
+    Raises:
+        TrainingFolderError: if it is not.
+    """
+    if kept.exists() and kept.read_bytes() != file.read_bytes():
+        raise TrainingFolderError(f"{kept} is another file than {file}")
 
 
 def load_head(robot: Robot, action: ActionSpec, folder: Path) -> PriorHead:

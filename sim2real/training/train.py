@@ -102,10 +102,11 @@ def train(
     action = recipe.choose_actions(robot)
     outputs = action.names
     if source is not None:
-        keep_prior(source, folder)
-        outputs = load_head(robot, action, folder).names
+        outputs = load_head(robot, action, source).names
     if process.leads:
         write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs)
+    if source is not None:
+        keep_prior(source, folder)
     iteration_log = IterationLog(folder / PROGRESS, recipe, report, process)
     random.seed(seed)
     torch.manual_seed(seed)

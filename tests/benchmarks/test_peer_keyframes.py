@@ -80,6 +80,7 @@ def lie(op3, world, joint_pos, *, time, chest):
     )
 
 
+@pytest.mark.slow  # half a minute
 def test_all_get_up_from_the_same_falls_under_the_same_limit(peer, world):
     records = []
     limits = {"3 N·m by PWM": TorqueLimit(3.0, "pwm")}

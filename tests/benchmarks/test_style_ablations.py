@@ -14,7 +14,7 @@ from sim2real.prior_training.fit import Postures
 
 def test_a_prior_of_joint_angles_decodes_what_it_encodes_and_is_symmetric(op3):
     rises = make_rises(op3)
-    postures = Postures(robot=op3, joint_pos=rises.joint_pos, features=rises.features)
+    postures = Postures.of(rises)
     prior = load_script("style_ablations").make_joint_prior(postures)
     assert prior.size == op3.n
     rng = np.random.default_rng(0)

@@ -27,7 +27,14 @@ def rise(*arguments: str, out: Path) -> dict:
     return json.loads(figures.read_text())
 
 
-@pytest.mark.parametrize("start", ["supine", "prone", "left", "right"])
+@pytest.mark.parametrize(
+    "start",
+    [
+        "supine",
+        "prone",
+        *(pytest.param(side, marks=pytest.mark.slow) for side in ("left", "right")),
+    ],
+)
 def test_a_fallen_robot_gets_up_over_the_bus_from_every_side(start: str, tmp_path: Path):
     report = rise("--from", start, "--backend", "virtual", out=tmp_path / "out")
     assert (report["stood"], report["backend"]) == (True, "virtual")

@@ -289,7 +289,7 @@ GROUPS: dict[str, list[Case]] = {
         case(
             "style show kneeling.toml", "neck_height ends at 0.6 of standing, expected 0.9 or more"
         ),
-        case("style show wide.toml", "curves 1: side_deg holds 200°, expected 0 to 180°"),
+        case("style show wide.toml", "curves 1: side is 200° at point 1, expected 0 to 180°"),
         case("style show falling.toml", "falling.toml: duration is -5 s, expected above 0 s"),
         case("style show text.txt", "unknown style 'text.txt'"),
         case("style show none.toml", "style file none.toml: No such file or directory"),
@@ -342,7 +342,7 @@ GROUPS: dict[str, list[Case]] = {
             "train --out mine --prior none", "--prior is none, expected the folder of a pose prior"
         ),
         case("train --out mine --from text.onnx", "text.onnx is not a policy", extra="rsl_rl"),
-        case("prior --out mine --rises 2", "--rises is 2, expected 4 or more"),
+        case("prior --out mine --rises 2", "--rises is 2, expected a multiple of 4, 4 or more"),
         case("prior --out text.txt", "text.txt is not a folder"),
         case("prior --out mine --jobs 0", "--jobs is 0, expected 1 or more"),
         case(

@@ -19,8 +19,8 @@ class MakePrior(RobotOption):
 
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for prior.npz, rises.npz and the planned motions; the same command continues."""
-    rises: Annotated[int, at_least(4)] = 1000
-    """Number of rises to plan; policies add half as many."""
+    rises: Annotated[int, at_least(4, step=4)] = 1000
+    """Number of rises to plan, equally many of each class; policies add half as many."""
     policies: tuple[str, ...] = ("robust", "gentle")
     """Policies of the robot that add rises; with no name, none."""
     jobs: Count = 2

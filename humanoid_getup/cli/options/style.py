@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -38,7 +39,11 @@ class ShowStyles(JsonOption, RobotOption):
         faults = super().find_faults()
         if not self.styles:
             faults.append("there is no STYLE, expected one or more names or files")
-        return faults if self.picture is None else faults + find_file_faults(self.picture)
+        if self.picture is None:
+            return faults
+        if self.json is not None and Path(self.json) == self.picture:
+            faults.append(f"--json and --picture are both {self.picture}, expected two files")
+        return faults + find_file_faults(self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +83,13 @@ class EditStyle(StyleOutput):
         for one, other in (("slower", "faster"), ("sooner", "later")):
             if getattr(self, one) is not None and getattr(self, other) is not None:
                 faults.append(f"--{one} and --{other} are given, expected one of them")
-        if self.hold is not None and not (self.hold[0] >= 0.0 and self.hold[1] > 0.0):
-            faults.append(f"--hold is {self.hold}, expected a time from 0 s and a duration above")
+        if self.hold is not None and not (
+            0.0 <= self.hold[0] < math.inf and 0.0 < self.hold[1] < math.inf
+        ):
+            at, lasting = self.hold
+            faults.append(
+                f"--hold is {at:g} {lasting:g}, expected a time from 0 s and a duration above 0 s"
+            )
         edits = (self.slower, self.faster, self.sooner, self.later, self.hold)
         if all(edit is None for edit in edits):
             faults.append(
@@ -96,10 +106,10 @@ class ExtractStyle(StyleOutput):
     """Name of a motion, or a file: .npz motion, .mcap flight log, .bvh or .amc clip."""
     skeleton: Annotated[Path | None, arg(metavar="FILE.asf")] = None
     """Skeleton of an .amc clip; default: the .asf file of the same subject beside it."""
-    rate: Annotated[float, positive("Hz"), arg(metavar="HZ")] = 120.0
-    """Frames per second of an .amc clip [Hz], which its file does not say."""
-    up: Literal["y", "z"] = "y"
-    """Axis of a clip that points up."""
+    rate: Annotated[float | None, positive("Hz"), arg(metavar="HZ")] = None
+    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
+    up: Literal["y", "z"] | None = None
+    """Axis of a clip that points up; default: y."""
     begin: Annotated[float | None, arg(name="from", metavar="S")] = None
     """Time at which the rise begins [s]; default: when something moves first."""
     end: Annotated[float | None, arg(name="to", metavar="S")] = None

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.style.clips.clip import Clip, ClipError
+from humanoid_getup.style.clips.clip import READ_ERRORS, Clip, ClipError
 from robots.files import read_bounded
 from robots.quaternion import Array
 
@@ -18,6 +18,7 @@ INCH = 0.0254  # m
 RATE = 120.0  # Hz of CMU's recordings; the files do not say it
 ROOT = "root"
 ROOT_CHANNELS = ("tx", "ty", "tz", "rx", "ry", "rz")
+CHANNELS = ("rx", "ry", "rz")  # of all other bones
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,24 +54,32 @@ def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
     """
     try:
         skeleton = _read_skeleton(_read(skeleton_file))
-    except (ValueError, IndexError, KeyError) as error:
-        raise ClipError(f"skeleton {skeleton_file}: it is not an ASF file: {error}") from error
+    except READ_ERRORS as error:
+        reason = _say(error)
+        raise ClipError(f"skeleton {skeleton_file}: it is not an ASF file: {reason}") from error
     try:
         frames = _read_frames(_read(file), skeleton)
-    except (ValueError, IndexError, KeyError) as error:
-        raise ClipError(f"clip {file}: it is no AMC file of {skeleton_file}: {error}") from error
-    still = {name: np.zeros((1, values.shape[1])) for name, values in frames.items()}
+        still = {name: np.zeros((1, values.shape[1])) for name, values in frames.items()}
+        joints, rest = _place(skeleton, frames), _place(skeleton, still)
+    except READ_ERRORS as error:
+        reason = _say(error)
+        raise ClipError(f"clip {file}: it is no AMC file of {skeleton_file}: {reason}") from error
     return Clip(
         file=file,
         period=1.0 / rate,
-        joints=_place(skeleton, frames),
-        rest={name: path[0] for name, path in _place(skeleton, still).items()},
+        joints=joints,
+        rest={name: path[0] for name, path in rest.items()},
         unit=skeleton.unit,
     )
 
 
+def _say(error: Exception) -> str:
+    """Write an error in words; that of a missing key is the key alone."""
+    return f"{error} is missing" if isinstance(error, KeyError) else str(error)
+
+
 def _read(file: Path) -> list[str]:
-    return read_bounded(file, MOST_BYTES).decode("utf-8").splitlines()
+    return read_bounded(file, MOST_BYTES).decode("utf-8-sig").splitlines()
 
 
 def _read_skeleton(lines: list[str]) -> Skeleton:
@@ -84,12 +93,21 @@ def _read_skeleton(lines: list[str]) -> Skeleton:
             rows.append(words)
     units = {row[0]: row[1] for row in sections["units"]}
     bones = {bone.name: bone for bone in _read_bones(sections["bonedata"])}
-    pairs = [(row[0], child) for row in sections["hierarchy"] for child in row[1:]]
-    return Skeleton(
-        bones=bones,
-        parents={child: parent for parent, child in pairs},
-        unit=INCH / float(units["length"]),
-    )
+    parents: dict[str, str] = {}
+    for parent, child in (
+        (row[0], child) for row in sections["hierarchy"] if len(row) > 1 for child in row[1:]
+    ):
+        if parent != ROOT and parent not in parents:
+            raise ValueError(
+                f"bone '{parent}' has children before it is one, expected parents first"
+            )
+        if child in parents or child not in bones:
+            raise ValueError(f"bone '{child}' is in the hierarchy, expected once, with its data")
+        parents[child] = parent
+    length = float(units["length"])
+    if not 0.0 < length < np.inf:
+        raise ValueError(f"the unit of length is {length:g}, expected above 0")
+    return Skeleton(bones=bones, parents=parents, unit=INCH / length)
 
 
 def _read_bones(rows: list[list[str]]) -> Iterator[Bone]:
@@ -98,16 +116,32 @@ def _read_bones(rows: list[list[str]]) -> Iterator[Bone]:
         if words == ["begin"]:
             facts = {}
         elif words == ["end"]:
-            angles = [float(value) for value in facts["axis"][:3]]
+            name, channels = facts["name"][0], tuple(facts.get("dof", ()))
+            if not set(channels) <= set(CHANNELS) or len(set(channels)) < len(channels):
+                raise ValueError(
+                    f"bone '{name}' has dof {' '.join(channels)}, expected different ones of "
+                    f"{', '.join(CHANNELS)}"
+                )
+            length = float(facts["length"][0])
+            if not np.isfinite(length):
+                raise ValueError(f"bone '{name}' has length {length:g}, expected a finite one")
             yield Bone(
-                name=facts["name"][0],
-                direction=np.array([float(value) for value in facts["direction"]]),
-                length=float(facts["length"][0]),
-                axis=_turn(np.array(angles)),
-                channels=tuple(facts.get("dof", ())),
+                name=name,
+                direction=_read_vector(name, facts, "direction"),
+                length=length,
+                axis=_turn(_read_vector(name, facts, "axis")),
+                channels=channels,
             )
         else:
             facts[words[0]] = words[1:]
+
+
+def _read_vector(bone: str, facts: dict[str, list[str]], key: str) -> Array:
+    """Read three finite numbers of a bone."""
+    values = np.array([float(value) for value in facts[key][:3]])
+    if values.shape != (3,) or not np.isfinite(values).all():
+        raise ValueError(f"bone '{bone}' has {key} {' '.join(facts[key])}, expected three numbers")
+    return values
 
 
 def _read_frames(lines: list[str], skeleton: Skeleton) -> dict[str, Array]:
@@ -125,6 +159,8 @@ def _read_frames(lines: list[str], skeleton: Skeleton) -> dict[str, Array]:
         width = len(ROOT_CHANNELS if name == ROOT else skeleton.bones[name].channels)
         if rows.shape != (len(frames[ROOT]), width):
             raise ValueError(f"bone '{name}' has {rows.shape}, expected {width} numbers a frame")
+        if not np.isfinite(rows).all():
+            raise ValueError(f"bone '{name}' has a number that is not finite")
     return frames
 
 
@@ -138,8 +174,8 @@ def _place(skeleton: Skeleton, frames: dict[str, Array]) -> dict[str, Array]:
         bone = skeleton.bones[name]
         angles = np.zeros((count, 3))
         for k, channel in enumerate(bone.channels):
-            if name in frames and channel.startswith("r"):
-                angles[:, "xyz".index(channel[1])] = frames[name][:, k]
+            if name in frames:
+                angles[:, CHANNELS.index(channel)] = frames[name][:, k]
         turns[name] = turns[parent] * bone.axis * _turn(angles) * bone.axis.inv()
         places[name] = ends[parent]
         ends[name] = places[name] + turns[name].apply(bone.length * bone.direction)

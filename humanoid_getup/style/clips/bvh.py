@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.style.clips.clip import Clip, ClipError
+from humanoid_getup.style.clips.clip import READ_ERRORS, Clip, ClipError
 from robots.files import read_bounded
 from robots.quaternion import Array
 
 MOST_BYTES = 256 * 2**20
 CENTIMETER = 0.01  # m; what BVH files are nearly always in
+POSITION, ROTATION = "position", "rotation"
 
 
 @dataclass(frozen=True)
@@ -37,15 +38,15 @@ def read_bvh(file: Path) -> Clip:
         ClipError: if it is no BVH file.
     """
     try:
-        text = read_bounded(file, MOST_BYTES).decode("utf-8")
+        text = read_bounded(file, MOST_BYTES).decode("utf-8-sig")
         head, _, motion = text.partition("MOTION")
         joints = _read_skeleton(head.split())
         period, frames = _read_frames(motion, sum(len(joint.channels) for joint in joints))
-    except (ValueError, IndexError) as error:
+        places = _place(joints, frames)
+        still = np.zeros((1, frames.shape[1]))
+        rest = {name: path[0] for name, path in _place(joints, still).items()}
+    except READ_ERRORS as error:
         raise ClipError(f"clip {file}: it is not a BVH file: {error}") from error
-    places = _place(joints, frames)
-    still = np.zeros((1, frames.shape[1]))
-    rest = {name: path[0] for name, path in _place(joints, still).items()}
     return Clip(file=file, period=period, joints=places, rest=rest, unit=CENTIMETER)
 
 
@@ -69,11 +70,13 @@ def _read_skeleton(words: list[str]) -> list[Joint]:
         elif word == "OFFSET":
             offset = np.array([float(value) for value in words[at + 1 : at + 4]])
             row = joints[open_rows[-1]]
+            if offset.shape != (3,) or not np.isfinite(offset).all():
+                raise ValueError(f"joint '{row.name}' has OFFSET {offset}, expected three numbers")
             joints[open_rows[-1]] = Joint(row.name, row.parent, offset, row.channels)
             at += 4
         elif word == "CHANNELS":
-            count = int(words[at + 1])
-            row, names = joints[open_rows[-1]], tuple(words[at + 2 : at + 2 + count])
+            row, count = joints[open_rows[-1]], int(words[at + 1])
+            names = _check_channels(row.name, count, words[at + 2 : at + 2 + max(count, 0)])
             joints[open_rows[-1]] = Joint(row.name, row.parent, row.offset, names)
             at += 2 + count
         elif word == "}":
@@ -86,15 +89,31 @@ def _read_skeleton(words: list[str]) -> list[Joint]:
     return joints
 
 
+def _check_channels(name: str, count: int, names: list[str]) -> tuple[str, ...]:
+    """Check that a joint has positions and rotations about different axes, and nothing else."""
+    kinds = [(word[:1].upper(), word[1:].lower()) for word in names]
+    known = all(axis in ("X", "Y", "Z") and kind in (POSITION, ROTATION) for axis, kind in kinds)
+    if count < 0 or len(names) != count or not known or len(set(kinds)) < len(kinds):
+        raise ValueError(
+            f"joint '{name}' has {count} channels {' '.join(names)[:80]}, expected different ones "
+            "of Xposition to Zposition and Xrotation to Zrotation"
+        )
+    return tuple(names)
+
+
 def _read_frames(text: str, channels: int) -> tuple[float, Array]:
     lines = [line for line in text.splitlines() if line.strip()]
     if len(lines) < 3 or not lines[0].startswith("Frames:"):
         raise ValueError("the frames are missing")
     count, period = int(lines[0].split()[1]), float(lines[1].split()[-1])
     rows = [[float(value) for value in line.split()] for line in lines[2:]]
-    if len(rows) != count or any(len(row) != channels for row in rows) or not period > 0.0:
-        raise ValueError(f"expected {count} frames of {channels} numbers")
-    return period, np.array(rows)
+    if not rows or len(rows) != count or any(len(row) != channels for row in rows):
+        raise ValueError(f"expected {count} frames of {channels} numbers, and one or more")
+    frames = np.array(rows)
+    if not np.isfinite(frames).all():
+        frame, channel = np.argwhere(~np.isfinite(frames))[0] + 1
+        raise ValueError(f"number {channel} of frame {frame} is not finite")
+    return period, frames
 
 
 def _place(joints: list[Joint], frames: Array) -> dict[str, Array]:
@@ -108,7 +127,7 @@ def _place(joints: list[Joint], frames: Array) -> dict[str, Array]:
         moved, angles, axes = np.tile(joint.offset, (len(frames), 1)), [], ""
         for value, channel in zip(values.T, joint.channels, strict=True):
             axis, kind = "XYZ".index(channel[0].upper()), channel[1:].lower()
-            if kind == "position":
+            if kind == POSITION:
                 moved[:, axis] = value
             else:
                 angles.append(value)

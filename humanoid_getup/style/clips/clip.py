@@ -18,6 +18,9 @@ NECKS = ("lowerneck", "Neck", "neck", "Neck1", "NeckBase")
 FEET = ("foot", "toe", "ankle")
 FLOOR_PERCENTILE = 5.0  # of the lowest foot's height over a clip: where the floor is
 UP = {"y": 1, "z": 2}
+LONGEST_FRAME = 1.0  # s
+READ_ERRORS = (ValueError, IndexError, KeyError, ZeroDivisionError)
+"""What the content of a file that is no clip may raise."""
 
 
 class ClipError(ValueError):
@@ -40,6 +43,18 @@ class Clip:
     up: str = "y"
     """Axis that points up."""
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.period <= LONGEST_FRAME:
+            raise ClipError(
+                f"clip {self.file}: a frame lasts {self.period:g} s, expected above 0 s, at most "
+                f"{LONGEST_FRAME:g} s"
+            )
+        for name in self.joints:
+            if not (np.isfinite(self.joints[name]).all() and np.isfinite(self.rest[name]).all()):
+                raise ClipError(
+                    f"clip {self.file}: joint '{name}' has no finite position in every frame"
+                )
+
     @property
     def time(self) -> Array:
         """Return the time of each frame [s], (T,)."""
@@ -51,7 +66,8 @@ class Clip:
         """Return the distance from the hips to the lowest foot in the rest pose [m]."""
         left, right = self._find(LEFT_HIPS, "left hip"), self._find(RIGHT_HIPS, "right hip")
         hips = 0.5 * (self.rest[left] + self.rest[right])
-        return self.unit * float((hips - self._lowest(self.rest))[UP[self.up]])
+        length = self.unit * float((hips - self._lowest(self.rest))[UP[self.up]])
+        return self._check_height("hips", length)
 
     def measure_features(self) -> Array:
         """Measure the style features, (T, 3).
@@ -66,16 +82,33 @@ class Clip:
         neck = self.joints[neck_name]
         side = right - left
         front = np.cross(neck - 0.5 * (left + right), side)
-        standing = self.rest[neck_name][axis] - self._lowest(self.rest)[axis]
+        standing = float(self.rest[neck_name][axis] - self._lowest(self.rest)[axis])
+        self._check_height("neck", standing * self.unit)
         feet = [name for name in self.joints if _is_foot(name)]
         lowest = np.min([self.joints[name][:, axis] for name in feet], axis=0)
         floor = np.percentile(lowest, FLOOR_PERCENTILE)
         features = np.empty((len(neck), COUNT))
         features[:, 0] = (neck[:, axis] - floor) / standing
         for column, vector in ((1, side), (2, front)):
-            share = vector[:, axis] / np.linalg.norm(vector, axis=1)
+            length = np.linalg.norm(vector, axis=1)
+            if not length.all():
+                raise ClipError(
+                    f"clip {self.file}: hips and neck are in one line or one place in frame "
+                    f"{int(np.argmin(length)) + 1}, expected a torso"
+                )
+            share = vector[:, axis] / length
             features[:, column] = np.arccos(np.clip(share, -1.0, 1.0))
         return features
+
+    def _check_height(self, what: str, height: float) -> float:
+        """Check how high something is over the feet in the rest pose [m], which is a stand."""
+        if height <= 0.0:
+            other = next(axis for axis in UP if axis != self.up)
+            raise ClipError(
+                f"clip {self.file}: in the rest pose the {what} are {height:.3g} m over the feet "
+                f"along {self.up}, expected a stand; does {other} point up (--up {other})?"
+            )
+        return height
 
     def _find(self, names: tuple[str, ...], what: str) -> str:
         found = [name for name in names if name in self.joints]

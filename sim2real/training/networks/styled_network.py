@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 from torch import nn
@@ -58,13 +60,7 @@ class StyledNetwork(nn.Module):
         self.decoder = _build(prior.decoder)
         self.mirror_index = prior.robot.mirror_index.tolist()
         buffers = {
-            "latent_sign": prior.latent_sign,
-            "latent_mean": prior.latent_mean,
-            "latent_std": prior.latent_std,
-            "pos_mean": prior.pos_mean,
-            "pos_std": prior.pos_std,
-            "feature_mean": prior.feature_mean - UPRIGHT,
-            "feature_std": prior.feature_std,
+            **_list_statistics(prior),
             "mirror_sign": prior.robot.mirror_sign,
             "standing": np.array([1.0, 0.0, 0.0]),
             "stance_range": np.array([STANCE_HEIGHT, STANCE_ANGLE, STANCE_ANGLE]),
@@ -101,6 +97,29 @@ class StyledNetwork(nn.Module):
         condition = (wanted - self.feature_mean) / self.feature_std
         x = torch.cat([latent * self.latent_std + self.latent_mean, condition], dim=-1)
         return self.decoder(x) * self.pos_std + self.pos_mean
+
+
+def list_prior_arrays(prior: PosePrior) -> dict[str, Array]:
+    """List what a graph holds of a pose prior, by the names of its arrays, in single precision."""
+    arrays = dict(_list_statistics(prior))
+    layers = zip(prior.decoder.weights, prior.decoder.biases, strict=True)
+    for number, (weight, bias) in enumerate(layers):
+        name = f"decoder.{2 * number}"  # there is an activation after each layer
+        arrays |= {f"{name}.weight": weight, f"{name}.bias": bias}
+    single: Any = {name: values.astype(np.float32) for name, values in arrays.items()}
+    return single
+
+
+def _list_statistics(prior: PosePrior) -> dict[str, Array]:
+    return {
+        "latent_sign": prior.latent_sign,
+        "latent_mean": prior.latent_mean,
+        "latent_std": prior.latent_std,
+        "pos_mean": prior.pos_mean,
+        "pos_std": prior.pos_std,
+        "feature_mean": prior.feature_mean - UPRIGHT,
+        "feature_std": prior.feature_std,
+    }
 
 
 def _build(network: Network) -> nn.Sequential:

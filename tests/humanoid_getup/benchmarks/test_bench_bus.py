@@ -63,6 +63,7 @@ def test_servos_stop_by_themselves_when_their_client_is_killed(world: World, mot
     assert kills["safe_max_s"] < 0.2
 
 
+@pytest.mark.slow  # half a minute
 def test_a_soak_accounts_for_all_its_time(world: World):
     case = bench_soak(PlannedRise(world), seed=1, duration=15.0)["cases"]["soak"]
     assert case["stood"] == case["n"] == case["lay_down"] > 0

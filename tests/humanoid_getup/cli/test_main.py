@@ -199,6 +199,7 @@ def test_robots_are_listed(run: Run, op3: Robot):
     assert out.splitlines()[1].split()[:2] == ["op3", "20"]
 
 
+@pytest.mark.slow  # half a minute
 def test_a_motion_is_built_into_a_users_own_robot(run: Run, op3: Robot):
     robot = Path(shutil.copytree(op3.folder, "mine", ignore=shutil.ignore_patterns("motions")))
     code, out, _ = run(

@@ -54,5 +54,6 @@ def test_its_targets_keep_the_limits_and_end_at_rest(world: World, start: Postur
     np.testing.assert_allclose(resting, np.broadcast_to(resting[-1], resting.shape), atol=1e-12)
 
 
+@pytest.mark.slow  # half a minute
 def test_the_same_seed_finds_the_same_move(world: World, start: Posture, move: Move):
     np.testing.assert_array_equal(search(world, start).target, move.target)

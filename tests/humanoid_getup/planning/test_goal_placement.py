@@ -57,7 +57,9 @@ def test_on_a_slope_a_goal_tilts_with_the_ground_and_rests_on_it(
         assert 0.0005 < depth < 0.0035
 
 
-@pytest.mark.parametrize("scene", ["table", "wall", "low-bed-a", "rough:hard"])
+@pytest.mark.parametrize(
+    "scene", ["table", pytest.param("wall", marks=pytest.mark.slow), "low-bed-a", "rough:hard"]
+)
 def test_a_placed_goal_is_free_and_within_reach(op3: Robot, database: MotionDatabase, scene: str):
     world = World(op3, scene)
     start_class = str(world.scene.starts[0].start_class) if world.scene.starts else "prone"

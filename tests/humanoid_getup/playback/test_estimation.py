@@ -166,7 +166,9 @@ def test_a_start_in_an_obstacle_is_refused_by_its_name(op3: Robot, lateral: Post
         check_start(walled, replace(lateral, position=at))
 
 
-@pytest.mark.parametrize("scene", ["soft-bed", "table", "wall"])
+@pytest.mark.parametrize(
+    "scene", ["soft-bed", "table", pytest.param("wall", marks=pytest.mark.slow)]
+)
 def test_a_robot_that_rests_against_what_is_around_it_may_start(op3: Robot, scene: str):
     """It sinks into a soft bed, and touches walls and table legs."""
     world = World(op3, scene)

@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+import pytest
 
 from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.simulation.clearance import Clearance
@@ -52,6 +53,7 @@ def test_no_limb_passes_through_a_thin_wall_unnoticed(op3: Robot):
     assert silent > 10, "MuJoCo's own contacts suffice"
 
 
+@pytest.mark.slow  # half a minute
 def test_no_fall_beside_a_wall_has_a_limb_in_it(op3: Robot):
     world = World(op3, "wall")
     falls = sample_falls(world, {"supine": 6, "left": 4}, np.random.default_rng(7))

@@ -83,6 +83,7 @@ def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, data
     np.testing.assert_array_equal(raw.motion.joint_target[-len(tail) :], tail)
 
 
+@pytest.mark.slow  # half a minute
 def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fall):
     planner = PlannedRise(world, database, torque_limit=TorqueLimit(0.15))
     weak = planner.plan(fall, np.random.default_rng(0))

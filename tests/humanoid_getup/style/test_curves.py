@@ -61,11 +61,11 @@ def test_mirrored_curves_mirror_every_moment(points, time):
     ("change", "fault"),
     [
         ({"side": np.zeros(5)}, r"side has shape \(5,\), expected \(9,\)"),
-        ({"front": np.full(9, 4.0)}, "front is 4 rad at point 1, expected 0 to 3.142 rad"),
-        ({"side": np.full(9, np.nan)}, "side is nan rad at point 1"),
+        ({"front": np.full(9, 4.0)}, "front is 229.183° at point 1, expected 0 to 180°"),
+        ({"side": np.full(9, np.nan)}, "side is nan° at point 1"),
         ({"neck_height": np.linspace(0.2, 0.8, 9)}, "neck_height ends at 0.8 of standing"),
         ({"front": np.full(9, math.radians(120.0))}, "front ends at 120°, expected 75 to 105°"),
-        ({"duration": -2.0}, "duration is -2 s, expected above 0 s, at most 60 s"),
+        ({"duration": -2.0}, "duration is -2 s, expected 0.1 to 60 s"),
         ({"duration": math.nan}, "duration is nan s"),
     ],
 )

@@ -85,7 +85,11 @@ def test_durations_are_scaled_by_the_square_root_of_the_legs(op3, tmp_path):
     [
         (LINE, "[0.2, 1.0]", "curves 1: neck_height has 2 points, expected 9"),
         (LINE, LINE.replace("1.0", "0.6"), "curves 1: neck_height ends at 0.6 of standing"),
-        (RIGHT, RIGHT.replace("90", "200", 1), "curves 1: side_deg holds 200°, expected 0 to 180°"),
+        (
+            RIGHT,
+            RIGHT.replace("90", "200", 1),
+            "curves 1: side is 200° at point 1, expected 0 to 180°",
+        ),
         ("5.1", "-5.1", "duration is -5.1 s, expected above 0 s"),
         ("leg_length = 0.9", "", "leg_length is missing"),
         ("[[curves]]", "[curves]", "curves is "),

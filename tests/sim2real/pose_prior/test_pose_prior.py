@@ -23,8 +23,8 @@ def rises(op3: Robot) -> RiseSet:
 
 
 @pytest.fixture(scope="module")
-def postures(op3: Robot, rises: RiseSet) -> Postures:
-    return Postures(robot=op3, joint_pos=rises.joint_pos, features=rises.features)
+def postures(rises: RiseSet) -> Postures:
+    return Postures.of(rises)
 
 
 @pytest.fixture(scope="module")

@@ -111,7 +111,7 @@ class Follower:
         height = np.concatenate([r.features[:, :, 0] for r in rollouts])
         step = self.robot.control_period * self.policy.action.cycles
         time = step * np.arange(1, height.shape[1] + 1)
-        errors = np.concatenate([r.style_error() for r in rollouts])
+        errors = np.concatenate([r.style_error for r in rollouts])
         return Followed(
             stood=np.concatenate([r.stood for r in rollouts]),
             height_error=errors[:, 0],

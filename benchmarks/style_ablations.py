@@ -49,7 +49,7 @@ from sim2real.training.iteration_log import TrainReport
 from sim2real.training.networks.symmetric_model import split
 from sim2real.training.runner import TrainingRunner
 from sim2real.training.styled_training import PRIOR, RISES
-from sim2real.training.train import PROGRESS, train
+from sim2real.training.train import POOL, PROGRESS, train
 
 NEARLY_LINEAR = 1e-2  # input of a hyperbolic tangent, which it changes by 3e-5 of it
 ROUNDS = 6  # of imitation; the recipe has more
@@ -184,6 +184,10 @@ def run(
         (TrainingRunner, "imitate", begin),
         *ablation.changes,
     )
+    pool = options.out / f"{'terrain' if recipe.terrain else 'flat'} {POOL}"
+    folder.mkdir(parents=True, exist_ok=True)
+    if pool.exists():  # all begin with the same falls
+        write_atomically(folder / POOL, pool.read_bytes())
     with ExitStack() as stack:
         for change in changes:
             stack.enter_context(changed(*change))
@@ -196,6 +200,7 @@ def run(
             prior=prior,
             report=report,
         )
+    write_atomically(pool, (folder / POOL).read_bytes())
 
 
 def _only_teach_critic(runner: TrainingRunner, seed: int) -> list[float]:

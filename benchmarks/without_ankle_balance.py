@@ -16,7 +16,7 @@ import onnx
 import tyro
 from onnx import numpy_helper
 
-from humanoid_getup.policy.onnx_file import CHECKSUM_KEY, seal_model
+from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, read_model, seal_model
 from humanoid_getup.policy.onnx_policy import find_policy
 from robots import load_robot
 from robots.files import write_atomically
@@ -47,11 +47,9 @@ def main(policy: str, /, *, out: Path, robot: str = "op3") -> None:
         out: File for the policy.
         robot: Name of a robot.
     """
-    model = onnx.load(find_policy(load_robot(robot), policy))
+    content = read_model(find_policy(load_robot(robot), policy))
+    model = onnx.load_model_from_string(content.rpartition(CHECKSUM_ENTRY)[0])
     remove_ankle_balance(model)
-    entries = [entry for entry in model.metadata_props if entry.key != CHECKSUM_KEY]
-    del model.metadata_props[:]
-    model.metadata_props.extend(entries)
     write_atomically(out, seal_model(model.SerializeToString()))
 
 

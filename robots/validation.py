@@ -59,7 +59,8 @@ def positive(upper: float, unit: str = "") -> Meta:
 
 def on_axes(count: int) -> Meta:
     """Make an array have so many axes."""
-    return Meta(description=f"finite numbers on {count} axes", extra={"axes": count})
+    lists = "a list of finite numbers" if count == 1 else f"finite numbers on {count} axes"
+    return Meta(description=lists, extra={"axes": count})
 
 
 def read_table(

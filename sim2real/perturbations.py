@@ -167,9 +167,9 @@ def summarize_rollouts(
         "rms_torque_nm": np.concatenate([r.rms_torque() for r in records]),
         "peak_torque_nm": np.concatenate([r.peak_torque() for r in records]),
         "head_impact_m_s": np.concatenate([r.head_impact for r in records]),
-        "height_error": np.concatenate([r.style_error()[:, 0] for r in records]),
+        "height_error": np.concatenate([r.style_error[:, 0] for r in records]),
         "angle_error_deg": np.concatenate(
-            [np.degrees(r.style_error()[:, 1:].mean(axis=1)) for r in records]
+            [np.degrees(r.style_error[:, 1:].mean(axis=1)) for r in records]
         ),
         "restarts": np.concatenate([r.restarts for r in records]).astype(float),
         "standing_joint_speed_rad_s": np.concatenate([r.standing_speed() for r in records]),

@@ -19,8 +19,9 @@ from humanoid_getup.policy.observation import (
     observe_style,
 )
 from humanoid_getup.style.curve_tracker import CurveTracker
-from humanoid_getup.style.curves import CurveTargets, StyleCurves
+from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.features import COUNT
+from humanoid_getup.style.style_errors import StyleErrors
 from robots.quaternion import Array
 from sim2real.environment.physics.training_simulation import Record, TrainingSim
 
@@ -49,11 +50,9 @@ class PolicyRollouts(Record):
 
     period: float
     """[s]"""
-    wanted: Array
-    """Style features that the curves ask for at the end of each policy step, (N, steps, 3); no
-    numbers without style."""
-    style_duration: Array
-    """How long the curves last [s], (N,); NaN without style."""
+    style_error: Array
+    """Mean error of each feature from the curves that a robot was first given, while they last,
+    (N, 3): neck height as a share of standing, angles in rad; NaN without style."""
     restarts: NDArray[np.int_]
     """How often each robot restarted after it had deviated from its curves, (N,)."""
 
@@ -71,19 +70,6 @@ class PolicyRollouts(Record):
     def head_impact(self) -> Array:
         """Return the largest speed at which each head hit the ground [m/s], (N,)."""
         return find_impact(self.head_contact, self.head_speed)
-
-    def style_error(self) -> Array:
-        """Compute the mean error of each feature while the curves last, (N, 3).
-
-        Neck height is a share of standing, angles are in rad; NaN without style.
-        """
-        if not self.wanted.shape[1]:
-            return np.full((len(self.wanted), COUNT), np.nan)
-        step = self.upright.shape[1] * self.period / self.wanted.shape[1]
-        ends = np.arange(1, self.wanted.shape[1] + 1) * step
-        lasts = (ends <= self.style_duration[:, None] + 1e-9)[..., None]
-        off = np.abs(self.features - self.wanted)
-        return np.sum(off * lasts, axis=1) / np.sum(lasts, axis=1)
 
     def peak_torque(self) -> Array:
         """Return the largest torque of each robot, braking or driving [N·m], (N,)."""
@@ -128,24 +114,16 @@ def roll_out_policy(
     sim.place(sim.everyone, starts)
     sensed = sim.sense(rng)
     tracker = CurveTracker(robot, sim.n) if style and choose_style else None
-    asked = CurveTargets(sim.n)  # errors are those from the first curves of each robot
+    errors: StyleErrors | None = None
     if tracker is not None and choose_style is not None:
         tracker.measure(sensed.gravity, sensed.joint_pos)
         curves = [choose_style(row, seen) for row, seen in enumerate(tracker.features)]
         tracker.begin(sim.everyone, curves)
-        asked.enter(
-            sim.everyone,
-            np.array([curve.pieces for curve in curves]),
-            np.array([curve.duration for curve in curves]),
-            tracker.features,
-            tracker.time,
-        )
-    first_time = tracker.time.copy() if tracker else np.zeros(sim.n)
+        errors = StyleErrors(curves, tracker.features, tracker.time)
     target = sensed.joint_pos
     memory = np.zeros((sim.n, style.memory if style else action.size))
     share = compute_torque_share(robot, action, sim.parameters.torque_limit)
     records: list[Record] = []
-    wanted: list[Array] = []
     diverged = np.zeros(sim.n, dtype=bool)
     restarts = np.zeros(sim.n, dtype=int)
     for step in range(round(duration / sim.step_time)):
@@ -167,14 +145,13 @@ def roll_out_policy(
         diverged |= sim.diverged
         target = following
         sensed = sim.sense(rng)
-        if tracker is not None:
+        if tracker is not None and errors is not None and choose_style is not None:
             tracker.advance(sim.step_time)
             tracker.measure(sensed.gravity, sensed.joint_pos)
-            wanted.append(asked.at(first_time + (step + 1) * sim.step_time))
-            if choose_style is not None:
-                again = tracker.restart_deviating(sim.step_time, choose_style)
-                memory[again] = 0.0
-                restarts[again] += 1
+            errors.note(records[-1].features[:, -1], sim.step_time)
+            again = tracker.restart_deviating(sim.step_time, choose_style)
+            memory[again] = 0.0
+            restarts[again] += 1
     columns = {
         field.name: np.concatenate([getattr(record, field.name) for record in records], axis=1)
         for field in fields(Record)
@@ -182,8 +159,7 @@ def roll_out_policy(
     columns["upright"] &= ~diverged[:, None]
     return PolicyRollouts(
         period=robot.control_period,
-        wanted=np.stack(wanted, axis=1) if tracker else np.zeros((sim.n, 0, COUNT)),
-        style_duration=asked.duration if tracker else np.full(sim.n, np.nan),
+        style_error=errors.mean if errors else np.full((sim.n, COUNT), np.nan),
         restarts=restarts,
         **columns,
     )

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
@@ -18,7 +17,6 @@ from humanoid_getup.cli.options.policies import Evaluate
 from humanoid_getup.cli.output import (
     console_for,
     counting,
-    format_figure,
     phase,
     to_json,
     write_json,
@@ -33,13 +31,26 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.styled_rise import PLANNED, read_curves
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.extraction import ExtractionError
+from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_any_style, load_style
 
 if TYPE_CHECKING:  # torch is slow to import
     from sim2real.policy_evaluation import PolicyRollouts, StyleChoice
 
-FIGURES = ("n", "stood", "stood_interval_95", "stand_time_s", "rms_torque_nm", "head_impact_m_s")
-STYLE_FIGURES = ("height_error", "angle_error_deg")
+COLUMNS = {
+    "to stand [s]": "stand_time_s",
+    "RMS [N·m]": "rms_torque_nm",
+    "head [m/s]": "head_impact_m_s",
+    "height error": "height_error",
+    "angle error [deg]": "angle_error_deg",
+    "restarts": "restarts",
+}
+"""Headings of the printed tables, and keys of the JSON."""
+FOLLOWED = ("height_error", "angle_error_deg", "restarts")
+"""Keys of how a style was followed."""
+LEGEND = (
+    "median (95th percentile); times and torques are those of rises that stood, all else of all"
+)
 NEAREST = "nearest"
 """Style of a policy that gets none: it is chosen among all named ones."""
 
@@ -56,7 +67,7 @@ def evaluate(command: Evaluate) -> int:
     limit = make_torque_limit(command, robot)
     policy = load_policy(robot, command.policy, limit.value)
     _check_physics(command, policy)
-    styles = _list_styles(command, policy)
+    styles = _load_styles(command, policy)
     style = policy.contract.style
     if command.height_map and not (style and style.height_map):
         raise BadInputError(
@@ -83,9 +94,9 @@ def evaluate(command: Evaluate) -> int:
     for first in worlds:
         grounds = _list_grounds(command, first)
         falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
-        for name in styles:
+        for name, given in styles.items():
             label = ", ".join([first.scene.name, *([name] if name else [])])
-            choices, planned = _choose_curves(policy, grounds, name, command.seed)
+            choices, planned = _choose_curves(grounds, name, given, command.seed)
             rollouts: list[PolicyRollouts] = []
             with counting(f"rises ({label})", len(falls)) as count:
                 for number, (world, fall_set) in enumerate(grounds):
@@ -124,44 +135,52 @@ def evaluate(command: Evaluate) -> int:
     write_json(to_json(figures), command.json)
     console = console_for(command.json)
     for label, case in cases.items():
-        console.print(_tabulate(f"{figures['policy']}, {label}: {figures['trial']}", case))
+        text = f"{figures['policy']}, {label}; robots {figures['trial']}:\n\n{_tabulate(case)}\n"
+        console.print(text, markup=False, soft_wrap=True)
+    console.print(LEGEND, soft_wrap=True)
     return DID_IT
 
 
-def _list_styles(command: Evaluate, policy: OnnxPolicy) -> list[str | None]:
-    """List the styles to follow; one ``None`` for a policy without style curves."""
+def _load_styles(command: Evaluate, policy: OnnxPolicy) -> dict[str | None, Style | None]:
+    """Load the styles to follow by name; one without a name for a policy without style curves.
+
+    That of plans is ``None``: each fall has its own.
+    """
     if policy.contract.style is None:
         if command.style is not None:
             raise BadInputError(
                 f"--style is {command.style}, expected none: policy '{command.policy}' follows no "
                 "style curves"
             )
-        return [None]
-    return list((command.style or NEAREST).split(","))
+        return {None: None}
+    if command.style is None:
+        return {NEAREST: load_any_style(policy.robot)}
+    names = command.style.split(",")
+    if len(set(names)) < len(names):
+        raise BadInputError(f"--style is {command.style}, expected each style once")
+    with refusing():
+        return {name: None if name == PLANNED else load_style(name, policy.robot) for name in names}
 
 
 def _choose_curves(
-    policy: OnnxPolicy, grounds: list[tuple[World, FallSet]], style: str | None, seed: int
+    grounds: list[tuple[World, FallSet]], name: str | None, style: Style | None, seed: int
 ) -> tuple[list[StyleChoice | None], dict[str, int]]:
     """Make what chooses the curves of each rise, for each ground; count rises with a plan's own."""
-    if style is None:
+    if name is None:
         return [None] * len(grounds), {}
-    robot = policy.robot
-    if style == PLANNED:
+    if style is None:
         plans: list[list[StyleCurves | None]] = []
         with counting("plans", sum(len(falls.falls) for _, falls in grounds)) as count:
             for world, falls in grounds:
                 plans.append(_plan_curves(world, falls, seed, count))
-        nearest = load_any_style(robot)
+        nearest = load_any_style(grounds[0][0].robot)
 
         def follow_plans(curves: list[StyleCurves | None]) -> StyleChoice:
             return lambda row, features: curves[row] or nearest.choose(features)
 
         found = sum(curves is not None for ground in plans for curves in ground)
         return [follow_plans(curves) for curves in plans], {"planned": found}
-    with refusing():
-        given = load_any_style(robot) if style == NEAREST else load_style(style, robot)
-    return [lambda _row, features: given.choose(features)] * len(grounds), {}
+    return [lambda _row, features: style.choose(features)] * len(grounds), {}
 
 
 def _plan_curves(
@@ -222,9 +241,27 @@ def _find_falls(command: Evaluate, world: World) -> FallSet:
     return falls
 
 
-def _tabulate(title: str, figures: dict[str, Any]) -> Table:
-    names = FIGURES + (STYLE_FIGURES if figures["style"] else ())
-    table = Table(title, *names, box=None)
+def _tabulate(figures: dict[str, Any]) -> str:
+    """Write the figures of a case as a Markdown table, by class and over all."""
+    columns = {
+        heading: key for heading, key in COLUMNS.items() if figures["style"] or key not in FOLLOWED
+    }
+    rows = [["", "stood", "95 %", *columns]]
     for name, row in (*figures["classes"].items(), ("all", figures["all"])):
-        table.add_row(name, *(format_figure(row[figure]) for figure in names))
-    return table
+        low, high = row["stood_interval_95"]
+        interval = f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
+        cells = [_format_spread(row[key]) for key in columns.values()]
+        rows.append([name, f"{row['stood']} of {row['n']}", interval, *cells])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    rule = ["-" * width for width in widths]
+    lines = [rows[0], rule, *rows[1:]]
+    return "\n".join(
+        f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))} |"
+        for line in lines
+    )
+
+
+def _format_spread(spread: dict[str, float | None]) -> str:
+    """Write a median and, in parentheses, a 95th percentile; a dash for none."""
+    median, p95 = spread["median"], spread["p95"]
+    return "-" if median is None or p95 is None else f"{median:.2f} ({p95:.2f})"

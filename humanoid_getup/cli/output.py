@@ -19,7 +19,8 @@ from rich.table import Table
 from humanoid_getup.cli.errors import BadInputError
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
-ARTEFACTS = (MOTION, STRIP, TORQUE, REPORT)
+STYLE = "style.png"
+ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
 STANDARD_OUTPUT = "-"
 SCRATCH = ".getup-"
 SMALL_FIGURE = 0.1  # below which two decimals are too few

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -15,9 +14,8 @@ from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.options.motions import REPLAY_FILES, Replay
 from humanoid_getup.cli.output import console_for, phase, staging, to_json, write_json
 from humanoid_getup.playback.estimation import estimate_posture
-from humanoid_getup.reporting import plots
+from humanoid_getup.reporting import plots, style_plot
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
-from humanoid_getup.reporting.style_plot import save_following
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
@@ -41,7 +39,7 @@ def replay_log(command: Replay) -> int:
                 (folder / FIGURES).write_text(to_json(figures), "utf-8")
                 plots.save_flight(record, folder / FLIGHT, title=title)
                 plots.save_difference(report, folder / DIFFERENCE, title=f"{title}: replay")
-                _draw_style(record, folder / STYLE, f"{title}: style")
+                style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")
     write_json(to_json(figures), command.json)
     _print(record, report, console_for(command.json))
     return DID_IT
@@ -54,14 +52,6 @@ def _load_world(command: Replay, record: FlightRecord) -> World:
     scene = command.scene or str(record.about.get("scene", "flat"))
     seed = record.about.get("seed", 0)
     return World(robot, load_scene(scene, robot, seed if isinstance(seed, int) else 0))
-
-
-def _draw_style(record: FlightRecord, file: Path, title: str) -> None:
-    """Draw the style that a policy followed, if it followed any."""
-    guidance = record.tracks.get("guidance")
-    if guidance is not None:
-        time = record.time[guidance.cycle] - record.time[0]
-        save_following(time, guidance["wanted"], guidance["measured"], file, title=title)
 
 
 def _replay(command: Replay, record: FlightRecord, world: World) -> ReplayReport:

@@ -12,6 +12,7 @@ import numpy as np
 from rich.markup import escape
 
 from drivers import Ending
+from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.cli.options.shared import MoveOptions, RunOptions
 from humanoid_getup.cli.options.stand import Hold, Sit
@@ -19,6 +20,7 @@ from humanoid_getup.cli.output import (
     ARTEFACTS,
     REPORT,
     STRIP,
+    STYLE,
     TORQUE,
     console_for,
     staging,
@@ -29,7 +31,7 @@ from humanoid_getup.cli.recording import FLIGHT
 from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.reporting import film_strip, plots
+from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
@@ -67,6 +69,10 @@ def hand_over(
     if options.out is not None:
         with staging(options.out) as folder:
             report["strip_reason"] = _draw(result, world, options, folder)
+            if report["style"] is not None and (options.out / FLIGHT).exists():
+                title = f"{world.robot.name}, {report['start_class']}: style {report['style']}"
+                record = FlightRecord.load(options.out / FLIGHT)
+                style_plot.save_flight(record, folder / STYLE, title=title)
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
@@ -130,9 +136,11 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
     robot, outcome, plan = world.robot, result.outcome, result.plan
     plan.save(folder)
     end = outcome.stand.start_time + film_strip.AFTERMATH if result.stood else math.inf
-    side = "-side" if result.start_class in ("left", "right") else ""
+    lay = result.attempts[-1].start_class or result.start_class
+    side = "-side" if lay in ("left", "right") else ""
     where = "" if world.scene.name == FLAT_SCENE.name else f", {world.scene.name}"
-    title = f"{robot.name}{where}, {result.start_class}{side} start: {plan.label}"
+    attempt = f", attempt {len(result.attempts)}" if len(result.attempts) > 1 else ""
+    title = f"{robot.name}{where}, {lay}{side} start{attempt}: {plan.label}"
     if result.moves:
         moved = result.record()["moves_s"]
         title += f", after {moved:.1f} s of moves"

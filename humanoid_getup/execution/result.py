@@ -82,7 +82,7 @@ class Attempt:
             return f"aborted after {self.abort.time:.1f} s: {self.abort}"
         if self.run.ending is not Ending.DONE:
             return self.run.reason
-        return f"fell: held {self.outcome.stand.hold_time:.1f} s, expected {HOLD_TIME:.1f} s"
+        return f"held no stand: {self.outcome.stand.hold_time:.1f} s of {HOLD_TIME:.1f} s"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,8 +21,10 @@ from humanoid_getup.policy.observation import (
 )
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
 from humanoid_getup.style.curve_tracker import CurveTracker
+from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.height_map import UNKNOWN
 from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_errors import FollowedStyle, StyleErrors
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
 from robots.kinematics import GravitySense
@@ -101,6 +103,7 @@ class OnnxNetwork:
 
 
 LONGEST = 12.0  # s; includes further tries of the policy itself
+LOST = 3.0  # s of deviation from style curves while none begin near, after which it gives up
 STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
 
 
@@ -147,6 +150,8 @@ class OnnxPolicy:
         )
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
+        self._first: tuple[StyleCurves, Array]
+        """Curves that were followed first, and the features that were measured then."""
         self._start_at(robot.standing.joint_pos)
 
     @staticmethod
@@ -219,11 +224,22 @@ class OnnxPolicy:
         return Guidance(wanted=self.tracker.wanted[0], measured=self.tracker.features[0])
 
     @property
+    def followed(self) -> FollowedStyle | None:
+        """Return how its first curves were followed so far; ``None`` if it follows none."""
+        if self._errors is None:
+            return None
+        return FollowedStyle.of(self._errors, self._first[0], self._first[1], self._restarts)
+
+    @property
     def done(self) -> bool:
-        """Return whether the robot has stood long enough, the time is up, or it failed."""
+        """Return whether the robot has stood long enough, the time is up, or it failed.
+
+        A robot that deviates from its style curves, and lies where none begin, has failed.
+        """
         stood = self._steady * self._step_time >= HOLD
         timed_out = self._clock - self._begin >= self.longest - 1e-9
-        return self.fault is not None or stood or timed_out
+        is_lost = self.tracker is not None and bool(self.tracker.deviating[0] > LOST)
+        return self.fault is not None or stood or timed_out or is_lost
 
     def reset(self, state: State) -> None:
         """Begin at the measured joint angles."""
@@ -273,7 +289,8 @@ class OnnxPolicy:
         self._target = self._following = joint_pos
         style = self.contract.style
         self._memory = np.zeros(style.memory if style else self.action.size)
-        self._is_first = True
+        self._errors: StyleErrors | None = None
+        self._restarts = 0
         self._cycle = 0
         self._steady = 0  # policy steps in a row in which it stands
 
@@ -306,14 +323,17 @@ class OnnxPolicy:
         if self.tracker is None or self.style is None:
             return
         self.tracker.measure(sensed.gravity[None], sensed.joint_pos[None])
-        if self._is_first:
-            self.tracker.begin(np.arange(1), [self.style.choose(self.tracker.features[0])])
-            self._is_first = False
+        if self._errors is None:
+            self._first = self.style.choose(self.tracker.features[0]), self.tracker.features[0]
+            self.tracker.begin(np.arange(1), self._first[:1])
+            self._errors = StyleErrors(self._first[:1], self.tracker.features, self.tracker.time)
             return
         style = self.style
+        self._errors.note(self.tracker.features, self._step_time)
         self.tracker.advance(self._step_time)
         if len(self.tracker.restart_deviating(self._step_time, lambda _, seen: style.choose(seen))):
             self._memory = np.zeros_like(self._memory)
+            self._restarts += 1
 
 
 def find_policy(robot: Robot, name: str) -> Path:

@@ -59,7 +59,9 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
     table = Table.grid(padding=(0, 2))
     for label, text in (
         ("start", f"{report['start_class']}, seed {report['seed']}"),
+        ("tries", _describe_attempts(report)),
         ("motion", _describe_motion(report)),
+        ("style", _describe_style(report)),
         ("moves", _describe_moves(report)),
         ("keys", _describe_keys(report)),
         ("prefers", _describe_preference(report)),
@@ -77,7 +79,9 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
 
 def _headline(report: dict[str, Any]) -> str:
     if report["stood"]:
-        return f"stood after {report['stand_time_s']:.2f} s, held {report['hold_s']:.1f} s"
+        tries = len(report["attempt_reasons"])
+        attempt = f" of attempt {tries}" if tries > 1 else ""
+        return f"stood after {report['stand_time_s']:.2f} s{attempt}, held {report['hold_s']:.1f} s"
     return f"did not stand: {report['reason']}"
 
 
@@ -99,6 +103,22 @@ def _describe_motion(report: dict[str, Any]) -> str:
     text += f", filtered in {report['filter_s']:.2f} s over {report['rollouts']} rollouts"
     robust = report["robust"]
     return text if robust is None else f"{text}, stands in {robust:.0%} of the disturbed ones"
+
+
+def _describe_attempts(report: dict[str, Any]) -> str:
+    """Say how each attempt ended, where the last one stood after others."""
+    reasons = report["attempt_reasons"]
+    if len(reasons) < 2 or not report["stood"]:  # the headline names them all
+        return ""
+    return "; ".join(f"{number}. {reason}" for number, reason in enumerate(reasons, start=1))
+
+
+def _describe_style(report: dict[str, Any]) -> str:
+    """Say which style was followed, and how well."""
+    if not report.get("style"):
+        return ""
+    summary = report.get("style_summary")
+    return f"{report['style']}: {summary}" if summary else report["style"]
 
 
 def _describe_moves(report: dict[str, Any]) -> str:

@@ -47,8 +47,12 @@ class PolicyPlan(RisePlan):
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""
-        style = self.policy.style
-        return super().record() | {"policy": self.name, "style": style and style.name}
+        style, followed = self.policy.style, self.policy.followed
+        return (
+            super().record()
+            | {"policy": self.name, "style": style and style.name}
+            | (followed.record() | {"style_summary": str(followed)} if followed else {})
+        )
 
 
 class LearnedRise:

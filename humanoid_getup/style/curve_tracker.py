@@ -43,6 +43,11 @@ class CurveTracker:
         return self.targets[:, 0]
 
     @property
+    def deviating(self) -> Array:
+        """Return for how long each robot has deviated, and not restarted [s], (N,)."""
+        return self._deviating
+
+    @property
     def duration(self) -> Array:
         """Return how long the curves last [s], (N,)."""
         return self._curves.duration

@@ -137,8 +137,7 @@ def test_figures_count_by_class(op3: Robot):
         head_contact=np.array([[False, True]] * 3),
         head_speed=np.array([[0.0, 0.0], [1.5, 0.0], [0.5, 0.0]]),
         features=np.zeros((3, 1, 3)),
-        wanted=np.zeros((3, 0, 3)),
-        style_duration=np.full(3, np.nan),
+        style_error=np.full((3, 3), np.nan),
         restarts=np.zeros(3, dtype=int),
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]

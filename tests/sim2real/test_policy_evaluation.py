@@ -45,8 +45,7 @@ def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand():
         upright=upright,
         qpos=np.zeros((5, 1, 9)),
         features=np.zeros((5, 1, 3)),
-        wanted=np.zeros((5, 0, 3)),
-        style_duration=np.full(5, np.nan),
+        style_error=np.full((5, 3), np.nan),
         restarts=np.zeros(5, dtype=int),
         torque=np.ones((5, samples, 2)),
         joint_vel=np.ones((5, samples, 2)),
@@ -76,8 +75,7 @@ def stood() -> PolicyRollouts:
         upright=upright,
         qpos=np.zeros((2, 1, 9)),
         features=np.zeros((2, 1, 3)),
-        wanted=np.zeros((2, 0, 3)),
-        style_duration=np.full(2, np.nan),
+        style_error=np.full((2, 3), np.nan),
         restarts=np.zeros(2, dtype=int),
         torque=torque,
         joint_vel=joint_vel,
@@ -168,23 +166,3 @@ def test_the_torque_limit_is_observed_and_the_last_positions_are_kept(op3, actio
     np.testing.assert_array_equal(rollouts.qpos[:, -1], sim.qpos)
     share = min(2.05 / op3.max_torque.max(), action.pwm_limit)
     assert np.array(seen) == pytest.approx(np.full((len(seen), 2), share))
-
-
-def test_errors_of_style_count_while_the_curves_last(op3):
-    """Of two robots whose curves last for 2 and for 3 of 4 policy steps."""
-    features = np.zeros((2, 4, 3))
-    wanted = np.array([[0.1, 0.3, 9.0, 9.0], [0.0, 0.2, -0.4, 9.0]])[..., None] * [1.0, 2.0, 3.0]
-    rollouts = PolicyRollouts(
-        period=op3.control_period,
-        upright=np.zeros((2, 24), dtype=bool),
-        qpos=np.zeros((2, 4, 9)),
-        torque=np.zeros((2, 24, 2)),
-        joint_vel=np.zeros((2, 24, 2)),
-        head_contact=np.zeros((2, 24), dtype=bool),
-        head_speed=np.zeros((2, 24)),
-        features=features,
-        wanted=wanted,
-        style_duration=np.array([2.0, 3.0]) * 6 * op3.control_period,
-        restarts=np.zeros(2, dtype=int),
-    )
-    assert rollouts.style_error() == pytest.approx(np.array([[0.2, 0.4, 0.6]] * 2))

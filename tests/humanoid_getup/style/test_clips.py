@@ -1,6 +1,7 @@
 """Clips of motion capture are read for their style features."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +94,13 @@ def test_z_may_point_up(tmp_path):
         ("OFFSET 10 0 0", "OFFSET 10 0 x", "could not convert"),
         ("MOTION", "MOTIONS LESS", "it is not a BVH file"),
         ("CHANNELS 6", "CHANGES 6", "unexpected 'CHANGES'"),
+        ("CHANNELS 6", "CHANNELS -2", "joint 'Hips' has -2 channels"),
+        ("Yposition", "Yscale", "expected different ones of Xposition to Zposition"),
+        ("Yposition", "Xposition", "joint 'Hips' has 6 channels"),
+        ("Frame Time: 0.05", "Frame Time: 0", "a frame lasts 0 s, expected above 0 s"),
+        ("Frame Time: 0.05", "Frame Time: inf", "a frame lasts inf s"),
+        ("0 100 0 0 0 0 0.0", "0 100 0 0 0 nan 0.0", "number 6 of frame 1 is not finite"),
+        ("OFFSET 0 50 0", "OFFSET 0 inf 0", "joint 'Neck' has OFFSET"),
     ],
 )
 def test_a_file_that_is_no_bvh_is_refused_in_one_line(tmp_path, before, after, fault):
@@ -110,6 +118,83 @@ def test_a_body_without_the_needed_joints_is_named(tmp_path):
     file.write_text(file.read_text().replace("JOINT Neck", "JOINT Tail"))
     with pytest.raises(ClipError, match="it has no neck, expected a joint lowerneck, Neck"):
         read_bvh(file).measure_features()
+
+
+def test_a_file_that_begins_with_a_byte_order_mark_is_read(tmp_path):
+    file = write_bvh(tmp_path / "a.bvh", [(0, 100, 0, 0, 0, 0)] * 2)
+    file.write_text("\ufeff" + file.read_text(), "utf-8")
+    assert read_bvh(file).leg_length == pytest.approx(1.0)
+
+
+def test_a_body_that_does_not_stand_along_the_axis_up_is_refused(tmp_path):
+    file = write_bvh(tmp_path / "a.bvh", [(0, 100, 0, 0, 0, 0)] * 2)
+    clip = replace(read_bvh(file), up="z")
+    told = "-0.15 m over the feet along z, expected a stand; does y point up"
+    for measure in (lambda: clip.leg_length, clip.measure_features):
+        with pytest.raises(ClipError, match="along z, expected a stand") as caught:
+            measure()
+        assert "(--up y)" in str(caught.value)
+    assert told.split(",")[1] in str(caught.value)
+
+
+def test_a_body_without_a_torso_is_refused(tmp_path):
+    file = write_bvh(tmp_path / "a.bvh", [(0, 100, 0, 0, 0, 0)] * 2)
+    file.write_text(re.sub(r"OFFSET -?10 0 0", "OFFSET 0 0 0", file.read_text()))
+    with pytest.raises(ClipError, match="one place in frame 1, expected a torso"):
+        read_bvh(file).measure_features()
+
+
+SKELETON_ASF = """:units
+  length 1.0
+:bonedata
+begin
+  name hip
+  direction 0 1 0
+  length 2.0
+  axis 0 0 0 XYZ
+  dof rx rz
+end
+begin
+  name foot
+  direction 0 -1 0
+  length 3.0
+  axis 0 0 0 XYZ
+end
+:hierarchy
+begin
+  root hip
+  hip foot
+end
+"""
+FRAMES_AMC = ":FULLY-SPECIFIED\n1\nroot 0 0 0 0 0 0\nhip 10 20\n2\nroot 0 1 0 0 0 0\nhip 0 0\n"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "fault"),
+    [
+        ("length 1.0", "length 0.0", "the unit of length is 0, expected above 0"),
+        ("length 2.0", "length inf", "bone 'hip' has length inf"),
+        ("direction 0 1 0", "direction 0 1", "bone 'hip' has direction 0 1, expected three"),
+        ("dof rx rz", "dof r rz", "bone 'hip' has dof r rz, expected different ones of rx"),
+        ("dof rx rz", "dof l rz", "bone 'hip' has dof l rz"),
+        ("root hip", "root tail", "bone 'tail' is in the hierarchy, expected once"),
+        ("  root hip\n", "", "bone 'hip' has children before it is one"),
+        ("hip foot", "hip foot\n  foot hip", "bone 'hip' is in the hierarchy, expected once"),
+        (":hierarchy", ":tree", "'hierarchy' is missing"),
+        ("  axis 0 0 0 XYZ\n  dof", "  dof", "'axis' is missing"),
+    ],
+)
+def test_a_skeleton_that_is_damaged_is_refused_in_one_line(tmp_path, before, after, fault):
+    clip, skeleton = tmp_path / "a.amc", tmp_path / "a.asf"
+    clip.write_text(FRAMES_AMC)
+    skeleton.write_text(SKELETON_ASF)
+    assert read_acclaim(clip, skeleton).joints["foot end"][1] == pytest.approx([0.0, 0.0, 0.0])
+    skeleton.write_text(SKELETON_ASF.replace(before, after, 1))
+    with pytest.raises(ClipError) as caught:
+        read_acclaim(clip, skeleton)
+    assert str(caught.value).startswith(f"skeleton {skeleton}: it is not an ASF file: ")
+    assert fault in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.skipif(not CMU.exists(), reason="needs the clips in ../shared/mocap")

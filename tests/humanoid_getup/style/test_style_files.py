@@ -69,8 +69,16 @@ def test_a_written_style_reads_back(op3, tmp_path):
     again = read_style(file, op3)
     assert (again.name, again.about) == ("mine", style.about)
     for one, other in zip(again.curves, style.curves, strict=True):
+        assert one.start == other.start
         assert one.points == pytest.approx(other.points, abs=1e-3)
         assert one.duration == pytest.approx(other.duration, abs=1e-3)
+
+
+def test_a_style_without_a_word_about_it_reads_back(op3, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(WHOLE)
+    write_style(read_style(file, op3), op3, file)
+    assert read_style(file, op3).about == ""
 
 
 def test_durations_are_scaled_by_the_square_root_of_the_legs(op3, tmp_path):
@@ -92,6 +100,10 @@ def test_durations_are_scaled_by_the_square_root_of_the_legs(op3, tmp_path):
         ),
         ("5.1", "-5.1", "duration is -5.1 s, expected above 0 s"),
         ("leg_length = 0.9", "", "leg_length is missing"),
+        ("duration = 5.1", "", "curves 1: duration is missing, expected seconds"),
+        ("5.1", "0.01", "duration is 0.005"),
+        (LINE, LINE.replace("0.2", '"0.2"'), "expected a list of finite numbers"),
+        (LINE, LINE.replace("0.2", "true"), "expected a list of finite numbers"),
         ("[[curves]]", "[curves]", "curves is "),
         ("duration", "durations", "unknown key durations"),
         ("0.9\n", "0.9 m\n", "not TOML"),

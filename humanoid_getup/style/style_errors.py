@@ -1,0 +1,106 @@
+"""How well robots follow style curves: the mean errors from those that they were first given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.style.curves import CurveTargets, StyleCurves
+from humanoid_getup.style.features import COUNT, angle_distance
+from robots.quaternion import Array
+
+# Mean errors up to which curves count as followed: planned rises are followed within half of them.
+MOST_HEIGHT_ERROR = 0.1  # share of the standing neck height
+MOST_ANGLE_ERROR = np.radians(20.0)
+FAR = np.radians(45.0)  # between how a robot lies and how its curves begin
+
+
+class StyleErrors:
+    """Errors of N robots from the curves that they were first given, while these last.
+
+    A robot that deviates restarts on other curves: the errors are still those from the first.
+    """
+
+    def __init__(self, curves: Sequence[StyleCurves], features: Array, time: Array) -> None:
+        """Begin with robots of some features (N, 3) at times on their curves [s], (N,)."""
+        n = len(curves)
+        self._asked = CurveTargets(n)
+        pieces = np.array([curve.pieces for curve in curves])
+        self.duration = np.array([curve.duration for curve in curves])
+        """Of the curves [s], (N,)."""
+        self._asked.enter(np.arange(n), pieces, self.duration, features, time)
+        self._time = time.copy()
+        self._sum, self._steps = np.zeros((n, COUNT)), np.zeros(n)
+
+    def note(self, features: Array, step_time: float) -> None:
+        """Note what the robots measure, (N, 3), at the end of a policy step [s]."""
+        self._time = self._time + step_time
+        off = np.abs(features - self._asked.at(self._time))
+        lasts = self._time <= self.duration + 1e-9
+        self._sum[lasts] += off[lasts]
+        self._steps += lasts
+
+    @property
+    def mean(self) -> Array:
+        """Return the mean errors, (N, 3); NaN for curves that were at their end from the first."""
+        steps = np.where(self._steps > 0, self._steps, np.nan)
+        return self._sum / steps[:, np.newaxis]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowedStyle:
+    """How a robot followed the curves that it was first given."""
+
+    height_error: float
+    """Mean error of the neck height while they lasted, as a share of standing."""
+    angle_error: float
+    """Mean error of both torso angles while they lasted [rad]."""
+    restarts: int
+    """How often the robot deviated, and restarted on other curves."""
+    began_off: float
+    """Angle between how the robot lay and how the curves begin [rad]."""
+
+    @staticmethod
+    def of(
+        errors: StyleErrors, curves: StyleCurves, features: Array, restarts: int
+    ) -> FollowedStyle:
+        """Collect the figures of one robot, which began with features (3,)."""
+        mean = errors.mean[0]
+        return FollowedStyle(
+            height_error=float(mean[0]),
+            angle_error=float(mean[1:].mean()),
+            restarts=restarts,
+            began_off=float(angle_distance(curves.points[0], features)),
+        )
+
+    @property
+    def was_followed(self) -> bool:
+        """Return whether the curves were followed, without a restart."""
+        small = self.height_error <= MOST_HEIGHT_ERROR and self.angle_error <= MOST_ANGLE_ERROR
+        return small and self.restarts == 0
+
+    def __str__(self) -> str:
+        """Say in one line how it went."""
+        if np.isnan(self.height_error):
+            return "the robot stood already"
+        text = f"{'followed' if self.was_followed else 'not followed'}, mean errors "
+        text += f"{self.height_error:.2f} of the height and {np.degrees(self.angle_error):.0f}°"
+        if self.restarts:
+            times = "once" if self.restarts == 1 else f"{self.restarts} times"
+            text += f"; restarted {times} on curves nearer to how it lay then"
+        if self.began_off > FAR:
+            text += f"; the curves begin {np.degrees(self.began_off):.0f}° from how it lay"
+        return text
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures under report.json's keys."""
+        return {
+            "style_followed": self.was_followed,
+            "style_height_error": self.height_error,
+            "style_angle_error_deg": float(np.degrees(self.angle_error)),
+            "style_restarts": self.restarts,
+            "style_began_off_deg": float(np.degrees(self.began_off)),
+        }

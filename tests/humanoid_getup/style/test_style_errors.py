@@ -1,0 +1,69 @@
+"""Errors from style curves count while the curves last, and say whether they were followed."""
+
+import math
+
+import numpy as np
+import pytest
+
+from humanoid_getup.style.curves import UPRIGHT_STAND, StyleCurves
+from humanoid_getup.style.style_errors import FollowedStyle, StyleErrors
+
+STEP = 0.5  # s
+LYING = np.array([0.3, math.pi / 2, 0.2])
+
+
+def rise(duration: float) -> StyleCurves:
+    """Make curves from lying to standing, in nine equal steps."""
+    points = LYING + np.linspace(0.0, 1.0, 9)[:, None] * (UPRIGHT_STAND - LYING)
+    return StyleCurves.of(points, duration)
+
+
+def test_errors_count_while_the_curves_last():
+    """Of two robots whose curves last for 4 and for 2 of 4 policy steps."""
+    curves = [rise(4 * STEP), rise(2 * STEP)]
+    errors = StyleErrors(curves, np.tile(LYING, (2, 1)), np.zeros(2))
+    off = np.array([0.1, 0.2, -0.3, 0.4])
+    for k, error in enumerate(off, start=1):
+        wanted = np.array([curve.sample(np.array(k * STEP)) for curve in curves])
+        errors.note(wanted + error * np.array([1.0, 2.0, 3.0]), STEP)
+    assert errors.mean[0] == pytest.approx(0.25 * np.array([1.0, 2.0, 3.0]))
+    assert errors.mean[1] == pytest.approx(0.15 * np.array([1.0, 2.0, 3.0]))
+
+
+def test_errors_are_those_from_curves_that_are_blended_from_how_the_robot_lay():
+    lay = LYING + np.array([0.0, 0.3, 0.0])
+    errors = StyleErrors([rise(8 * STEP)], lay[None], np.zeros(1))
+    errors.note(rise(8 * STEP).sample(np.array([[STEP]]))[0] + [0.0, 0.15, 0.0], STEP)
+    assert errors.mean[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)  # half of the blend
+
+
+def test_a_robot_that_stood_from_the_first_followed_nothing():
+    errors = StyleErrors([rise(2 * STEP)], UPRIGHT_STAND[None], np.array([2 * STEP]))
+    errors.note(UPRIGHT_STAND[None], STEP)
+    followed = FollowedStyle.of(errors, rise(2 * STEP), UPRIGHT_STAND, 0)
+    assert str(followed) == "the robot stood already"
+    assert not followed.was_followed
+
+
+@pytest.mark.parametrize(
+    ("facts", "text"),
+    [
+        ((0.03, 5.0, 0, 10.0), "followed, mean errors 0.03 of the height and 5°"),
+        ((0.12, 5.0, 0, 10.0), "not followed, mean errors 0.12 of the height and 5°"),
+        ((0.03, 21.0, 0, 10.0), "not followed, mean errors 0.03 of the height and 21°"),
+        ((0.03, 5.0, 1, 10.0), "; restarted once on curves nearer to how it lay then"),
+        ((0.23, 51.0, 5, 10.0), "; restarted 5 times on curves nearer to how it lay then"),
+        ((0.2, 43.0, 0, 150.0), "; the curves begin 150° from how it lay"),
+    ],
+)
+def test_it_is_said_whether_curves_were_followed(facts, text):
+    height, angle, restarts, off = facts
+    followed = FollowedStyle(
+        height_error=height,
+        angle_error=math.radians(angle),
+        restarts=restarts,
+        began_off=math.radians(off),
+    )
+    assert text in str(followed)
+    assert followed.was_followed == str(followed).startswith("followed")
+    assert followed.record()["style_restarts"] == restarts

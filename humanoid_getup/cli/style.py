@@ -27,7 +27,7 @@ from robots import Robot
 from robots.kinematics import GravitySense, leg_length
 from robots.quaternion import Array
 
-LOG, BVH, ACCLAIM = ".mcap", ".bvh", ".amc"
+MOTION, LOG, BVH, ACCLAIM = ".npz", ".mcap", ".bvh", ".amc"
 
 
 def list_styles(command: ListStyles) -> int:
@@ -140,6 +140,11 @@ def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, flo
         clip = _read_clip(command, file)
         scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
         return clip.time, clip.measure_features(), scale
+    if kind and kind != MOTION and file.exists():
+        raise BadInputError(
+            f"{command.source} is a file of another kind, expected {MOTION}, {LOG}, {BVH}, "
+            f"{ACCLAIM}, or the name of a motion"
+        )
     motion = find_motion(robot, command.source)
     return motion.time, measure_motion(robot, motion), 1.0
 

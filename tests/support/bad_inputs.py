@@ -28,6 +28,20 @@ from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
 from robots import Robot, load_robot
 
 MOTION = "squat_to_stand"
+BVH = """HIERARCHY
+ROOT Hips {
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT LeftUpLeg { OFFSET 10 0 0 CHANNELS 0 JOINT LeftFoot { OFFSET 0 -100 0 CHANNELS 0 } }
+  JOINT RightUpLeg { OFFSET -10 0 0 CHANNELS 0 JOINT RightFoot { OFFSET 0 -100 0 CHANNELS 0 } }
+  JOINT Neck { OFFSET 0 50 0 CHANNELS 0 }
+}
+MOTION
+Frames: 2
+Frame Time: 0.5
+0 10 0 0 -90 0
+0 100 0 0 0 0
+"""
 
 
 @dataclass(frozen=True)
@@ -292,6 +306,12 @@ GROUPS: dict[str, list[Case]] = {
         case("style show wide.toml", "curves 1: side is 200° at point 1, expected 0 to 180°"),
         case("style show falling.toml", "falling.toml: duration is -5 s, expected above 0 s"),
         case("style show text.txt", "unknown style 'text.txt'"),
+        case("style show texts.toml", "neck_height is", "expected a list of finite numbers"),
+        case("style show short.toml", "duration is 0.005", "expected 0.1 to 60 s"),
+        case(
+            "style show sit-up --json both.png --picture both.png",
+            "--json and --picture are both both.png, expected two files",
+        ),
         case("style show none.toml", "style file none.toml: No such file or directory"),
         case("style show sit-up --picture folder", "folder: is a folder, expected a file"),
         case("style edit sit-up --out mine.toml", "no edit is given, expected --slower"),
@@ -302,9 +322,15 @@ GROUPS: dict[str, list[Case]] = {
             "--slower and --faster are given, expected one of them",
         ),
         case("style edit sit-up --hold 9 1 --out mine.toml", "hold is at 9 s, expected 0 to 2.8"),
+        case("style edit sit-up --hold 1 inf --out mine.toml", "--hold is 1 inf, expected a time"),
+        case("style edit sit-up --faster 1000 --out mine.toml", "expected 0.1 to 60 s"),
         case("style edit sit-up --slower 2 --out mine", "expected a name that ends with .toml"),
         case("style extract moonwalk --out mine.toml", "unknown motion 'moonwalk'"),
         case("style extract empty.mcap --out mine.toml", "empty.mcap"),
+        case("style extract text.txt --out mine.toml", "a file of another kind, expected .npz"),
+        case(f"style extract {MOTION} --up z --out mine.toml", "--up is given, expected none with"),
+        case("style extract turned.bvh --out mine.toml", "along y, expected a stand", "(--up z)"),
+        case("style extract scaled.bvh --out mine.toml", "joint 'Hips' has 6 channels Xscale"),
         case(
             "style extract text.bvh --out mine.toml", "it is not a BVH file: HIERARCHY is missing"
         ),
@@ -324,6 +350,9 @@ GROUPS: dict[str, list[Case]] = {
         case("eval robust --n 4 --style sit-up", "policy 'robust' follows no style curves"),
         case("eval robust --n 4 --height-map", "policy 'robust' has no height map"),
         case("eval robust --n 4 --scene flat,flat", "expected each scene once"),
+        case("eval styled --n 4 --style sit-up,moon", "unknown style 'moon'"),
+        case("eval styled --n 4 --style sit-up,sit-up", "expected each style once"),
+        case("eval styled --n 4 --style ''", "unknown style ''"),
         case("eval robust --n 4 --scene flat,moon", "unknown scene 'moon'"),
     ],
     "train and export": [
@@ -555,7 +584,9 @@ def _make_styles(folder: Path) -> None:
         (folder / name).write_text("no numbers here")
     rise, right = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0], [90] * 9
 
-    def save(name: str, *, height: object = rise, side: object = right, duration: int = 5) -> None:
+    def save(
+        name: str, *, height: object = rise, side: object = right, duration: float = 5
+    ) -> None:
         (folder / name).write_text(
             f"leg_length = 0.9\nduration = {duration}\n[[curves]]\nneck_height = {height}\n"
             f"side_deg = {side}\nfront_deg = {right}\n"
@@ -565,6 +596,13 @@ def _make_styles(folder: Path) -> None:
     save("kneeling.toml", height=[*rise[:8], 0.6])
     save("wide.toml", side=[200, *right[1:]])
     save("falling.toml", duration=-5)
+    save("texts.toml", height=list(map(str, rise)))
+    save("short.toml", duration=0.01)
+    clip = BVH.replace("OFFSET 0 -100 0", "OFFSET 0 0 -100").replace(
+        "OFFSET 0 50 0", "OFFSET 0 0 50"
+    )
+    (folder / "turned.bvh").write_text(clip)
+    (folder / "scaled.bvh").write_text(BVH.replace("Xposition", "Xscale"))
 
 
 def _make_postures(folder: Path, robot: Robot) -> None:

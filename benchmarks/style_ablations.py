@@ -14,7 +14,7 @@ On the terrain, each from the same policy:
 - terrain: the recipe styled;
 - all open: without the curriculum, robots on all levels at once;
 - no restarts: a robot that deviates from its curves ends its episode;
-- no ankle balance.
+- no ankle balance (an exported policy would have it again).
 
     python benchmarks/style_ablations.py --prior out/prior --parent out/styled --out out/ablations
 

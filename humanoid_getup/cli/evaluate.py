@@ -33,6 +33,7 @@ from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.extraction import ExtractionError
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_any_style, load_style
+from robots import Robot
 
 if TYPE_CHECKING:  # torch is slow to import
     from sim2real.policy_evaluation import PolicyRollouts, StyleChoice
@@ -153,13 +154,17 @@ def _load_styles(command: Evaluate, policy: OnnxPolicy) -> dict[str | None, Styl
                 "style curves"
             )
         return {None: None}
-    if command.style is None:
-        return {NEAREST: load_any_style(policy.robot)}
-    names = command.style.split(",")
+    names = (NEAREST if command.style is None else command.style).split(",")
     if len(set(names)) < len(names):
         raise BadInputError(f"--style is {command.style}, expected each style once")
     with refusing():
-        return {name: None if name == PLANNED else load_style(name, policy.robot) for name in names}
+        return {name: _load_style(name, policy.robot) for name in names}
+
+
+def _load_style(name: str, robot: Robot) -> Style | None:
+    if name == PLANNED:
+        return None
+    return load_any_style(robot) if name == NEAREST else load_style(name, robot)
 
 
 def _choose_curves(

@@ -71,8 +71,11 @@ def hand_over(
             report["strip_reason"] = _draw(result, world, options, folder)
             if report["style"] is not None and (options.out / FLIGHT).exists():
                 title = f"{world.robot.name}, {report['start_class']}: style {report['style']}"
-                record = FlightRecord.load(options.out / FLIGHT)
-                style_plot.save_flight(record, folder / STYLE, title=title)
+                try:
+                    record = FlightRecord.load(options.out / FLIGHT)
+                    style_plot.save_flight(record, folder / STYLE, title=title)
+                except ValueError as error:  # an incomplete log
+                    report["warnings"].append(f"no {STYLE}: {error}")
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
@@ -136,7 +139,8 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
     robot, outcome, plan = world.robot, result.outcome, result.plan
     plan.save(folder)
     end = outcome.stand.start_time + film_strip.AFTERMATH if result.stood else math.inf
-    lay = result.attempts[-1].start_class or result.start_class
+    again = result.attempts[-1].start_class if len(result.attempts) > 1 else None
+    lay = again or result.start_class
     side = "-side" if lay in ("left", "right") else ""
     where = "" if world.scene.name == FLAT_SCENE.name else f", {world.scene.name}"
     attempt = f", attempt {len(result.attempts)}" if len(result.attempts) > 1 else ""

@@ -140,7 +140,7 @@ def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, flo
         clip = _read_clip(command, file)
         scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
         return clip.time, clip.measure_features(), scale
-    if kind and kind != MOTION and file.exists():
+    if kind and kind != MOTION and file.is_file():
         raise BadInputError(
             f"{command.source} is a file of another kind, expected {MOTION}, {LOG}, {BVH}, "
             f"{ACCLAIM}, or the name of a motion"

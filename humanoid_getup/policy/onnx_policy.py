@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +104,8 @@ class OnnxNetwork:
 
 
 LONGEST = 12.0  # s; includes further tries of the policy itself
-LOST = 3.0  # s of deviation from style curves while none begin near, after which it gives up
+LYING = 0.6  # share of the standing neck height below which a robot lies, sits or kneels
+LOST = 3.0  # s of deviation from style curves while it lies where none begin: it gives up
 STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
 
 
@@ -150,8 +152,6 @@ class OnnxPolicy:
         )
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
-        self._first: tuple[StyleCurves, Array]
-        """Curves that were followed first, and the features that were measured then."""
         self._start_at(robot.standing.joint_pos)
 
     @staticmethod
@@ -226,9 +226,7 @@ class OnnxPolicy:
     @property
     def followed(self) -> FollowedStyle | None:
         """Return how its first curves were followed so far; ``None`` if it follows none."""
-        if self._errors is None:
-            return None
-        return FollowedStyle.of(self._errors, self._first[0], self._first[1], self._restarts)
+        return self._following_style and self._following_style.summarize()
 
     @property
     def done(self) -> bool:
@@ -238,7 +236,7 @@ class OnnxPolicy:
         """
         stood = self._steady * self._step_time >= HOLD
         timed_out = self._clock - self._begin >= self.longest - 1e-9
-        is_lost = self.tracker is not None and bool(self.tracker.deviating[0] > LOST)
+        is_lost = self._following_style is not None and self._has_lost_style
         return self.fault is not None or stood or timed_out or is_lost
 
     def reset(self, state: State) -> None:
@@ -289,8 +287,8 @@ class OnnxPolicy:
         self._target = self._following = joint_pos
         style = self.contract.style
         self._memory = np.zeros(style.memory if style else self.action.size)
-        self._errors: StyleErrors | None = None
-        self._restarts = 0
+        self._following_style: _FirstCurves | None = None
+        self._has_lost_style = False
         self._cycle = 0
         self._steady = 0  # policy steps in a row in which it stands
 
@@ -323,17 +321,34 @@ class OnnxPolicy:
         if self.tracker is None or self.style is None:
             return
         self.tracker.measure(sensed.gravity[None], sensed.joint_pos[None])
-        if self._errors is None:
-            self._first = self.style.choose(self.tracker.features[0]), self.tracker.features[0]
-            self.tracker.begin(np.arange(1), self._first[:1])
-            self._errors = StyleErrors(self._first[:1], self.tracker.features, self.tracker.time)
+        style, first = self.style, self._following_style
+        if first is None:
+            curves = style.choose(self.tracker.features[0])
+            self.tracker.begin(np.arange(1), [curves])
+            errors = StyleErrors([curves], self.tracker.features, self.tracker.time)
+            self._following_style = _FirstCurves(curves, self.tracker.features[0], errors)
             return
-        style = self.style
-        self._errors.note(self.tracker.features, self._step_time)
+        first.errors.note(self.tracker.features, self._step_time)
         self.tracker.advance(self._step_time)
         if len(self.tracker.restart_deviating(self._step_time, lambda _, seen: style.choose(seen))):
             self._memory = np.zeros_like(self._memory)
-            self._restarts += 1
+            first.restarts += 1
+        lies = self.tracker.features[0, 0] < LYING
+        self._has_lost_style = bool(lies and self.tracker.deviating[0] > LOST)
+
+
+@dataclass(eq=False)
+class _FirstCurves:
+    """The style curves that a robot was first given, and how it followed them so far."""
+
+    curves: StyleCurves
+    features: Array
+    """Measured when it was given them, (3,)."""
+    errors: StyleErrors
+    restarts: int = 0
+
+    def summarize(self) -> FollowedStyle:
+        return FollowedStyle.of(self.errors, self.curves, self.features, self.restarts)
 
 
 def find_policy(robot: Robot, name: str) -> Path:

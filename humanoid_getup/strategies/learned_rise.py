@@ -100,5 +100,7 @@ class LearnedRise:
         """For reports."""
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
-        """Plan to run the policy."""
-        return PolicyPlan(status=RiseStatus.LEARNED, policy=self.policy, name=self.name)
+        """Plan to run the policy; with a style, one of its own, which knows how it followed it."""
+        style = self.policy.style
+        policy = self.policy.following(style) if style else self.policy
+        return PolicyPlan(status=RiseStatus.LEARNED, policy=policy, name=self.name)

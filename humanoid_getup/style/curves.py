@@ -120,7 +120,7 @@ class StyleCurves:
                 )
         if not SHORTEST - ROUNDING <= self.duration <= LONGEST + ROUNDING:
             problems.append(
-                f"duration is {self.duration:.4g} s, expected {SHORTEST:g} to {LONGEST:g} s"
+                f"duration is {self.duration:.6g} s, expected {SHORTEST:g} to {LONGEST:g} s"
             )
         return problems or self._find_faults_of_end()
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from humanoid_getup.scenes.ground import FLAT, Ground, mean_height
-from humanoid_getup.style.curves import LEAST_END, PLACES, StyleCurves
+from humanoid_getup.style.curves import LEAST_END, PLACES, ROUNDING, StyleCurves
 from humanoid_getup.style.features import AROUND, COUNT, angle_distance, torso_angles
 from robots import Robot, quaternion
 from robots.kinematics import site_positions
@@ -56,7 +56,7 @@ def extract_curves(time: Array, features: Array) -> StyleCurves:
     """
     if features.shape != (len(time), COUNT):
         raise ExtractionError(f"features have shape {features.shape}, expected ({len(time)}, 3)")
-    if features[-1, 0] < LEAST_END:
+    if features[-1, 0] < LEAST_END - ROUNDING:
         raise ExtractionError(
             f"the neck ends at {features[-1, 0]:.2f} of its standing height, expected "
             f"{LEAST_END:g} or more"

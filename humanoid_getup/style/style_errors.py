@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.style.curves import CurveTargets, StyleCurves
 from humanoid_getup.style.features import COUNT, angle_distance
 from robots.quaternion import Array
 
 # Mean errors up to which curves count as followed: planned rises are followed within half of them.
-MOST_HEIGHT_ERROR = 0.1  # share of the standing neck height
-MOST_ANGLE_ERROR = np.radians(20.0)
-FAR = np.radians(45.0)  # between how a robot lies and how its curves begin
+FOLLOWED_HEIGHT = 0.1  # share of the standing neck height
+FOLLOWED_ANGLE = math.radians(20.0)
+FAR = math.radians(45.0)  # between how a robot lies and how its curves begin
 
 
 class StyleErrors:
     """Errors of N robots from the curves that they were first given, while these last.
 
-    A robot that deviates restarts on other curves: the errors are still those from the first.
+    A robot that deviates restarts on other curves: the errors are still those from the first. One
+    that stands from the first is at the end of its curves; its errors are those from a stand.
     """
 
     def __init__(self, curves: Sequence[StyleCurves], features: Array, time: Array) -> None:
@@ -32,20 +35,30 @@ class StyleErrors:
         self.duration = np.array([curve.duration for curve in curves])
         """Of the curves [s], (N,)."""
         self._asked.enter(np.arange(n), pieces, self.duration, features, time)
-        self._time = time.copy()
+        self._time, self._begin = time.copy(), time.copy()
         self._sum, self._steps = np.zeros((n, COUNT)), np.zeros(n)
 
     def note(self, features: Array, step_time: float) -> None:
         """Note what the robots measure, (N, 3), at the end of a policy step [s]."""
         self._time = self._time + step_time
         off = np.abs(features - self._asked.at(self._time))
-        lasts = self._time <= self.duration + 1e-9
+        lasts = self._time - self._begin <= self.duration + 1e-9
         self._sum[lasts] += off[lasts]
         self._steps += lasts
 
     @property
+    def stood_already(self) -> NDArray[np.bool_]:
+        """Return which robots were at the end of their curves from the first, (N,)."""
+        return self._begin >= self.duration
+
+    @property
+    def share(self) -> Array:
+        """Return the share of the curves' durations that has passed, up to 1, (N,)."""
+        return np.clip((self._time - self._begin + 1e-9) / self.duration, 0.0, 1.0)
+
+    @property
     def mean(self) -> Array:
-        """Return the mean errors, (N, 3); NaN for curves that were at their end from the first."""
+        """Return the mean errors, (N, 3); NaN where nothing was noted."""
         steps = np.where(self._steps > 0, self._steps, np.nan)
         return self._sum / steps[:, np.newaxis]
 
@@ -55,13 +68,17 @@ class FollowedStyle:
     """How a robot followed the curves that it was first given."""
 
     height_error: float
-    """Mean error of the neck height while they lasted, as a share of standing."""
+    """Mean error of the neck height while they lasted, as a share of standing; NaN for none."""
     angle_error: float
-    """Mean error of both torso angles while they lasted [rad]."""
+    """Mean error of both torso angles while they lasted [rad]; NaN for none."""
+    share: float
+    """Share of their duration that passed before the rise ended."""
     restarts: int
     """How often the robot deviated, and restarted on other curves."""
     began_off: float
     """Angle between how the robot lay and how the curves begin [rad]."""
+    stood_already: bool = False
+    """Whether it stood from the first, so that there was nothing to follow."""
 
     @staticmethod
     def of(
@@ -72,27 +89,33 @@ class FollowedStyle:
         return FollowedStyle(
             height_error=float(mean[0]),
             angle_error=float(mean[1:].mean()),
+            share=float(errors.share[0]),
             restarts=restarts,
             began_off=float(angle_distance(curves.points[0], features)),
+            stood_already=bool(errors.stood_already[0]),
         )
 
     @property
     def was_followed(self) -> bool:
-        """Return whether the curves were followed, without a restart."""
-        small = self.height_error <= MOST_HEIGHT_ERROR and self.angle_error <= MOST_ANGLE_ERROR
-        return small and self.restarts == 0
+        """Return whether the curves were followed to their end, without a restart."""
+        is_near = self.height_error <= FOLLOWED_HEIGHT and self.angle_error <= FOLLOWED_ANGLE
+        return is_near and self.restarts == 0 and self.share == 1.0
 
     def __str__(self) -> str:
         """Say in one line how it went."""
-        if np.isnan(self.height_error):
+        if self.stood_already:
             return "the robot stood already"
-        text = f"{'followed' if self.was_followed else 'not followed'}, mean errors "
-        text += f"{self.height_error:.2f} of the height and {np.degrees(self.angle_error):.0f}°"
+        text = "followed" if self.was_followed else "not followed"
+        if self.share < 1.0:
+            text += f", ended after {self.share:.0%} of its curves"
+        if not math.isnan(self.height_error):
+            text += f", mean errors {self.height_error:.2f} of the height and "
+            text += f"{math.degrees(self.angle_error):.0f}°"
         if self.restarts:
             times = "once" if self.restarts == 1 else f"{self.restarts} times"
             text += f"; restarted {times} on curves nearer to how it lay then"
         if self.began_off > FAR:
-            text += f"; the curves begin {np.degrees(self.began_off):.0f}° from how it lay"
+            text += f"; the curves begin {math.degrees(self.began_off):.0f}° from how it lay"
         return text
 
     def record(self) -> dict[str, Any]:
@@ -100,7 +123,7 @@ class FollowedStyle:
         return {
             "style_followed": self.was_followed,
             "style_height_error": self.height_error,
-            "style_angle_error_deg": float(np.degrees(self.angle_error)),
+            "style_angle_error_deg": math.degrees(self.angle_error),
             "style_restarts": self.restarts,
-            "style_began_off_deg": float(np.degrees(self.began_off)),
+            "style_began_off_deg": math.degrees(self.began_off),
         }

@@ -119,14 +119,14 @@ def write_style(style: Style, robot: Robot, file: Path) -> None:
     about = [f"about = {json.dumps(style.about, ensure_ascii=False)}"] if style.about else []
     lines = [
         *about,
-        f"leg_length = {leg_length(robot):.4f}  # m; of {robot.name}, whose durations these are",
+        f"leg_length = {leg_length(robot):.8g}  # m; of {robot.name}, whose durations these are",
     ]
     for curve in style.curves:
         lines += [
             "",
             "[[curves]]",
-            *([f"start = {json.dumps(curve.start)}"] if curve.start else []),
-            f"duration = {curve.duration:.6g}  # s",
+            *([f"start = {json.dumps(curve.start, ensure_ascii=False)}"] if curve.start else []),
+            f"duration = {curve.duration:.8g}  # s",
             f"neck_height = {_list(curve.neck_height, 4)}",
             f"side_deg = {_list(np.degrees(curve.side), 2)}",
             f"front_deg = {_list(np.degrees(curve.front), 2)}",

@@ -30,10 +30,8 @@ class Outcome:
 
 @dataclass(eq=False)
 class Episodes:
-    """State of the episodes of N robots, in policy steps."""
+    """State of the episodes of N robots; all times are policy steps."""
 
-    step_time: float
-    """Of a policy [s]."""
     age: NDArray[np.int_]
     """Policy steps so far, (N,)."""
     length: NDArray[np.int_]
@@ -46,12 +44,11 @@ class Episodes:
     """Whether an episode ends once its robot has stood, (N,)."""
 
     @staticmethod
-    def of(n: int, step_time: float) -> Episodes:
-        """Make episodes of full length that have not begun."""
+    def of(n: int, longest: int) -> Episodes:
+        """Make episodes of a length that have not begun."""
         return Episodes(
-            step_time=step_time,
             age=np.zeros(n, dtype=int),
-            length=np.full(n, round(LONGEST / step_time)),
+            length=np.full(n, longest),
             held=np.zeros(n, dtype=int),
             start=np.full(n, -1),
             ends_early=np.zeros(n, dtype=bool),
@@ -68,20 +65,24 @@ class Episodes:
         """Start episodes that go on from where the last ones led."""
         self.age[ids] = self.held[ids] = 0
 
-    def limit(self, ids: NDArray[np.int_], left: Array) -> None:
-        """Set the length of some episodes [s]."""
-        self.length[ids] = np.ceil(left / self.step_time)
+    def limit(self, ids: NDArray[np.int_], steps: Array) -> None:
+        """Set the length of some episodes."""
+        self.length[ids] = np.ceil(steps)
 
     def advance(
         self,
         standing: NDArray[np.bool_],
         terminated: NDArray[np.bool_],
         diverged: NDArray[np.bool_],
+        held: int,
     ) -> Outcome:
-        """Advance all episodes by a policy step; find those that are over, from masks (N,)."""
+        """Advance all episodes by a policy step; find those that are over, from masks (N,).
+
+        A robot that has stood for ``held`` policy steps has succeeded.
+        """
         self.age += 1
         self.held = np.where(standing, self.held + 1, 0)
-        stood = (self.held >= round(HELD / self.step_time)) & ~diverged
+        stood = (self.held >= held) & ~diverged
         is_over = (self.age >= self.length) | (stood & self.ends_early) | diverged | terminated
         ended = np.flatnonzero(is_over)
         from_fall = ended[self.start[ended] >= 0]

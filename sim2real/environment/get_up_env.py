@@ -26,7 +26,7 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.action_head import ActionHead, DirectHead
 from sim2real.environment.env_options import EnvOptions
-from sim2real.environment.episodes import Episodes, Outcome
+from sim2real.environment.episodes import HELD, LONGEST, Episodes, Outcome
 from sim2real.environment.physics.assistive_force import AssistiveForce
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
@@ -114,7 +114,7 @@ class GetUpEnv(VectorEnv):
         self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
         """What each policy remembers of its last actions, (N, m)."""
-        self._episodes = Episodes.of(n, self.step_time)
+        self._episodes = Episodes.of(n, round(LONGEST / self.step_time))
 
     @property
     def ages(self) -> NDArray[np.int_]:
@@ -167,7 +167,9 @@ class GetUpEnv(VectorEnv):
         reward[self.sim.diverged] = 0.0
         self._push()
         terminated = self._find_terminated(inputs)
-        outcome = self._episodes.advance(inputs.standing, terminated, self.sim.diverged)
+        outcome = self._episodes.advance(
+            inputs.standing, terminated, self.sim.diverged, round(HELD / self.step_time)
+        )
         report = self._note(outcome)
         ended = outcome.ended
         truncated = np.zeros(self.num_envs, dtype=bool)
@@ -238,7 +240,7 @@ class GetUpEnv(VectorEnv):
             rows = np.where(along, library.state_curve[states], -1)
             share = np.where(along, library.state_share[states], np.where(start >= 0, 0.0, 1.0))
             left = self.style.begin(ids, rows, share, self.sensed, rng)
-            self._episodes.limit(ids, left)
+            self._episodes.limit(ids, left / self.step_time)
             on_the_way = ids[start < 0]
             self.memory[on_the_way] = self.style.remember(on_the_way, self.target[on_the_way])
 
@@ -261,7 +263,7 @@ class GetUpEnv(VectorEnv):
         left = self.style.begin(
             ids, np.full(len(ids), -1), np.zeros(len(ids)), self.sensed, self._rng
         )
-        self._episodes.limit(ids, left)
+        self._episodes.limit(ids, left / self.step_time)
 
     def _observe(self) -> Floats:
         share = compute_torque_share(self.robot, self.action, self.sim.parameters.torque_limit)

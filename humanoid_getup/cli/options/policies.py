@@ -72,9 +72,9 @@ class Evaluate(TorqueOptions, WorldOptions):
     scene: Annotated[str, arg(metavar="SCENE,...")] = "flat"
     """Names of scenes, see `getup scenes`, or scene files (.toml), with commas between them."""
     style: Annotated[str | None, arg(metavar="STYLE,...")] = None
-    """Styles that a policy with style curves follows, with commas between them: names, files, or
-    planned for the curves of a motion that is planned for each fall; default: of the named
-    styles that begin nearest to the robot, the one that turns it least."""
+    """Styles that a policy with style curves follows, with commas between them: names, files,
+    planned for the curves of a motion that is planned for each fall, or nearest, the default: of
+    the named styles that begin nearest to the robot, the one that turns it least."""
     height_map: bool = False
     """Let a policy with a height map see the ground around it; else it takes it for level."""
     n: Annotated[int, at_least(4, step=4)] = 1000

@@ -168,7 +168,8 @@ class MoveOptions(TorqueOptions, WorldOptions):
     realtime: bool = False
     """Run a simulated robot in real time."""
     out: Annotated[Path | None, arg(metavar="DIR")] = None
-    """Folder for report.json, motion.npz, flight.mcap, strip.png and torque.png."""
+    """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
+    of a policy with style curves, style.png."""
 
     def find_faults(self) -> list[str]:
         """Report ports or a folder that do not fit, too."""

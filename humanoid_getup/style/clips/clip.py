@@ -67,7 +67,7 @@ class Clip:
         left, right = self._find(LEFT_HIPS, "left hip"), self._find(RIGHT_HIPS, "right hip")
         hips = 0.5 * (self.rest[left] + self.rest[right])
         length = self.unit * float((hips - self._lowest(self.rest))[UP[self.up]])
-        return self._check_height("hips", length)
+        return self._check_height("the middle of the hips", length)
 
     def measure_features(self) -> Array:
         """Measure the style features, (T, 3).
@@ -83,7 +83,7 @@ class Clip:
         side = right - left
         front = np.cross(neck - 0.5 * (left + right), side)
         standing = float(self.rest[neck_name][axis] - self._lowest(self.rest)[axis])
-        self._check_height("neck", standing * self.unit)
+        self._check_height("the neck", standing * self.unit)
         feet = [name for name in self.joints if _is_foot(name)]
         lowest = np.min([self.joints[name][:, axis] for name in feet], axis=0)
         floor = np.percentile(lowest, FLOOR_PERCENTILE)
@@ -105,7 +105,7 @@ class Clip:
         if height <= 0.0:
             other = next(axis for axis in UP if axis != self.up)
             raise ClipError(
-                f"clip {self.file}: in the rest pose the {what} are {height:.3g} m over the feet "
+                f"clip {self.file}: in the rest pose {what} is {height:.3g} m over the feet "
                 f"along {self.up}, expected a stand; does {other} point up (--up {other})?"
             )
         return height

@@ -11,7 +11,8 @@ from torch import nn
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import UPRIGHT, Term
 from robots.quaternion import Array
-from sim2real.environment.styled.ankle_balance import BEGIN, FULL, GAINS, LARGEST, AnkleBalance
+from sim2real.environment.styled import ankle_balance
+from sim2real.environment.styled.ankle_balance import BEGIN, FULL, LARGEST, AnkleBalance
 from sim2real.environment.styled.prior_head import (
     FILTER_SHARE,
     LEAST_SCALE,
@@ -65,7 +66,7 @@ class StyledNetwork(nn.Module):
             "standing": np.array([1.0, 0.0, 0.0]),
             "stance_range": np.array([STANCE_HEIGHT, STANCE_ANGLE, STANCE_ANGLE]),
             "ankles": AnkleBalance(prior.robot).ankles,
-            "gains": GAINS,
+            "gains": ankle_balance.GAINS,
             "home": action.home,
             "scale": action.scale,
         }

@@ -94,6 +94,9 @@ def test_a_plan_commands_the_policy_by_its_curves(op3, policy, tmp_path, backend
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert (report["style"], report["planned"]) == ("planned", True)
     assert report["connection"]
+    assert report["style_followed"] is False
+    assert report["style_summary"].startswith("not followed")
+    assert (tmp_path / "out" / "style.png").read_bytes().startswith(b"\x89PNG")
     wanted = FlightRecord.load(tmp_path / "out" / "flight.mcap", op3).tracks["guidance"]["wanted"]
     assert wanted[0, 0] < 0.4  # it begins as the robot lies, and asks it to rise
     assert np.nanmax(wanted[:, 0]) > 0.6  # until it has lost the curves, and they begin again

@@ -13,10 +13,12 @@ from humanoid_getup.policy.observation import UPRIGHT
 from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from humanoid_getup.style.features import FeatureSense
+from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_style
 from robots import Robot, quaternion
 
 SUPINE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -0.5 * np.pi)
+PRONE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.5 * np.pi)
 STEP = 0.048  # s
 
 
@@ -120,3 +122,48 @@ def test_a_robot_that_stays_lying_begins_again_without_memory(op3, tmp_path, mon
     targets = seen[:, at["style_targets"]]
     assert targets[again] == pytest.approx(targets[0], abs=1e-5)
     assert targets[again + 10] == pytest.approx(targets[10], abs=1e-5)
+
+
+def test_it_says_how_it_followed_its_first_curves(op3, tmp_path, monkeypatch):
+    file = save_styled_policy(tmp_path / "p.onnx", op3)
+    policy = OnnxPolicy.load(file, op3, style=load_style("long-sit", op3))
+    assert policy.followed is None
+    observe_all(policy, op3, monkeypatch, 100)  # it lies, and restarts
+    followed = policy.followed
+    assert not followed.was_followed
+    assert followed.restarts >= 1
+    assert followed.share == 1.0
+    assert followed.height_error > 0.1
+    assert np.degrees(followed.began_off) == pytest.approx(15.0, abs=0.1)  # from the back
+    policy.reset(state_of(op3, orientation=SUPINE))
+    assert policy.followed is None
+
+
+def test_a_robot_that_lies_where_no_curves_begin_is_given_up(op3, tmp_path):
+    supine = load_style("long-sit", op3).curves[0]
+    style = Style(name="supine alone", curves=(supine,))
+    policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3, style=style)
+    for _ in range(2):  # attempts
+        time = 0.0
+        policy.reset(state_of(op3, orientation=PRONE))
+        assert not policy.done
+        while not policy.done:
+            policy.step(state_of(op3, time, orientation=PRONE))
+            time += 0.008
+        assert 3.0 < time < 4.5 < policy.longest
+        assert policy.followed.restarts == 0
+        assert str(policy.followed).startswith("not followed")
+        assert "; the curves begin 165° from how it lay" in str(policy.followed)
+
+
+def test_a_robot_that_is_up_before_its_curves_is_not_given_up(op3, tmp_path):
+    slow = load_style("long-sit", op3).curves[0].lasting(30.0)
+    style = Style(name="slow", curves=(slow,))
+    file = save_styled_policy(tmp_path / "p.onnx", op3)
+    policy = OnnxPolicy.load(file, op3, style=style, longest=60.0)
+    policy.reset(state_of(op3, orientation=SUPINE))
+    for cycle in range(400):
+        policy.step(state_of(op3, cycle * 0.008, orientation=SUPINE))
+    for cycle in range(400, 900):  # 4 s, in which the curves ask for sitting
+        policy.step(state_of(op3, cycle * 0.008))
+    assert not policy.done

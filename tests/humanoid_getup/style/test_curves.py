@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from humanoid_getup.style.curves import BLEND_SHARE, PLACES, CurveTargets, StyleCurves
+from humanoid_getup.style.curves import (
+    BLEND_SHARE,
+    PLACES,
+    UPRIGHT_STAND,
+    CurveTargets,
+    StyleCurves,
+)
 from humanoid_getup.style.features import mirror_features
 
 UPRIGHT = [1.0, math.pi / 2, math.pi / 2]
@@ -55,6 +61,24 @@ def test_mirrored_curves_mirror_every_moment(points, time):
     mirrored = curves.mirrored()
     assert mirrored.sample(time) == pytest.approx(mirror_features(curves.sample(time)))
     assert mirrored.mirrored().points == pytest.approx(points)
+
+
+@pytest.mark.parametrize(("start", "mirrored"), [("left", "right"), ("prone", "prone"), ("", "")])
+def test_curves_from_one_side_are_mirrored_to_those_from_the_other(start, mirrored):
+    points = np.tile(UPRIGHT_STAND, (9, 1))
+    assert StyleCurves.of(points, 4.0, start).mirrored().start == mirrored
+
+
+def test_curves_at_other_times_stay_within_their_control_points():
+    """The spline overshoots between them: half way up it rises at once."""
+    points = np.tile(UPRIGHT_STAND, (9, 1))
+    points[:5] = [0.2, np.pi / 2, np.pi]
+    curves = StyleCurves.of(points, 4.0, "prone")
+    between = np.linspace(0.0, 4.0, 9) + np.array([0.0, *[0.25] * 7, 0.0])
+    assert curves.sample(between)[:, 2].max() > np.pi + 0.01
+    retimed = curves.retimed(between, 5.0)
+    assert retimed.points.max(axis=0) == pytest.approx(points.max(axis=0))
+    assert (retimed.duration, retimed.start) == (5.0, "prone")
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,17 @@ def test_errors_count_while_the_curves_last():
     assert errors.mean[1] == pytest.approx(0.15 * np.array([1.0, 2.0, 3.0]))
 
 
+def test_a_rise_that_is_cut_off_has_followed_only_a_share():
+    errors = StyleErrors([rise(4 * STEP)], LYING[None], np.zeros(1))
+    for k in (1, 2, 3):
+        errors.note(rise(4 * STEP).sample(np.array([[k * STEP]]))[0], STEP)
+        followed = FollowedStyle.of(errors, rise(4 * STEP), LYING, 0)
+        assert followed.share == pytest.approx(k / 4)
+        assert not followed.was_followed
+    errors.note(UPRIGHT_STAND[None], STEP)
+    assert FollowedStyle.of(errors, rise(4 * STEP), LYING, 0).was_followed
+
+
 def test_errors_are_those_from_curves_that_are_blended_from_how_the_robot_lay():
     lay = LYING + np.array([0.0, 0.3, 0.0])
     errors = StyleErrors([rise(8 * STEP)], lay[None], np.zeros(1))
@@ -46,24 +57,28 @@ def test_a_robot_that_stood_from_the_first_followed_nothing():
 
 
 @pytest.mark.parametrize(
-    ("facts", "text"),
+    ("facts", "is_followed", "text"),
     [
-        ((0.03, 5.0, 0, 10.0), "followed, mean errors 0.03 of the height and 5°"),
-        ((0.12, 5.0, 0, 10.0), "not followed, mean errors 0.12 of the height and 5°"),
-        ((0.03, 21.0, 0, 10.0), "not followed, mean errors 0.03 of the height and 21°"),
-        ((0.03, 5.0, 1, 10.0), "; restarted once on curves nearer to how it lay then"),
-        ((0.23, 51.0, 5, 10.0), "; restarted 5 times on curves nearer to how it lay then"),
-        ((0.2, 43.0, 0, 150.0), "; the curves begin 150° from how it lay"),
+        ((0.03, 5.0, 0, 10.0, 1.0), True, "followed, mean errors 0.03 of the height and 5°"),
+        ((0.12, 5.0, 0, 10.0, 1.0), False, "not followed, mean errors 0.12 of the height and 5°"),
+        ((0.03, 21.0, 0, 10.0, 1.0), False, "not followed, mean errors 0.03 of the height and 21°"),
+        ((0.03, 5.0, 1, 10.0, 1.0), False, "; restarted once on curves nearer to how it lay then"),
+        ((0.2, 51.0, 5, 10.0, 1.0), False, "; restarted 5 times on curves nearer to how it lay"),
+        ((0.2, 43.0, 0, 150.0, 1.0), False, "; the curves begin 150° from how it lay"),
+        ((0.0, 0.0, 0, 10.0, 0.1), False, "not followed, ended after 10% of its curves, mean"),
+        ((math.nan, math.nan, 0, 10.0, 0.0), False, "not followed, ended after 0% of its curves"),
     ],
 )
-def test_it_is_said_whether_curves_were_followed(facts, text):
-    height, angle, restarts, off = facts
+def test_it_is_said_whether_curves_were_followed(facts, is_followed, text):
+    height, angle, restarts, off, share = facts
     followed = FollowedStyle(
         height_error=height,
         angle_error=math.radians(angle),
+        share=share,
         restarts=restarts,
         began_off=math.radians(off),
     )
     assert text in str(followed)
-    assert followed.was_followed == str(followed).startswith("followed")
+    assert followed.was_followed is is_followed
+    assert str(followed).startswith("followed") == is_followed
     assert followed.record()["style_restarts"] == restarts

@@ -5,24 +5,24 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from sim2real.environment.episodes import HELD, LONGEST, Episodes
+from sim2real.environment.episodes import Episodes
 
-STEP = 0.05  # s
+LONGEST, HELD = 120, 30  # policy steps
 NONE, ALL = np.zeros(3, dtype=bool), np.ones(3, dtype=bool)
 
 
 def begin(*, ends_early: bool) -> Episodes:
     """Begin three episodes: from falls 7 and 8, and one from elsewhere."""
-    episodes = Episodes.of(3, STEP)
+    episodes = Episodes.of(3, LONGEST)
     episodes.begin(np.arange(3), np.array([7, 8, -1]), np.full(3, ends_early))
     return episodes
 
 
 def test_a_stand_that_is_held_ends_an_episode_as_a_success():
     episodes = begin(ends_early=True)
-    for _ in range(round(HELD / STEP) - 1):
-        assert not len(episodes.advance(ALL, NONE, NONE).ended)
-    outcome = episodes.advance(np.array([True, False, True]), NONE, NONE)
+    for _ in range(HELD - 1):
+        assert not len(episodes.advance(ALL, NONE, NONE, HELD).ended)
+    outcome = episodes.advance(np.array([True, False, True]), NONE, NONE, HELD)
     assert outcome.ended.tolist() == [0, 2]
     assert outcome.starts.tolist() == [7]
     assert outcome.stood.tolist() == [True]
@@ -30,29 +30,29 @@ def test_a_stand_that_is_held_ends_an_episode_as_a_success():
 
 def test_a_stand_that_was_interrupted_counts_from_the_beginning():
     episodes = begin(ends_early=True)
-    for _ in range(round(HELD / STEP) - 1):
-        episodes.advance(ALL, NONE, NONE)
-    episodes.advance(NONE, NONE, NONE)
-    for _ in range(round(HELD / STEP) - 1):
-        assert not len(episodes.advance(ALL, NONE, NONE).ended)
-    assert len(episodes.advance(ALL, NONE, NONE).ended) == 3
+    for _ in range(HELD - 1):
+        episodes.advance(ALL, NONE, NONE, HELD)
+    episodes.advance(NONE, NONE, NONE, HELD)
+    for _ in range(HELD - 1):
+        assert not len(episodes.advance(ALL, NONE, NONE, HELD).ended)
+    assert len(episodes.advance(ALL, NONE, NONE, HELD).ended) == 3
 
 
 def test_an_episode_ends_with_its_time_and_what_diverged_never_stood():
     episodes = begin(ends_early=False)
-    outcomes = [episodes.advance(ALL, NONE, NONE) for _ in range(round(LONGEST / STEP) - 1)]
+    outcomes = [episodes.advance(ALL, NONE, NONE, HELD) for _ in range(LONGEST - 1)]
     assert not any(len(outcome.ended) for outcome in outcomes)
-    outcome = episodes.advance(ALL, NONE, np.array([False, True, False]))
+    outcome = episodes.advance(ALL, NONE, np.array([False, True, False]), HELD)
     assert outcome.ended.tolist() == [0, 1, 2]
     assert outcome.stood.tolist() == [True, False]
 
 
 def test_deviating_ends_an_episode_and_it_may_go_on_as_another_of_its_own_length():
     episodes = begin(ends_early=False)
-    outcome = episodes.advance(NONE, np.array([False, True, False]), NONE)
+    outcome = episodes.advance(NONE, np.array([False, True, False]), NONE, HELD)
     assert outcome.ended.tolist() == [1]
     assert outcome.stood.tolist() == [False]
     episodes.restart(outcome.ended)
-    episodes.limit(outcome.ended, np.array([3.5 * STEP]))
-    ends = [episodes.advance(NONE, NONE, NONE).ended.tolist() for _ in range(4)]
+    episodes.limit(outcome.ended, np.array([3.5]))
+    ends = [episodes.advance(NONE, NONE, NONE, HELD).ended.tolist() for _ in range(4)]
     assert ends == [[], [], [], [1]]

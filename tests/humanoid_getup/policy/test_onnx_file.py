@@ -19,7 +19,8 @@ from humanoid_getup.policy.onnx_file import (
     add_checksum,
     read_model,
 )
-from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
+from humanoid_getup.policy.onnx_network import OnnxNetwork
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from robots import Robot, load_robot
 
 TINY = load_robot("tests/robots/tiny")

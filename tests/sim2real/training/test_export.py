@@ -19,7 +19,8 @@ from tensordict import TensorDict
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.policy.observation import list_terms
-from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy
+from humanoid_getup.policy.onnx_network import OnnxNetwork
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import Robot
 from sim2real.training.checkpoint import CHECKPOINT, CheckpointError
 from sim2real.training.config import RECIPE, RECIPES, Recipe, TrainingFolderError, TrainingRecord

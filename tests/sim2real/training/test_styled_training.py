@@ -14,7 +14,8 @@ from made_up_rises import make_prior, make_rises
 
 from humanoid_getup.policy.observation import UPRIGHT
 from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, read_model, seal_model
-from humanoid_getup.policy.onnx_policy import OnnxNetwork, OnnxPolicy, PolicyError
+from humanoid_getup.policy.onnx_network import OnnxNetwork
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from humanoid_getup.style.style_file import load_style
 from robots import Robot
 from sim2real.environment.starts.start_pool import StartPool

@@ -1,0 +1,81 @@
+"""The network of a policy file, run by one thread."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
+from robots.quaternion import Array
+
+QUIET = 4  # onnxruntime's log level: fatal errors only
+
+
+class OnnxNetwork:
+    """Maps observations to actions as the graph of an ONNX file does.
+
+    A second output, if the graph has one, is what the network remembers: part of its next input.
+    """
+
+    def __init__(self, file: Path) -> None:
+        """Load a file.
+
+        Raises:
+            OSError: if it cannot be read.
+            NetworkError: if it is damaged, has no contract, or does not map one vector to one.
+        """
+        import onnxruntime  # which takes time, and not every rise needs it
+
+        onnxruntime.disable_telemetry_events()
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = QUIET
+        model = read_model(file)
+        try:
+            self._session = onnxruntime.InferenceSession(
+                model, options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # onnxruntime's errors have no base of their own
+            reason = " ".join(str(error).split())
+            raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
+        self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        faults = [f"{len(inputs)} inputs, expected 1"] if len(inputs) != 1 else []
+        if len(outputs) not in (1, 2):
+            faults.append(f"{len(outputs)} outputs, expected 1, or 2 with a memory")
+        if faults:
+            raise NetworkError(f"the network has {' and '.join(faults)}")
+        self._input, self._outputs = inputs[0], outputs
+
+    def find_faults(
+        self, observation_size: int, action_size: int, memory_size: int | None = None
+    ) -> list[str]:
+        """List deviations from a network that maps (N, observation) to (N, action).
+
+        With a memory, it maps to (N, memory) as well.
+        """
+        sizes = [action_size] if memory_size is None else [action_size, memory_size]
+        if len(self._outputs) != len(sizes):
+            return [f"the network has {len(self._outputs)} outputs, expected {len(sizes)}"]
+        faults = []
+        for name, value, size in (
+            ("input", self._input, observation_size),
+            *zip(("output", "memory"), self._outputs, sizes, strict=False),
+        ):
+            if value.type != "tensor(float)":
+                faults.append(f"network {name}: {value.type}, expected tensor(float)")
+            shape = value.shape
+            if len(shape) != 2 or (isinstance(shape[0], int) and shape[0] != 1) or shape[1] != size:
+                faults.append(f"network {name}: shape {shape}, expected (N, {size})")
+        return faults
+
+    def __call__(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
+        """Map observations, (N, size), to actions (N, k) and to what is remembered of them, (N, m).
+
+        Without a memory of its own, that is the actions, clipped.
+        """
+        found = self._session.run(None, {self._input.name: observations})
+        actions, *memory = (np.asarray(values, dtype=float) for values in found)
+        return actions, memory[0] if memory else np.clip(actions, -1.0, 1.0)

@@ -229,7 +229,7 @@ def draw(folders: dict[str, Path], file: Path) -> None:
             continue
         smooth = np.convolve(rate, np.ones(SMOOTH) / SMOOTH, mode="valid")
         steps = np.array([float(row["steps"]) for row in rows])[SMOOTH - 1 :]
-        panels[name.startswith("terrain")].plot(steps / 1e6, smooth, label=name)
+        panels[int(name.startswith("terrain"))].plot(steps / 1e6, smooth, label=name)
     for panel, title in zip(panels, ("flat ground", "terrain"), strict=True):
         panel.set(xlabel="policy steps [million]", title=title)
         panel.grid(alpha=0.3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from robots.quaternion import Array
 ALIKE = np.radians(5.0)  # by which the beginnings of curves may differ that are nearly alike
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Style:
     """A named way of rising."""
 
@@ -32,8 +33,16 @@ class Style:
 
         Among those that begin nearly alike, the ones that turn the torso least are chosen.
         """
-        every = list(self.curves)
-        every += [curve.mirrored() for curve in self.curves]
-        distance = np.array([angle_distance(curve.points[0], features) for curve in every])
-        turn = np.array([round(curve.turn, 6) for curve in every])
-        return every[int(np.argmin(np.where(distance <= distance.min() + ALIKE, turn, np.inf)))]
+        every, begins, turns = self._choices
+        distance = angle_distance(begins, features)
+        return every[int(np.argmin(np.where(distance <= distance.min() + ALIKE, turns, np.inf)))]
+
+    @cached_property
+    def _choices(self) -> tuple[list[StyleCurves], Array, Array]:
+        """All curves and their mirror images, how they begin, (m, 3), and how they turn, (m,).
+
+        They are kept, because a robot chooses within a control cycle.
+        """
+        every = [*self.curves, *(curve.mirrored() for curve in self.curves)]
+        begins = np.array([curve.points[0] for curve in every])
+        return every, begins, np.array([round(curve.turn, 6) for curve in every])

@@ -35,16 +35,17 @@ class StyleErrors:
         self.duration = np.array([curve.duration for curve in curves])
         """Of the curves [s], (N,)."""
         self._asked.enter(np.arange(n), pieces, self.duration, features, time)
-        self._time, self._begin = time.copy(), time.copy()
-        self._sum, self._steps = np.zeros((n, COUNT)), np.zeros(n)
+        self._begin = time.copy()
+        self._passed: list[float] = []  # since the beginning [s]
+        self._seen: list[Array] = []
 
     def note(self, features: Array, step_time: float) -> None:
-        """Note what the robots measure, (N, 3), at the end of a policy step [s]."""
-        self._time = self._time + step_time
-        off = np.abs(features - self._asked.at(self._time))
-        lasts = self._time - self._begin <= self.duration + 1e-9
-        self._sum[lasts] += off[lasts]
-        self._steps += lasts
+        """Note what the robots measure, (N, 3), at the end of a policy step [s].
+
+        What it means is computed afterwards: a robot notes within a control cycle.
+        """
+        self._passed.append(step_time + (self._passed[-1] if self._passed else 0.0))
+        self._seen.append(features)
 
     @property
     def stood_already(self) -> NDArray[np.bool_]:
@@ -54,13 +55,20 @@ class StyleErrors:
     @property
     def share(self) -> Array:
         """Return the share of the curves' durations that has passed, up to 1, (N,)."""
-        return np.clip((self._time - self._begin + 1e-9) / self.duration, 0.0, 1.0)
+        passed = self._passed[-1] if self._passed else 0.0
+        return np.clip((passed + 1e-9) / self.duration, 0.0, 1.0)
 
     @property
     def mean(self) -> Array:
         """Return the mean errors, (N, 3); NaN where nothing was noted."""
-        steps = np.where(self._steps > 0, self._steps, np.nan)
-        return self._sum / steps[:, np.newaxis]
+        if not self._seen:
+            return np.full((len(self.duration), COUNT), np.nan)
+        passed = np.array(self._passed)  # (T,)
+        wanted = self._asked.at(self._begin[:, np.newaxis] + passed)  # (N, T, 3)
+        off = np.abs(np.stack(self._seen, axis=1) - wanted)
+        lasts = (passed <= self.duration[:, np.newaxis] + 1e-9)[..., np.newaxis]
+        steps = lasts.sum(axis=1)
+        return np.sum(off * lasts, axis=1) / np.where(steps > 0, steps, np.nan)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,3 +27,20 @@ def test_a_prior_of_joint_angles_decodes_what_it_encodes_and_is_symmetric(op3):
     )
     mirrored = prior.decode(latent * prior.latent_sign, mirror_features(features))
     assert mirrored == pytest.approx(op3.mirror_joints(pos), abs=2e-3)
+
+
+def test_return_rates_are_drawn_for_flat_ground_and_terrain(tmp_path):
+    script = load_script("style_ablations")
+    folders = {name: tmp_path / name for name in ("whole", "terrain", "not trained")}
+    for number, folder in enumerate(list(folders.values())[:2]):
+        folder.mkdir()
+        rows = "".join(f"{k * 512},{0.5 + 0.01 * number * k}\n" for k in range(1, 16))
+        (folder / script.PROGRESS).write_text(f"steps,return_rate\n{rows}")
+    script.draw(folders, tmp_path / "rates.png")
+    assert (tmp_path / "rates.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_each_ablation_changes_something():
+    ablations = load_script("style_ablations").list_ablations()
+    kinds = list(map(repr, ablations.values()))
+    assert len(set(kinds)) == len(ablations) == 10

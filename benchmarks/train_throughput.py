@@ -1,15 +1,16 @@
 """Compare training with bare physics: policy steps per second, same machine, same run.
 
-Bare physics steps the same robots on `mujoco.batch` with targets that the environment sent:
-nothing is sensed, rewarded or reset. Compared with it: the environment with random actions;
-training, learning included; and the same task as single-robot Gymnasium environments in two
-processes under stable-baselines3 (`pip install stable-baselines3`; skipped if missing).
+Bare physics steps the same robots on `mujoco.batch` with the targets that the environment sent,
+each policy step from the state that the environment was in: nothing is sensed, rewarded or reset.
+Compared with it: the environment with random actions; training, learning included; and the same
+task as single-robot Gymnasium environments in two processes under stable-baselines3 (`pip install
+stable-baselines3`; skipped if missing).
 
     python benchmarks/train_throughput.py --recipe quick --json throughput.json
 
-A training with style curves needs a prior and a policy to begin with, and has no peer:
+A training with style curves needs a prior and a training to begin with, and has no peer:
 
-    python benchmarks/train_throughput.py --recipe styled-quick --prior out/prior --parent FILE
+    python benchmarks/train_throughput.py --recipe styled-quick --prior out/prior --parent FOLDER
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
 from sim2real.training.iteration_log import TrainReport
+from sim2real.training.library_threads import numpy_threads
 from sim2real.training.styled_training import keep_prior
 from sim2real.training.train import POOL, build_env, build_options, load_pool, train
 
@@ -71,17 +73,17 @@ class Task:
 
 
 class Recorder:
-    """Forwards every call to a batch and records the controls that are rolled out."""
+    """Forwards every call to a batch; records the controls that are rolled out, and from where."""
 
     def __init__(self, batch: Batch) -> None:
         self._batch = batch
-        self.rolled: list[tuple[int, Array]] = []
+        self.rolled: list[tuple[Array, int, Array]] = []
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._batch, name)
 
     def rollout(self, steps: int, control: Array, **rest: Any) -> dict[Any, Array]:
-        self.rolled.append((steps, control))
+        self.rolled.append((self._batch.state.copy(), steps, control))
         return self._batch.rollout(steps, control, **rest)
 
 
@@ -96,7 +98,6 @@ def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float
     env.sim.batch = recorder  # pyright: ignore[reportAttributeAccessIssue]
     bare, whole = [], []
     for _ in range(ROUNDS):
-        bare_batch.state[:] = recorder.state
         recorder.rolled.clear()
         actions = rng.uniform(-1.0, 1.0, (task.steps, n, len(env.head.names)))
         began = time.perf_counter()
@@ -104,7 +105,8 @@ def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float
             env.step(action)
         whole.append(task.steps * n / (time.perf_counter() - began))
         began = time.perf_counter()
-        for steps, control in recorder.rolled:
+        for state, steps, control in recorder.rolled:
+            bare_batch.state[:] = state
             bare_batch.rollout(steps, control, record=())
         bare.append(task.steps * n / (time.perf_counter() - began))
     return statistics.median(bare), statistics.median(whole)
@@ -230,7 +232,8 @@ def main(
     with tempfile.TemporaryDirectory() as folder:
         pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
     task = Task(loaded, chosen, pool, threads, steps, prior, parent)
-    bare, env = measure_stepping(task, np.random.default_rng(0))
+    with numpy_threads(1):  # as a training does
+        bare, env = measure_stepping(task, np.random.default_rng(0))
     rates = {"bare": bare, "env": env, "training": measure_training(task, iterations)}
     peer = None if chosen.style else measure_peer(task, peer_iterations)
     rates |= {} if peer is None else {"stable_baselines3": peer}

@@ -11,7 +11,7 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from torch.optim.swa_utils import AveragedModel
 
-from sim2real.training.torch_threads import torch_threads
+from sim2real.training.library_threads import torch_threads
 
 AVERAGE = "averaged_actor_state_dict"
 """Key of the averaged weights in a checkpoint."""

@@ -39,6 +39,7 @@ from sim2real.training.config import (
 )
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
+from sim2real.training.library_threads import numpy_threads, torch_threads
 from sim2real.training.policy_parent import check_policy_parent, is_policy_file
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
@@ -49,7 +50,6 @@ from sim2real.training.styled_training import (
     load_head,
     make_terrain,
 )
-from sim2real.training.torch_threads import torch_threads
 
 POOL = "falls.npz"
 PROGRESS = "progress.csv"
@@ -114,7 +114,7 @@ def train(
         build_env(robot, recipe, action, common_seed, folder, threads), device, iteration_log
     )
     log_file = folder / "rsl_rl.log" if process.leads else Path(os.devnull)
-    with log_file.open("a") as log, redirect_stdout(log):
+    with log_file.open("a") as log, redirect_stdout(log), numpy_threads(1):
         env.begin(seed, np.random.default_rng(seed))
         mirrors = env.env.mirrors if recipe.style else None
         config = build_config(recipe, seed, mirrors)

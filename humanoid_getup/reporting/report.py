@@ -59,7 +59,7 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
     table = Table.grid(padding=(0, 2))
     for label, text in (
         ("start", f"{report['start_class']}, seed {report['seed']}"),
-        ("tries", _describe_attempts(report)),
+        ("attempts", _describe_attempts(report)),
         ("motion", _describe_motion(report)),
         ("style", _describe_style(report)),
         ("moves", _describe_moves(report)),

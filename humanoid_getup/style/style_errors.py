@@ -83,7 +83,7 @@ class FollowedStyle:
     """Share of their duration that passed before the rise ended."""
     restarts: int
     """How often the robot deviated, and restarted on other curves."""
-    began_off: float
+    start_error: float
     """Angle between how the robot lay and how the curves begin [rad]."""
     stood_already: bool = False
     """Whether it stood from the first, so that there was nothing to follow."""
@@ -99,7 +99,7 @@ class FollowedStyle:
             angle_error=float(mean[1:].mean()),
             share=float(errors.share[0]),
             restarts=restarts,
-            began_off=float(angle_distance(curves.points[0], features)),
+            start_error=float(angle_distance(curves.points[0], features)),
             stood_already=bool(errors.stood_already[0]),
         )
 
@@ -122,8 +122,8 @@ class FollowedStyle:
         if self.restarts:
             times = "once" if self.restarts == 1 else f"{self.restarts} times"
             text += f"; restarted {times} on curves nearer to how it lay then"
-        if self.began_off > FAR:
-            text += f"; the curves begin {math.degrees(self.began_off):.0f}° from how it lay"
+        if self.start_error > FAR:
+            text += f"; the curves begin {math.degrees(self.start_error):.0f}° from how it lay"
         return text
 
     def record(self) -> dict[str, Any]:
@@ -133,5 +133,5 @@ class FollowedStyle:
             "style_height_error": self.height_error,
             "style_angle_error_deg": math.degrees(self.angle_error),
             "style_restarts": self.restarts,
-            "style_began_off_deg": math.degrees(self.began_off),
+            "style_start_error_deg": math.degrees(self.start_error),
         }

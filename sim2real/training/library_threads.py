@@ -24,7 +24,7 @@ def torch_threads(count: int) -> Iterator[None]:
 def numpy_threads(count: int) -> Iterator[None]:
     """Let numpy's linear algebra use some threads.
 
-    OpenBLAS waits for its next product actively, which slows physics on all processors by a third.
+    Threads of OpenBLAS spin while they wait, which takes processor time from physics.
     """
     with ThreadpoolController().select(internal_api="openblas").limit(limits=count):
         yield

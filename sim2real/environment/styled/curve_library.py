@@ -20,8 +20,6 @@ HELD_OUT = 10  # of so many rises one is kept from training, and with it its mir
 SAMPLES = 65  # of the targets of a rise
 FRAMES_APART = 3  # frames between two initial states along a rise, 0.14 s
 LEAST_DURATION = 0.8  # s; shorter rises are leaps
-
-
 NEAR = np.radians(30.0)  # largest angle between a start and the beginning of a curve
 SHORTER, LONGER = 0.85, 1.5  # factors on a curve's duration
 SHORTEST, LONGEST = 1.2, 6.0  # s

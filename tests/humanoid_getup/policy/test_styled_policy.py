@@ -134,7 +134,7 @@ def test_it_says_how_it_followed_its_first_curves(op3, tmp_path, monkeypatch):
     assert followed.restarts >= 1
     assert followed.share == 1.0
     assert followed.height_error > 0.1
-    assert np.degrees(followed.began_off) == pytest.approx(15.0, abs=0.1)  # from the back
+    assert np.degrees(followed.start_error) == pytest.approx(15.0, abs=0.1)  # from the back
     policy.reset(state_of(op3, orientation=SUPINE))
     assert policy.followed is None
 

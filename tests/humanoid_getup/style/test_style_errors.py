@@ -76,7 +76,7 @@ def test_it_is_said_whether_curves_were_followed(facts, is_followed, text):
         angle_error=math.radians(angle),
         share=share,
         restarts=restarts,
-        began_off=math.radians(off),
+        start_error=math.radians(off),
     )
     assert text in str(followed)
     assert followed.was_followed is is_followed

@@ -1,6 +1,6 @@
 """Loading a robot from its folder: its robot.toml, its model, and its computed stance."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +13,8 @@ from robots.posture import Posture
 from robots.reshaping.body import ORIGINAL, Body, BodyError
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.schema import JointRow, RobotTable, read_description
-from robots.servo import LimitMode, Servo, servo_models
+from robots.servo import LimitMode, Servo, ServoModel
+from robots.servo_catalog import read_servo_models
 from robots.validation import load_toml, shown
 
 
@@ -37,10 +38,12 @@ def load_robot(name_or_folder: str | Path, body: Body = ORIGINAL) -> Robot:
 def _load_original(name_or_folder: str | Path) -> Robot:
     folder = _find_folder(name_or_folder)
     file = folder / "robot.toml"
+    servos, wrong_servos = read_servo_models(folder)
     try:
-        table, problems = read_description(load_toml(file))
+        table, problems = read_description(load_toml(file), servos)
     except ValueError as error:
         raise RobotError(f"{file}: {error}") from error
+    problems += wrong_servos
     model = None
     if table.model:
         try:
@@ -51,7 +54,7 @@ def _load_original(name_or_folder: str | Path) -> Robot:
     if problems or model is None:
         raise RobotError(f"{file}: {'; '.join(problems)}")
     try:
-        robot = _build_robot(folder, table, model)
+        robot = _build_robot(folder, table, model, servos)
         robot.spec().compile()
         calibration = folder / CALIBRATION_FILE
         return Calibration.load(calibration, robot).apply(robot) if calibration.exists() else robot
@@ -115,7 +118,9 @@ def _in_one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _build_robot(folder: Path, table: RobotTable, model: mujoco.MjModel) -> Robot:
+def _build_robot(
+    folder: Path, table: RobotTable, model: mujoco.MjModel, servos: Mapping[str, ServoModel]
+) -> Robot:
     rows, names = table.joints, [row.name for row in table.joints]
     angles = {name: table.standing.get(name, 0.0) for name in names}
     standing, neck_height = _compute_stance(
@@ -124,7 +129,7 @@ def _build_robot(folder: Path, table: RobotTable, model: mujoco.MjModel) -> Robo
     return Robot(
         name=table.name,
         folder=folder,
-        joints=tuple(_build_joint(row, model) for row in rows),
+        joints=tuple(_build_joint(row, model, servos[row.servo]) for row in rows),
         torso=table.torso,
         neck_site=table.neck_site,
         imu_site=table.imu_site,
@@ -139,17 +144,17 @@ def _build_robot(folder: Path, table: RobotTable, model: mujoco.MjModel) -> Robo
         bus=table.bus,
         rising_joints=table.rising_joints or (),
         spreading_joints=table.spreading_joints,
-        limit_by=table.limit_by or _choose_limit_mode(rows),
+        limit_by=table.limit_by or _choose_limit_mode(servos[row.servo] for row in rows),
     )
 
 
-def _choose_limit_mode(rows: tuple[JointRow, ...]) -> LimitMode:
+def _choose_limit_mode(motors: Iterable[ServoModel]) -> LimitMode:
     """Limit torque by current where every servo senses it."""
-    all_sense = all(servo_models()[row.servo].has_current_mode for row in rows)
+    all_sense = all(motor.has_current_mode for motor in motors)
     return "current" if all_sense else "pwm"
 
 
-def _build_joint(row: JointRow, model: mujoco.MjModel) -> Joint:
+def _build_joint(row: JointRow, model: mujoco.MjModel, motor: ServoModel) -> Joint:
     lower, upper = model.joint(row.name).range
     return Joint(
         name=row.name,
@@ -157,7 +162,7 @@ def _build_joint(row: JointRow, model: mujoco.MjModel) -> Joint:
         upper=float(upper),
         servo=Servo(
             id=row.id,
-            model=servo_models()[row.servo],
+            model=motor,
             sign=row.sign,
             zero_ticks=row.zero_ticks,
         ),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, get_args
 
 from msgspec import Meta
 
 from robots.robot import BusSettings
-from robots.servo import MAX_TICKS, servo_models
+from robots.servo import MAX_TICKS, ServoModel
 from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole
 
 MAIN_PORT = "main"  # name of the port when all joints share one
@@ -64,14 +65,17 @@ class RobotTable:
     """What a torque limit acts on; if left out the current, where all servos sense it."""
 
 
-def read_description(toml: dict[str, Any]) -> tuple[RobotTable, list[str]]:
+def read_description(
+    toml: dict[str, Any], servos: Mapping[str, ServoModel]
+) -> tuple[RobotTable, list[str]]:
     """Read the table of a robot.toml; return it and all its problems.
 
-    Defaults are filled in; values with problems are blank.
+    Defaults are filled in; values with problems are blank. ``servos`` are the types that its
+    joints may name.
     """
     problems: list[str] = []
     table = read_table(RobotTable, toml, "", problems)
-    problems += _wrong_servos(table.joints)
+    problems += _wrong_servos(table.joints, servos)
     if table.bus is not None:
         table = replace(table, bus=_complete_bus(table.bus, table.joints, problems))
     mirror = {row.name: row.mirror for row in table.joints}
@@ -85,8 +89,8 @@ def read_description(toml: dict[str, Any]) -> tuple[RobotTable, list[str]]:
     problems += _board_takes_an_id(table)
     problems += _repeated(table.joints)
     problems += _wrong_mirrors(table.joints)
-    problems += _wrong_supply(table)
-    problems += _wrong_limit_mode(table)
+    problems += _wrong_supply(table, servos)
+    problems += _wrong_limit_mode(table, servos)
     return replace(table, rising_joints=rising), problems
 
 
@@ -135,12 +139,11 @@ def _wrong_pairs(key: str, names: tuple[str, ...], mirror: dict[str, str]) -> li
     ]
 
 
-def _wrong_servos(rows: tuple[JointRow, ...]) -> list[str]:
+def _wrong_servos(rows: tuple[JointRow, ...], servos: Mapping[str, ServoModel]) -> list[str]:
     return [
-        f"joint {shown(row.name)}: servo is {shown(row.servo)}, expected "
-        f"{', '.join(servo_models())}"
+        f"joint {shown(row.name)}: servo is {shown(row.servo)}, expected {', '.join(servos)}"
         for row in rows
-        if row.servo and row.servo not in servo_models()
+        if row.servo and row.servo not in servos
     ]
 
 
@@ -190,22 +193,20 @@ def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:
     return problems
 
 
-def _wrong_limit_mode(table: RobotTable) -> list[str]:
+def _wrong_limit_mode(table: RobotTable, servos: Mapping[str, ServoModel]) -> list[str]:
     if table.limit_by != "current":
         return []
     return [
         f'limit_by is "current", expected "pwm": the {row.servo} of joint {shown(row.name)} has no '
         "current sensor"
         for row in table.joints
-        if row.servo in servo_models() and not servo_models()[row.servo].has_current_mode
+        if row.servo in servos and not servos[row.servo].has_current_mode
     ][:1]
 
 
-def _wrong_supply(table: RobotTable) -> list[str]:
+def _wrong_supply(table: RobotTable, servos: Mapping[str, ServoModel]) -> list[str]:
     used = {row.servo: row.name for row in reversed(table.joints)}
-    motors = [
-        (servo_models()[servo], name) for servo, name in used.items() if servo in servo_models()
-    ]
+    motors = [(servos[servo], name) for servo, name in used.items() if servo in servos]
     voltage = table.supply_voltage
     return [
         f"supply_voltage is {voltage:g} V, expected {motor.min_voltage:g} to "

@@ -1,16 +1,13 @@
 """Servos: what a servo model can do, and how one servo sits on its joint."""
 
 import math
-import tomllib
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
 from robots.quaternion import Array
-from robots.validation import Sign
+from robots.validation import Sign, positive, within
 
 TICKS_PER_TURN = 4096
 MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)
@@ -22,6 +19,10 @@ GAIN_DIVISOR = 128  # register value of the P gain per PWM count and tick (e-man
 D_GAIN_DIVISOR = 16  # the same of the D gain, per change of the error in one sample (e-manual)
 SAMPLE_TIME = 0.001  # s between two samples of the position loop; not published
 DEFAULT_P_GAIN = 800  # position P gain as shipped
+
+# Bounds that a wrong unit breaks, such as N·mm, mA, rev/min or g·cm²; every servo is far within.
+MAX_VOLTAGE = 60.0  # V
+Volts = Annotated[float, positive(MAX_VOLTAGE, "V")]
 
 LimitMode = Literal["current", "pwm", "ideal"]
 """What a torque limit acts on; see :class:`robots.torque_limit.TorqueLimit`."""
@@ -35,23 +36,23 @@ class ServoModel:
     """A servo type's figures at its nominal voltage."""
 
     name: str
-    nominal_voltage: float
+    nominal_voltage: Volts
     """Supply at which the figures hold [V]."""
-    stall_torque: float
+    stall_torque: Annotated[float, positive(200.0, "N·m")]
     """[N·m]"""
-    stall_current: float
+    stall_current: Annotated[float, positive(50.0, "A")]
     """[A]"""
-    no_load_speed: float
+    no_load_speed: Annotated[float, positive(100.0, "rad/s")]
     """[rad/s]"""
-    armature: float
+    armature: Annotated[float, positive(1.0, "kg·m²")]
     """Rotor inertia seen at the horn [kg·m²]."""
-    friction: float
+    friction: Annotated[float, within(0.0, 50.0, "N·m")]
     """Dry friction at the horn [N·m]."""
-    current_step: float
+    current_step: Annotated[float, within(0.0, 0.1, "A")]
     """Current of a count, measured and limited [A]; 0 for a servo without current sensor."""
-    min_voltage: float
+    min_voltage: Volts
     """[V]"""
-    max_voltage: float
+    max_voltage: Volts
     """[V]"""
 
     @property
@@ -130,13 +131,6 @@ class Servo:
     def to_ticks(self, angle: float) -> int:
         """Convert a joint angle [rad] to the nearest encoder tick."""
         return round(self.sign * angle / RAD_PER_TICK) + self.zero_ticks
-
-
-@cache
-def servo_models() -> dict[str, ServoModel]:
-    """Load the servo types that the package knows, by name."""
-    table = tomllib.loads(files("robots").joinpath("servos.toml").read_text("utf-8"))
-    return {name: ServoModel(name=name, **figures) for name, figures in table.items()}
 
 
 def count_pwm(share: Array | float) -> Array:

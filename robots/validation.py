@@ -57,6 +57,12 @@ def positive(upper: float, unit: str = "") -> Meta:
     return Meta(gt=0.0, le=upper, extra={"unit": unit})
 
 
+def within(lower: float, upper: float, unit: str = "") -> Meta:
+    """Limit a number to [lower, upper]."""
+    expected = f"{lower:g} to {upper:g} {unit}".rstrip()
+    return Meta(ge=lower, le=upper, description=expected, extra={"unit": unit})
+
+
 def on_axes(count: int) -> Meta:
     """Make an array have so many axes."""
     lists = "a list of finite numbers" if count == 1 else f"finite numbers on {count} axes"

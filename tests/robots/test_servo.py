@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from robots import Servo
 from robots.drive import Drive, limit_servos
-from robots.servo import CURRENT, PWM, RAD_PER_TICK, count_pwm, round_pwm, servo_models
+from robots.servo import CURRENT, PWM, RAD_PER_TICK, count_pwm, round_pwm
+from robots.servo_catalog import servo_models
 
 XM430 = servo_models()["XM430-W350"]
 servos = st.builds(

@@ -7,15 +7,13 @@ import math
 from drivers.dynamixel.control_table import HardwareError
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
-from robots.servo import servo_models
+from robots.servo_catalog import servo_models
 
 # A at the nominal supply (e-manual), of the models that robots/servos.toml does not describe
 OTHER_STALL_CURRENTS = {
     "XC330-M288": 1.8,
     "XC330-T288": 0.8,
     "2XC430-W250": 1.4,
-    "MX-64(2.0)": 4.1,
-    "MX-106(2.0)": 5.2,
 }
 STALL_CURRENTS = OTHER_STALL_CURRENTS | {
     name: model.stall_current for name, model in servo_models().items()

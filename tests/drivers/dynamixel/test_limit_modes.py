@@ -11,7 +11,8 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.errors import SetupError
 from robots import Robot
-from robots.servo import TICKS_PER_TURN, servo_models
+from robots.servo import TICKS_PER_TURN
+from robots.servo_catalog import servo_models
 
 TORQUE_PER_AMPERE = 4.1 / 2.3
 

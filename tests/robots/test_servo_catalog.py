@@ -1,0 +1,80 @@
+"""Servo types: the package's own, and those of a robot's folder."""
+
+import math
+
+import pytest
+from spoiling import complaint, spoil
+
+from robots import load_robot
+from robots.servo_catalog import read_servo_models, servo_models
+
+OWN = """
+["XM430-W350"]
+nominal_voltage = 14.8
+stall_torque = 4.8
+no_load_speed = 5.97
+
+[home-made]
+nominal_voltage = 12.0
+stall_torque = 2.0
+stall_current = 1.0
+no_load_speed = 6.0
+armature = 0.001
+friction = 0.0
+current_step = 0
+min_voltage = 10
+max_voltage = 13.0
+"""
+
+
+def test_a_folder_without_servos_has_the_packages(tmp_path):
+    assert read_servo_models(tmp_path) == (servo_models(), [])
+
+
+def test_a_folders_types_add_to_and_override_the_packages(own_robot):
+    (own_robot / "servos.toml").write_text(OWN)
+    spoil(own_robot, 'id = 2, servo = "XM430-W350"', 'id = 2, servo = "home-made"')
+    left, right = (joint.servo.model for joint in load_robot(own_robot).joints)
+    package = servo_models()["XM430-W350"]
+    assert (left.stall_torque, left.no_load_speed, left.nominal_voltage) == (4.8, 5.97, 14.8)
+    assert (left.stall_current, left.armature) == (package.stall_current, package.armature)
+    assert (right.name, right.stall_torque, right.friction) == ("home-made", 2.0, 0.0)
+    assert package.stall_torque == 4.1, "the package's types stay as they are"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("torque = 4.8", "torque = 0", "servos.toml: 'XM430-W350': stall_torque is 0 N·m, exp"),
+        ("torque = 4.8", "torque = 4800", "stall_torque is 4800 N·m, expected above 0 N·m, at m"),
+        ("torque = 4.8", 'torque = "4.8"', "stall_torque is '4.8', expected above 0 N·m"),
+        ("friction = 0.0", "friction = -0.1", "'home-made': friction is -0.1 N·m, expected 0 to"),
+        ("stall_current = 1.0\n", "", "'home-made': stall_current is missing, expected above 0 A"),
+        ("friction = 0.0", "fricton = 0.0", "'home-made': unknown key 'fricton', expected nomin"),
+        ("friction = 0.0", 'name = "x"', "servos.toml: 'home-made': unknown key 'name', expected"),
+        ("max_voltage = 13.0", "max_voltage = 9", "min_voltage is 10 V, expected at most max_vol"),
+        ('["XM4', 'x = 3\n["XM4', "servos.toml: 'x' is 3, expected a table of figures"),
+        ("[home-made]", "[home-made", "servos.toml"),
+    ],
+)
+def test_a_wrong_type_is_told_with_what_is_expected(own_robot, old, new, words):
+    assert old in OWN
+    (own_robot / "servos.toml").write_text(OWN.replace(old, new))
+    assert words in complaint(own_robot)
+
+
+def test_all_wrong_figures_are_told_at_once(own_robot):
+    (own_robot / "servos.toml").write_text("[a]\nfriction = nan\n[b]\narmature = true\n")
+    message = complaint(own_robot)
+    assert "'a': friction is nan" in message
+    assert "'b': armature is True" in message
+
+
+@pytest.mark.parametrize("name", servo_models())
+def test_figures_of_the_packages_types_make_sense(name: str):
+    model = servo_models()[name]
+    assert model.min_voltage <= model.nominal_voltage <= model.max_voltage
+    # An ideal motor without losses has more torque per ampere than the servo at standstill.
+    assert 0.5 < model.torque_per_ampere / model.motor_constant < 1.0
+    assert 0.005 < model.friction / model.stall_torque < 0.1
+    assert math.isfinite(model.resistance)

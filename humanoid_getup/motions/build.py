@@ -12,7 +12,8 @@ import numpy as np
 from humanoid_getup.evaluation.lying import LYING_TIME, measure_lying
 from humanoid_getup.evaluation.preference import Preference, PreferenceName
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
-from humanoid_getup.motions.keyframes import Keyframes, load_keyframes
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import STANDING, Motion, hold_last, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.simulation.domain_parameters import DomainParameters

@@ -22,7 +22,7 @@ from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.inputs import load_robot
 from humanoid_getup.cli.options.motions import BuildMotions
 from humanoid_getup.cli.output import console_for, find_folder_faults
-from humanoid_getup.motions.build import KEYFRAMES, build_motion, load_robot_keyframes, motion_file
+from humanoid_getup.motions.build import build_motion, load_robot_keyframes, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
@@ -57,10 +57,7 @@ def build(command: BuildMotions) -> int:
 
 def _choose_keyframes(robot: Robot, names: tuple[str, ...]) -> list[Keyframes]:
     with refusing():
-        try:
-            stored = {c.name: c for c in load_robot_keyframes(robot)}
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{robot.folder / KEYFRAMES}: {error!r}") from error
+        stored = {c.name: c for c in load_robot_keyframes(robot)}
         unknown = [name for name in names if name not in stored]
         if unknown:
             listed = ", ".join(f"'{name}'" for name in unknown)
@@ -95,7 +92,7 @@ def _collect(waiting: dict[Future[Motion], str], save: Callable[[Motion], None])
         name = waiting.pop(future)
         try:
             save(future.result())
-        except (RuntimeError, ValueError, KeyError, OSError) as error:  # no stand, disk full...
+        except (RuntimeError, ValueError, OSError) as error:  # no stand, disk full...
             failures.append(f"{name}: {error}")
     return failures
 

@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.evaluation.lying import LYING_TIME, measure_lying
 from humanoid_getup.evaluation.preference import Preference, PreferenceName
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
-from humanoid_getup.motions.keyframes import Keyframes, load_keyframes
-from humanoid_getup.motions.motion import STANDING, Motion, hold_last, join
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes_file import load_keyframes
+from humanoid_getup.motions.keyframes_writer import format_keyframes
+from humanoid_getup.motions.motion import NO_END, Motion, hold_last, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
+from humanoid_getup.motions.search_log import SearchLog, SearchTask
+from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.rollout import Rollout, Trace
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
-from robots.kinematics import place, read_posture
+from robots.kinematics import place
 from robots.quaternion import Array
 
 KEYFRAMES = "keyframes.toml"
+UNFINISHED = "unfinished"
 ENTRY_STRIDE = 12  # frames between the entries that are tried
 ENTRY_BATCH = 32
 
@@ -38,6 +42,18 @@ ATTITUDES = {
 """Axis and angle of the torso before it settles, by start class."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Build:
+    """What became of keyframes."""
+
+    motion: Motion
+    """The best that was found; its end class is "other" if it does not end as it should."""
+    keyframes: Keyframes
+    """The optimized ones."""
+    failure: str = ""
+    """Why it is no motion to be stored; "" if it is one."""
+
+
 def build_motion(
     robot: Robot,
     keyframes: Keyframes,
@@ -46,19 +62,18 @@ def build_motion(
     seed: int,
     prefer: PreferenceName | None = None,
     report: Callable[[int, float, float], None] = lambda *_: None,
-) -> tuple[Motion, Keyframes]:
+    log: SearchLog | None = None,
+) -> Build:
     """Optimize one set of keyframes and record it as a motion.
 
-    Without a preference, time and torque cost what the keyframes say.
-
-    Raises:
-        RuntimeError: if the optimized motion does not end as it should.
+    Without a preference, time and torque cost what the keyframes say. A search with a log goes on
+    where the log ends.
     """
     world = World(robot)
     start = settle(world, keyframes)
     preference = None if prefer is None else Preference.of(prefer)
     optimizer = TrajectoryOptimizer(world, start, preference=preference)
-    optimized, robust = optimizer.optimize(keyframes, generations, seed, report)
+    optimized, robust = optimizer.optimize(keyframes, generations, seed, report, log)
     provenance = {
         "program": "getup motions build",
         "seed": seed,
@@ -67,7 +82,34 @@ def build_motion(
         "torque_limit": keyframes.torque_limit,
         "prefer": prefer or "keyframes",
     }
-    return record(world, optimized, start, provenance), optimized
+    return _record(Trial.of(world, optimized, start), provenance)
+
+
+def _record(trial: Trial, provenance: dict[str, str | float | int]) -> Build:
+    """Record a trial as a motion, with its entries if it rises."""
+    if not trial.succeeded:
+        failure = f"motion '{trial.keyframes.name}' {trial.describe()}"
+        motion = trial.record(provenance | {"failure": trial.describe()})
+        return Build(motion=motion, keyframes=trial.keyframes, failure=failure)
+    motion, failure = trial.record(provenance), ""
+    if motion.rises:
+        try:
+            motion = with_entries(trial.world, motion)
+        except NoEntryError as error:
+            motion, failure = replace(motion, end_class=NO_END), str(error)
+    return Build(motion=motion, keyframes=trial.keyframes, failure=failure)
+
+
+def make_task(
+    robot: Robot, keyframes: Keyframes, seed: int, prefer: PreferenceName | None
+) -> SearchTask:
+    """Describe what the search of a motion depends on."""
+    return SearchTask(
+        robot=robot.name,
+        keyframes=format_keyframes(keyframes, robot),
+        seed=seed,
+        prefer=prefer or "keyframes",
+    )
 
 
 def settle(world: World, keyframes: Keyframes) -> Array:
@@ -81,61 +123,23 @@ def settle(world: World, keyframes: Keyframes) -> Array:
     return settle_posture(world, posture)
 
 
-def record(
-    world: World, keyframes: Keyframes, start: Array, provenance: dict[str, str | float | int]
-) -> Motion:
-    """Roll keyframes out once, undisturbed at full torque, and record the motion.
-
-    Raises:
-        RuntimeError: if it does not end in a held stand, or lying as it should.
-    """
-    robot, period = world.robot, world.robot.control_period
-    hold = HOLD_TIME if keyframes.end_class == STANDING else LYING_TIME
-    targets = keyframes.targets(robot, hold + 1.0)
-    trace = Rollout(world, 1).play(start[None], targets[None], DomainParameters.nominal(world, 1))
-    figures = _judge_end(world, keyframes, trace)
-    moving = len(targets) - round((hold + 0.5) / period)
-    went = np.concatenate([start[None], trace.qpos[0, : moving - 1]])  # at the time of each target
-    postures = [read_posture(robot, world.model, q) for q in went]
-    motion = Motion.through(
-        postures,
-        period,
-        name=keyframes.name,
-        robot=robot.name,
-        start_class=keyframes.start_class,
-        end_class=keyframes.end_class,
-        strategy=keyframes.strategy,
-        joint_target=targets[:moving],
-        provenance={**provenance, **figures},
-    )
-    return with_entries(world, motion) if motion.rises else motion
-
-
-def _judge_end(world: World, keyframes: Keyframes, trace: Trace) -> dict[str, float]:
-    """Return the figures of a single rollout that ends as its keyframes should."""
-    if keyframes.end_class != STANDING:
-        lying = measure_lying(world, trace, keyframes.end_class)
-        if not lying.lies[0]:
-            raise RuntimeError(
-                f"motion '{keyframes.name}' does not end lying {keyframes.end_class}: {lying}"
-            )
-        return {"descent_m_s": float(lying.descent[0])}
-    upright = is_upright(measure_stance(world, trace), world.robot)[0]
-    stand = judge(upright, world.robot.control_period)
-    if not stand.stood:
-        raise RuntimeError(f"motion '{keyframes.name}' does not end in a held stand")
-    return {"stand_time_s": stand.start_time}
+class NoEntryError(RuntimeError):
+    """A motion that stands does so only from where it was recorded, not from rest."""
 
 
 def with_entries(world: World, motion: Motion) -> Motion:
-    """Mark the frames from which the rest of a motion, entered at rest, ends standing."""
+    """Mark the frames from which the rest of a motion, entered at rest, ends standing.
+
+    Raises:
+        NoEntryError: if there is none.
+    """
     frames = np.arange(0, len(motion.time), ENTRY_STRIDE)
     entry = np.zeros(len(motion.time), dtype=bool)
     for first in range(0, len(frames), ENTRY_BATCH):
         some = frames[first : first + ENTRY_BATCH]
         entry[some] = _stands_from(world, motion, some)
     if not entry.any():
-        raise RuntimeError(f"motion '{motion.name}' does not end standing from rest at any frame")
+        raise NoEntryError(f"motion '{motion.name}' does not end standing from rest at any frame")
     return replace(motion, entry=entry)
 
 
@@ -159,3 +163,8 @@ def load_robot_keyframes(robot: Robot) -> list[Keyframes]:
 def motion_file(folder: Path, name: str) -> Path:
     """Return where a motion of a robot is kept."""
     return folder / "motions" / f"{name}.npz"
+
+
+def unfinished_file(folder: Path, name: str, suffix: str) -> Path:
+    """Return where what is known of a motion that is not built yet is kept, such as its log."""
+    return folder / UNFINISHED / f"{name}{suffix}"

@@ -20,6 +20,7 @@ from humanoid_getup.evaluation.standing import (
 )
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, hold_last
+from humanoid_getup.motions.search_log import Generation, SearchLog
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import (
     Rollout,
@@ -35,6 +36,7 @@ POPULATION = 14
 SCENARIOS = 5  # rollouts of each candidate: nominal, with full torque, three disturbed
 LIMIT_SHARES = (0.73, 0.61)  # of stall torque, limits of disturbed rollouts beside the motion's own
 FINAL_SCENARIOS = 48
+FINALISTS = 8  # best candidates of the last generations that are judged, beside start and mean
 ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step size: rad, and share of a duration
 SEARCH_HOLD = 1.0  # s of stand or of lying still that a candidate must show; 3.0 when judged
 LEAD_IN = 0.1  # s in the start posture
@@ -127,10 +129,12 @@ class TrajectoryOptimizer:
         generations: int,
         seed: int,
         report: Callable[[int, float, float], None] = lambda *_: None,
+        log: SearchLog | None = None,
     ) -> tuple[Keyframes, float]:
         """Search key postures and times; return the best and its disturbed success share.
 
-        After each generation its number, best cost and share that stood are reported.
+        After each generation its number, best cost and share that stood are reported. Generations
+        that the log has are not rolled out again; others are added to it.
         """
         robot = self.world.robot
         rng = np.random.default_rng(seed)
@@ -143,15 +147,32 @@ class TrajectoryOptimizer:
         for generation in range(generations):
             genes = search.ask()
             candidates = [keyframes.with_genes(g * scale, robot) for g in genes]
-            cost, stood = self._roll_out(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
-            search.tell(genes, list(cost))
-            report(generation, float(cost.min()), float(stood.mean()))
-            if generation >= generations - 8:
-                finalists.append(candidates[int(np.argmin(cost))])
+            found = self._evaluate(candidates, generation, rng, log)
+            search.tell(genes, found.cost.tolist())
+            report(generation, float(found.cost.min()), found.stood)
+            if generation >= generations - FINALISTS:
+                finalists.append(candidates[int(np.argmin(found.cost))])
         finalists.append(keyframes.with_genes(search.mean * scale, robot))
         judged = [self.judge(finalist, seed) for finalist in finalists]
         best = min(range(len(finalists)), key=lambda i: (-round(judged[i][1], 2), judged[i][0]))
         return finalists[best], judged[best][1]
+
+    def _evaluate(
+        self,
+        candidates: list[Keyframes],
+        generation: int,
+        rng: np.random.Generator,
+        log: SearchLog | None,
+    ) -> Generation:
+        """Return the costs of a generation: from the log, else by rollouts."""
+        if log is not None and generation < len(log.generations):
+            self._make_scenarios(candidates[0], SCENARIOS, rng)  # draws what they were drawn from
+            return log.generations[generation]
+        cost, stood = self._roll_out(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
+        if log is None:
+            return Generation(cost=cost, stood=float(stood.mean()))
+        log.add(cost, float(stood.mean()))
+        return log.generations[-1]
 
     def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, float]:
         """Compute mean cost and success share over disturbances that the search never saw.
@@ -182,10 +203,7 @@ class TrajectoryOptimizer:
         targets = np.array(
             [np.concatenate([np.repeat(p[:1], lead, 0), hold_last(p, length)]) for p in plays]
         )
-        own_limit = candidates[0].torque_limit
-        starts, parameters = make_scenarios(
-            self.world, self.start, own_limit, each, self._randomization, rng
-        )
+        starts, parameters = self._make_scenarios(candidates[0], each, rng)
         n = len(candidates)
         trace = rollout.play(
             np.tile(starts, (n, 1)),
@@ -195,6 +213,19 @@ class TrajectoryOptimizer:
         durations = np.repeat([c.duration.sum() for c in candidates], each)
         cost, stood = score(trace, self.world, candidates[0], hold, self.preference, durations)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
+
+    def _make_scenarios(
+        self, keyframes: Keyframes, count: int, rng: np.random.Generator
+    ) -> tuple[Array, DomainParameters]:
+        limit = keyframes.torque_limit
+        return make_scenarios(self.world, self.start, limit, count, self._randomization, rng)
+
+
+def count_work(generations: int) -> float:
+    """Count the work of a search in generations: it includes judging the finalists."""
+    judged = (min(generations, FINALISTS) + 2) * FINAL_SCENARIOS
+    finer = 2.0  # half the search's physics step
+    return generations + finer * judged / (POPULATION * SCENARIOS)
 
 
 def make_scenarios(

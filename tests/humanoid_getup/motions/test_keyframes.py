@@ -1,8 +1,12 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from humanoid_getup.motions.build import load_robot_keyframes
-from humanoid_getup.motions.keyframes import SPEED_SHARE, KeyframesError, load_keyframes
+from humanoid_getup.motions.keyframes import SPEED_SHARE
+from humanoid_getup.motions.keyframes_file import KeyframesError, load_keyframes
+from robots import load_robot
 
 TEXT = """
 [[motions]]
@@ -136,7 +140,7 @@ def test_all_that_is_wrong_is_reported_at_once(tmp_path, op3):
         "keyframes.toml: motion 'wave': start is 'asleep', expected supine, prone, left, right",
         "motion 'wave': stand_after is 0 s, expected above 0 s",
         "motion 'wave': key number 1: middle.head_pan is nan, expected a finite angle in degrees",
-        "unknown joint 'l_nee', expected r_sho_pitch",
+        "motion 'wave': key number 2: left: unknown joint 'nee', expected sho_pitch, sho_roll",
     ):
         assert told in str(refusal.value)
     assert str(refusal.value).isprintable()
@@ -146,3 +150,56 @@ def test_all_that_is_wrong_is_reported_at_once(tmp_path, op3):
 def test_a_file_without_keyframes_is_refused(tmp_path, op3, text):
     with pytest.raises(KeyframesError, match=r"keyframes\.toml: "):
         _read(tmp_path, op3, text)
+
+
+def test_a_pair_may_be_named_by_its_left_joint(tmp_path, op3):
+    named = TEXT.replace("knee", "l_knee").replace("hip_roll", "l_hip_roll")
+    keyframes, same = _read(tmp_path, op3, named), _read(tmp_path, op3)
+    np.testing.assert_array_equal(keyframes.keys, same.keys)
+    np.testing.assert_array_equal(keyframes.free, same.free)
+
+
+@pytest.mark.parametrize("names", [("LHip", "RHip"), ("hip_left", "hip_right"), ("one", "two")])
+def test_keys_of_any_robot_are_written_by_pairs(names: tuple[str, str], own_robot: Path):
+    left, right = names
+    for file in (own_robot / "robot.toml", own_robot / "model.xml"):
+        file.write_text(file.read_text().replace("l_hip", left).replace("r_hip", right))
+    robot = load_robot(own_robot)
+    pair = {"LHip": "Hip", "hip_left": "hip", "one": "one"}[left]  # "one" says no side
+    text = TEXT.replace(", middle = { head_pan = 20 }", "").replace(", hip_roll = -5", "")
+    keyframes = _read(own_robot, robot, text.replace("knee", pair))
+    # Both hips of this robot turn about +y: a mirrored angle has the same sign.
+    np.testing.assert_allclose(np.degrees(keyframes.keys[0]), [10.0, 10.0])
+    np.testing.assert_allclose(np.degrees(keyframes.keys[1]), [40.0, 60.0])
+    assert keyframes.free.tolist() == [0, 1]
+    assert not keyframes.mirrored.any()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (
+            "knee = 10",
+            "knee = 10, l_knee = 20",
+            "key number 1: both: joint 'l_knee' is",
+        ),
+        ("after = 0.5", "after = 0", "key number 2: after is 0 s, expected above 0 s"),
+        ("knee = 10", "knee = 900", "joint 'l_knee' of key number 1 is"),
+        ("head_pan", "head", "key number 1: middle: unknown joint 'head', expected r_sho_pitch"),
+        ("stand_after", "stand_afer", "unknown key motion 'wave': stand_afer, expected name"),
+        ('"wave"', '"../wave"', "motion '../wave': its name: expected 1 to 100 letters"),
+        ("knee = 60", "r_knee = 60", "key number 2: right: unknown joint 'r_knee', expected sho"),
+    ],
+)
+def test_a_mistake_is_named_with_its_place(old, new, problem, tmp_path, op3):
+    with pytest.raises(KeyframesError, match="motion") as refusal:
+        _read(tmp_path, op3, TEXT.replace(old, new))
+    assert problem in str(refusal.value)
+
+
+def test_two_motions_of_one_name_and_a_single_key_to_lie_down_are_refused(tmp_path, op3):
+    with pytest.raises(KeyframesError, match="motion 'wave' is there twice"):
+        _read(tmp_path, op3, TEXT + TEXT)
+    lone = DOWN.replace(DOWN[DOWN.index("keys") :], "keys = [{ }]\n")
+    with pytest.raises(KeyframesError, match="motion 'down': it has 1 key, expected 2 or more"):
+        _read(tmp_path, op3, lone)

@@ -1,0 +1,1 @@
+"""Keys from elsewhere: action files, animations and tables of other programs."""

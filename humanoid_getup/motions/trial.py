@@ -1,0 +1,150 @@
+"""A trial: keyframes played once in simulation, undisturbed at full torque, and how it ended."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from humanoid_getup.evaluation.lying import (
+    LYING_TIME,
+    MAX_DESCENT,
+    MAX_LEAN,
+    Lying,
+    measure_lying,
+)
+from humanoid_getup.evaluation.standing import (
+    HOLD_TIME,
+    MAX_TILT,
+    Stance,
+    Stand,
+    compute_uprightness,
+    is_upright,
+    judge,
+    measure_stance,
+)
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.motion import NO_END, STANDING, Motion
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout, Trace
+from humanoid_getup.simulation.touch import find_touching_bodies
+from humanoid_getup.simulation.world import World
+from robots.kinematics import read_posture
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """One rollout of keyframes."""
+
+    world: World
+    keyframes: Keyframes
+    start: Array
+    """MuJoCo positions at the start, (nq,)."""
+    targets: Array
+    """Targets that the servos were sent [rad], (T, n); the last one is held to be judged."""
+    trace: Trace
+
+    @classmethod
+    def of(cls, world: World, keyframes: Keyframes, start: Array) -> Trial:
+        """Roll keyframes out from MuJoCo positions (nq,)."""
+        hold = HOLD_TIME if keyframes.end_class == STANDING else LYING_TIME
+        targets = keyframes.targets(world.robot, hold + 1.0)
+        nominal = DomainParameters.nominal(world, 1)
+        trace = Rollout(world, 1).play(start[None], targets[None], nominal)
+        return cls(world=world, keyframes=keyframes, start=start, targets=targets, trace=trace)
+
+    @property
+    def succeeded(self) -> bool:
+        """Return whether it ended as the keyframes should."""
+        return self.stand.stood if self.rises else bool(self._lying.lies[0])
+
+    @property
+    def rises(self) -> bool:
+        """Return whether it should end standing."""
+        return self.keyframes.end_class == STANDING
+
+    @cached_property
+    def stand(self) -> Stand:
+        """Return the stand in which it ended, if it did."""
+        upright = is_upright(self._stance, self.world.robot)[0]
+        return judge(upright, self.world.robot.control_period)
+
+    @cached_property
+    def progress(self) -> float:
+        """Return how nearly it stood at best, from 0 to 1."""
+        return float(compute_uprightness(self._stance, self.world.robot).max())
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Return the figures of one that ended as it should."""
+        if self.rises:
+            return {"stand_time_s": self.stand.start_time}
+        return {"descent_m_s": float(self._lying.descent[0])}
+
+    def describe(self) -> str:
+        """Say how it ended; of a failure what touched, how high the neck came and when."""
+        if not self.rises:
+            return self._describe_lying()
+        if self.succeeded:
+            return f"stood after {self.stand.start_time:.2f} s"
+        return self._describe_fall()
+
+    def record(self, provenance: dict[str, str | float | int]) -> Motion:
+        """Make the motion that it was; its end class is "other" if it did not end as it should."""
+        robot, period = self.world.robot, self.world.robot.control_period
+        hold = HOLD_TIME if self.rises else LYING_TIME
+        moving = len(self.targets) - round((hold + 0.5) / period)
+        # Where the robot was at the time of each target.
+        went = np.concatenate([self.start[None], self.trace.qpos[0, : moving - 1]])
+        return Motion.through(
+            [read_posture(robot, self.world.model, q) for q in went],
+            period,
+            name=self.keyframes.name,
+            robot=robot.name,
+            start_class=self.keyframes.start_class,
+            end_class=self.keyframes.end_class if self.succeeded else NO_END,
+            strategy=self.keyframes.strategy,
+            joint_target=self.targets[:moving],
+            provenance=provenance | (self.figures if self.succeeded else {}),
+        )
+
+    def _describe_fall(self) -> str:
+        robot, period = self.world.robot, self.world.robot.control_period
+        share = self._stance.neck_height[0] / robot.standing_neck_height
+        best, tilt = int(np.argmax(share)), math.degrees(self._stance.tilt[0, -1])
+        text = (
+            f"does not end in a held stand: its neck came to {share[best]:.0%} of standing height "
+            f"after {(best + 1) * period:.2f} s and ended at {share[-1]:.0%}"
+        )
+        if tilt > math.degrees(MAX_TILT):
+            text += f", tilted by {tilt:.0f}°"
+        bodies = find_touching_bodies(self.world, self.trace.qpos[0, -1])
+        if not bodies:
+            return f"{text}; it swayed on its feet"
+        lifted = np.flatnonzero(~self._stance.non_foot_contact[0])
+        since = 0.0 if len(lifted) == 0 else (lifted[-1] + 1) * period
+        on = ", ".join(bodies)
+        return f"{text}; on the ground besides the feet since {since:.2f} s, at the end: {on}"
+
+    def _describe_lying(self) -> str:
+        lying, side = self._lying, self.keyframes.end_class
+        if self.succeeded:
+            return f"lay {side} after {self.keyframes.duration.sum():.2f} s"
+        return (
+            f"does not end lying {side}: {math.degrees(lying.lean[0]):.0f}° off that side "
+            f"(expected at most {math.degrees(MAX_LEAN):.0f}°), moving by "
+            f"{math.degrees(lying.sway[0]):.0f}° at the end, its neck sank at "
+            f"{lying.descent[0]:.2f} m/s (expected at most {MAX_DESCENT:g} m/s)"
+        )
+
+    @cached_property
+    def _stance(self) -> Stance:
+        return measure_stance(self.world, self.trace)
+
+    @cached_property
+    def _lying(self) -> Lying:
+        assert self.keyframes.end_class != STANDING
+        return measure_lying(self.world, self.trace, self.keyframes.end_class)

@@ -1,0 +1,109 @@
+"""Left and right: which joint of each mirrored pair is the left one, and the pair's own name."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from robots.kinematics import place
+from robots.quaternion import Array
+from robots.robot import Robot
+
+WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
+"""Words of a name: l_hip_pitch, left-hip, LHipPitch, hipPitchL."""
+LEFT, RIGHT = ("l", "left"), ("r", "right")
+SAME_PLACE = 0.001  # m; joints closer than this to the plane between them are on neither side
+
+
+@dataclass(frozen=True)
+class JointSides:
+    """The mirrored pairs of a robot: the left joint of each, and a name without its side."""
+
+    robot: Robot
+
+    @cached_property
+    def left(self) -> tuple[int, ...]:
+        """Return the left joint of each pair, in the robot's joint order."""
+        found = {min(pair): self._choose_left(*pair) for pair in self._pairs()}
+        return tuple(sorted(found.values()))
+
+    @cached_property
+    def by_name(self) -> dict[str, int]:
+        """Return the left joint of each pair by its names: without its side, and in full."""
+        short = {joint: self.name(joint) for joint in self.left}
+        full = {self.robot.joint_names[joint]: joint for joint in self.left}
+        return {name: joint for joint, name in short.items()} | full
+
+    def name(self, left: int) -> str:
+        """Return the name of a pair without a side; the left joint's where that is not clear."""
+        full = self.robot.joint_names[left]
+        return full if self._shared[self._bare(left)] > 1 else self._bare(left)
+
+    def _bare(self, left: int) -> str:
+        names = self.robot.joint_names
+        return remove_side(names[left], names[int(self.robot.mirror_index[left])])
+
+    @cached_property
+    def _shared(self) -> Counter[str]:
+        """Count the pairs that one name without side stands for, and full names of joints."""
+        return Counter([*map(self._bare, self.left), *self.robot.joint_names])
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        mirror = self.robot.mirror_index.tolist()
+        return [(joint, other) for joint, other in enumerate(mirror) if joint < other]
+
+    def _choose_left(self, a: int, b: int) -> int:
+        """Choose by name, else by place; the first one where neither says."""
+        names = self.robot.joint_names
+        side = _find_side(names[a], names[b])
+        if side is not None:
+            return a if side[1] in LEFT else b
+        anchor, limb = self._sideways
+        for y in (anchor, limb):
+            if abs(y[a] - y[b]) > SAME_PLACE:
+                return a if y[a] > y[b] else b
+        return a
+
+    @cached_property
+    def _sideways(self) -> tuple[Array, Array]:
+        """Return the y of each joint's anchor, and of its limb's center of mass, standing [m]."""
+        model = self.robot.spec().compile()
+        data = mujoco.MjData(model)
+        data.qpos[:] = place(self.robot, model, self.robot.standing)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        ids = np.array([model.joint(name).id for name in self.robot.joint_names])
+        return data.xanchor[ids, 1].copy(), data.subtree_com[model.jnt_bodyid[ids], 1].copy()
+
+
+def remove_side(left: str, right: str) -> str:
+    """Remove the side from the name of a left joint; return it as it is where it names none."""
+    side = _find_side(left, right)
+    if side is None:
+        return left
+    start, word = side
+    before, after = left[:start], left[start + len(word) :]
+    return before + after.lstrip("_-.") if after else before.rstrip("_-.")
+
+
+def _find_side(a: str, b: str) -> tuple[int, str] | None:
+    """Find the one word, in lower case, and its place in ``a``, that tells a pair's sides."""
+    words, others = list(WORD.finditer(a)), list(WORD.finditer(b))
+    if len(words) != len(others):
+        return None
+    differ = [
+        (word, other.group().lower())
+        for word, other in zip(words, others, strict=True)
+        if word.group() != other.group()
+    ]
+    if len(differ) != 1:
+        return None
+    word, other = differ[0][0].group().lower(), differ[0][1]
+    opposite = dict(zip(LEFT + RIGHT, RIGHT + LEFT, strict=True))
+    is_all = len(word) == len(a)  # a joint named "l" has no other name
+    return None if opposite.get(word) != other or is_all else (differ[0][0].start(), word)

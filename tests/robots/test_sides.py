@@ -1,0 +1,88 @@
+"""Which joint of a pair is the left one: by its name, else by where it is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robots import Robot, load_robot
+from robots.sides import JointSides, remove_side
+
+
+def rename(robot: Robot, *names: str) -> Robot:
+    joints = [replace(j, name=name) for j, name in zip(robot.joints, names, strict=True)]
+    return replace(robot, joints=tuple(joints))
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "pair"),
+    [
+        ("l_hip_pitch", "r_hip_pitch", "hip_pitch"),
+        ("left_hip_pitch", "right_hip_pitch", "hip_pitch"),
+        ("LHipPitch", "RHipPitch", "HipPitch"),
+        ("LeftHipPitch", "RightHipPitch", "HipPitch"),
+        ("leftKnee", "rightKnee", "Knee"),
+        ("hip_pitch_l", "hip_pitch_r", "hip_pitch"),
+        ("hip-left", "hip-right", "hip"),
+        ("KneeL", "KneeR", "Knee"),
+        ("J_L_KNEE", "J_R_KNEE", "J_KNEE"),
+        ("leg_left_2", "leg_right_2", "leg_2"),
+    ],
+)
+def test_a_name_tells_the_side_and_the_pair(left: str, right: str, pair: str, tiny: Robot):
+    # The description's second joint is on the right: here its name alone says otherwise.
+    for names in ((left, right), (right, left)):
+        sides = JointSides(rename(tiny, *names))
+        (joint,) = sides.left
+        assert names[joint] == left
+        assert sides.by_name == {pair: joint, left: joint}
+        assert sides.name(joint) == pair
+
+
+@pytest.mark.parametrize("names", [("roll", "pitch"), ("l", "r"), ("lift", "rift"), ("l_a", "r_b")])
+def test_a_name_without_a_side_stays_whole(names: tuple[str, str]):
+    assert remove_side(*names) == names[0]
+
+
+def with_names(folder: Path, left: str, right: str) -> Robot:
+    for file in (folder / "robot.toml", folder / "model.xml"):
+        file.write_text(file.read_text().replace("l_hip", left).replace("r_hip", right))
+    return load_robot(folder)
+
+
+@pytest.mark.parametrize(("left", "right"), [("motor_1", "motor_2"), ("motor_2", "motor_1")])
+def test_where_names_do_not_say_the_left_joint_is_on_the_left(left, right, own_robot: Path):
+    robot = with_names(own_robot, left, right)
+    sides = JointSides(robot)
+    assert [robot.joint_names[joint] for joint in sides.left] == [left]
+    assert list(sides.by_name) == [left]
+
+
+def test_joints_on_the_middle_plane_are_told_apart_by_their_limbs(own_robot: Path):
+    robot = with_names(own_robot, "motor_2", "motor_1")
+    model = own_robot / "model.xml"
+    text = model.read_text().replace('axis="0 1 0"', 'axis="0 1 0" pos="0 -0.07 0"', 1)
+    text = text.replace('axis="0 1 0" range', 'axis="0 1 0" pos="0 0.07 0" range')
+    model.write_text(text)
+    assert [robot.joint_names[joint] for joint in JointSides(robot).left] == ["motor_2"]
+
+
+def test_a_name_that_two_pairs_share_is_nobodys(op3: Robot):
+    names = list(op3.joint_names)
+    for old, new in (("l_el", "knee_l"), ("r_el", "knee_r")):
+        names[names.index(old)] = new
+    sides = JointSides(rename(op3, *names))
+    knees = [sides.name(joint) for joint in sides.left if "knee" in names[joint]]
+    assert sorted(knees) == ["knee_l", "l_knee"]
+    assert "knee" not in sides.by_name
+
+
+def test_op3s_left_joints_are_those_named_l(op3: Robot):
+    sides = JointSides(op3)
+    left = [op3.joint_names[joint] for joint in sides.left]
+    assert left == [name for name in op3.joint_names if name.startswith("l_")]
+    # Names and places agree on a robot that has both.
+    anonymous = JointSides(op3)._sideways[0]
+    partner = op3.mirror_index[list(sides.left)]
+    assert np.all(anonymous[list(sides.left)] > anonymous[partner])

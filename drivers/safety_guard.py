@@ -11,7 +11,7 @@ from drivers.backend import Backend
 from drivers.safety_limits import ClipCounts, GuardLimits
 from drivers.state import Command, HardwareError, State, find_command_problems
 from robots.quaternion import Array
-from robots.servo import LimitMode
+from robots.servo import VOLTAGE_ROUNDING, LimitMode
 
 
 class FaultKind(Enum):
@@ -177,14 +177,16 @@ class SafetyGuard(Backend):
             return Fault(FaultKind.LOST_JOINTS, detail, state.time)
         if not state.imu_age <= limits.max_imu_age:
             return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
-        if state.voltage < limits.min_voltage:
+        if state.voltage < limits.min_voltage - VOLTAGE_ROUNDING:
             detail = f"{state.voltage:.1f} V, expected {limits.min_voltage:.1f} V or more"
             return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
-        if state.temperature.max() > limits.max_temperature:
-            hottest = int(state.temperature.argmax())
+        excess = state.temperature - limits.max_temperature
+        if excess.max() > 0.0:
+            hottest = int(excess.argmax())
+            degrees = state.temperature[hottest]
             detail = (
-                f"joint '{names[hottest]}' has {state.temperature[hottest]:.0f} °C, "
-                f"expected at most {limits.max_temperature:.0f} °C"
+                f"joint '{names[hottest]}' has {degrees:.0f} °C, "
+                f"expected at most {degrees - excess[hottest]:.0f} °C"
             )
             return Fault(FaultKind.TOO_HOT, detail, state.time)
         return None

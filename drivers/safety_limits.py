@@ -9,12 +9,22 @@ import numpy as np
 from robots import Robot
 from robots.quaternion import Array
 
-# The XM430 switches itself off at 80 °C (e-manual, Temperature Limit). The guard acts
-# earlier, while the robot can still be lowered by hand without burns.
-MAX_TEMPERATURE = 75.0
+# A servo switches itself off at its Temperature Limit (e-manual), 80 °C for an XM430. The guard
+# acts earlier, while the robot can still be lowered by hand without burns.
+HOT_MARGIN = 5.0  # °C
 # From here on torque is derated, so that a servo cools before it switches itself off.
-DERATE_TEMPERATURE = 65.0
-DERATED_SHARE = 0.4  # of the torque limit that is left at MAX_TEMPERATURE
+DERATE_MARGIN = 15.0  # °C
+DERATED_SHARE = 0.4  # of the torque limit that is left at the highest temperature
+
+
+def find_max_temperature(robot: Robot) -> Array:
+    """Find the highest temperatures that the guard allows a robot's servos [°C], (n,)."""
+    return np.array([joint.servo.model.temperature_limit - HOT_MARGIN for joint in robot.joints])
+
+
+def find_derate_temperature(robot: Robot) -> Array:
+    """Find the temperatures from which on a robot's servos get less torque [°C], (n,)."""
+    return np.array([joint.servo.model.temperature_limit - DERATE_MARGIN for joint in robot.joints])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +39,10 @@ class GuardLimits:
     """Fastest change of targets [rad/s], shape (n,)."""
     torque_limit: Array
     """Highest torque limit of each servo [N·m], shape (n,)."""
-    max_temperature: float = MAX_TEMPERATURE
-    """Highest servo temperature [°C]; infinity for any."""
-    derate_temperature: float = DERATE_TEMPERATURE
-    """Temperature above which a servo's torque limit is derated [°C]."""
+    max_temperature: Array | float
+    """Highest temperature of each servo [°C], shape (n,), or of all; infinity for any."""
+    derate_temperature: Array | float
+    """Temperature above which each servo's torque limit is derated [°C], shape (n,), or of all."""
     min_voltage: float = 0.0
     """Lowest supply [V]."""
     stale_writes: int = 5  # 40 ms at the OP3's cycle: more than a retried read, less than a fall
@@ -66,7 +76,9 @@ class GuardLimits:
             upper=robot.upper,
             max_velocity=robot.max_velocity,
             torque_limit=np.minimum(robot.max_torque, cap),
-            min_voltage=max(joint.servo.model.min_voltage for joint in robot.joints),
+            max_temperature=find_max_temperature(robot),
+            derate_temperature=find_derate_temperature(robot),
+            min_voltage=robot.supply_range[0],
         )
 
     def derate(self, temperature: Array) -> Array:
@@ -74,10 +86,10 @@ class GuardLimits:
 
         Linear from the full limit at ``derate_temperature`` to a share at ``max_temperature``.
         """
-        span = self.max_temperature - self.derate_temperature
-        if not 0.0 < span < np.inf:
-            return self.torque_limit
-        heat = np.minimum(np.maximum((temperature - self.derate_temperature) / span, 0.0), 1.0)
+        span = np.asarray(self.max_temperature - self.derate_temperature)
+        has_span = (span > 0.0) & (span < np.inf)
+        excess = np.where(has_span, temperature - self.derate_temperature, 0.0)
+        heat = np.minimum(np.maximum(excess / np.where(has_span, span, 1.0), 0.0), 1.0)
         return self.torque_limit * (1.0 - (1.0 - DERATED_SHARE) * heat)
 
 

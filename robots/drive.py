@@ -58,13 +58,12 @@ class Drive:
         """
         models = [joint.servo.model for joint in robot.joints]
         voltage = np.asarray(voltage, dtype=float)[..., None]
-        nominal = np.array([m.nominal_voltage for m in models])
         damping = robot.current_damping if self.damping is None else self.damping
         gains = np.zeros((*voltage.shape[:-1], robot.n, GAIN_COLUMNS))
         gains[..., RESISTANCE] = [m.resistance for m in models]
         gains[..., MOTOR_CONSTANT] = [m.motor_constant for m in models]
         stiffness = robot.position_gain * self.gain_scale
-        gains[..., KP] = stiffness * np.where(self.by_current, 1.0, voltage / nominal)
+        gains[..., KP] = stiffness * np.where(self.by_current, 1.0, voltage / robot.nominal_voltage)
         gains[..., KD] = np.where(self.by_current, damping, robot.torque_speed_slope)
         gains[..., VMAX] = voltage * self.pwm
         return gains

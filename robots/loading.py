@@ -165,6 +165,7 @@ def _build_joint(row: JointRow, model: mujoco.MjModel, motor: ServoModel) -> Joi
             model=motor,
             sign=row.sign,
             zero_ticks=row.zero_ticks,
+            own_p_gain=row.p_gain,
         ),
         segment=row.segment,
     )

@@ -175,7 +175,23 @@ class Robot:
     @cached_property
     def position_gain(self) -> Array:
         """Return the position-mode stiffness at nominal voltage [N·m/rad], (n,)."""
-        return np.array([joint.servo.model.position_gain() for joint in self.joints])
+        return np.array([joint.servo.position_gain for joint in self.joints])
+
+    @cached_property
+    def p_gain(self) -> Array:
+        """Return the register values of the position P gain at full gain scale, (n,)."""
+        return np.array([joint.servo.p_gain for joint in self.joints])
+
+    @cached_property
+    def nominal_voltage(self) -> Array:
+        """Return the supplies at which the servos' figures hold [V], (n,)."""
+        return np.array([joint.servo.model.nominal_voltage for joint in self.joints])
+
+    @cached_property
+    def supply_range(self) -> tuple[float, float]:
+        """Return the lowest and highest supply that all servos accept [V]."""
+        models = [joint.servo.model for joint in self.joints]
+        return max(m.min_voltage for m in models), min(m.max_voltage for m in models)
 
     @cached_property
     def torque_speed_slope(self) -> Array:
@@ -265,7 +281,7 @@ def _add_servo(spec: mujoco.MjSpec, joint: Joint) -> None:
         resistance=motor.resistance,
         saturation=[motor.stall_torque, 0.0, 0.0],
         controller=[
-            motor.position_gain(),
+            joint.servo.position_gain,
             0,
             motor.torque_speed_slope,
             0,

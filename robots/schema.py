@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import Annotated, Any, Literal, get_args
 from msgspec import Meta
 
 from robots.robot import BusSettings
-from robots.servo import MAX_TICKS, ServoModel
+from robots.servo import MAX_TICKS, PGain, ServoModel
 from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole
 
 MAIN_PORT = "main"  # name of the port when all joints share one
@@ -35,6 +36,8 @@ class JointRow:
     """Name of the joint that takes this one's place when left and right are exchanged."""
     mirror_sign: Sign
     segment: Segment
+    p_gain: PGain | None = None
+    """Position P gain; that of the servo type if left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,5 +215,5 @@ def _wrong_supply(table: RobotTable, servos: Mapping[str, ServoModel]) -> list[s
         f"supply_voltage is {voltage:g} V, expected {motor.min_voltage:g} to "
         f"{motor.max_voltage:g} V by the {motor.name} of joint {shown(joint)}"
         for motor, joint in motors
-        if voltage < motor.min_voltage or voltage > motor.max_voltage
+        if not (math.isnan(voltage) or motor.accepts_supply(voltage))
     ]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 
 from robots.quaternion import Array
-from robots.validation import Sign, positive, within
+from robots.validation import Sign, positive, whole, within
 
 TICKS_PER_TURN = 4096
 MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)
@@ -15,14 +15,16 @@ RAD_PER_TICK = 2.0 * math.pi / TICKS_PER_TURN
 
 PWM_FULL_SCALE = 885  # counts at 100 % of the supply (e-manual, PWM limit)
 COUNT_ROUNDING = 1e-9  # of a count: what was rounded once stays the same
-GAIN_DIVISOR = 128  # register value of the P gain per PWM count and tick (e-manual)
 D_GAIN_DIVISOR = 16  # the same of the D gain, per change of the error in one sample (e-manual)
 SAMPLE_TIME = 0.001  # s between two samples of the position loop; not published
-DEFAULT_P_GAIN = 800  # position P gain as shipped
+MAX_GAIN = 16_383  # of the gains' registers (e-manual)
+VOLTAGE_ROUNDING = 1e-6  # V: a supply that was averaged or multiplied is still in its range
 
 # Bounds that a wrong unit breaks, such as N·mm, mA, rev/min or g·cm²; every servo is far within.
 MAX_VOLTAGE = 60.0  # V
 Volts = Annotated[float, positive(MAX_VOLTAGE, "V")]
+
+PGain = Annotated[int, whole(1, MAX_GAIN)]
 
 LimitMode = Literal["current", "pwm", "ideal"]
 """What a torque limit acts on; see :class:`robots.torque_limit.TorqueLimit`."""
@@ -54,6 +56,14 @@ class ServoModel:
     """[V]"""
     max_voltage: Volts
     """[V]"""
+    mass: Annotated[float, positive(5.0, "kg")]
+    """[kg]"""
+    temperature_limit: Annotated[float, within(40.0, 150.0, "°C")]
+    """Temperature above which it switches itself off, as shipped [°C]."""
+    p_gain: PGain = 800
+    """Position P gain as shipped."""
+    gain_divisor: Annotated[int, whole(1, 65_536)] = 128
+    """Register value of the P gain per PWM count and tick of error."""
 
     @property
     def motor_constant(self) -> float:
@@ -94,17 +104,22 @@ class ServoModel:
         The scale of the gains is taken to be that of position mode, where a count of PWM gives
         about the torque that a count of current gives: the manual does not state it.
         """
-        stiffness = self.position_gain(GAIN_DIVISOR)  # of a P gain of one
+        stiffness = self.position_gain(self.gain_divisor)  # of a P gain of one
         return stiffness * d_gain / D_GAIN_DIVISOR * SAMPLE_TIME
 
-    def position_gain(self, p_gain: int = DEFAULT_P_GAIN) -> float:
+    def position_gain(self, p_gain: int) -> float:
         """Compute the stiffness of position mode at nominal voltage [N·m/rad].
 
-        The servo drives ``p_gain / 128`` PWM counts per tick of error, and full
+        The servo drives ``p_gain / gain_divisor`` PWM counts per tick of error, and full
         PWM gives the stall torque at standstill.
         """
-        counts_per_rad = p_gain / GAIN_DIVISOR / RAD_PER_TICK
+        counts_per_rad = p_gain / self.gain_divisor / RAD_PER_TICK
         return counts_per_rad / PWM_FULL_SCALE * self.stall_torque
+
+    def accepts_supply(self, voltage: float) -> bool:
+        """Return whether a supply [V] is within its range."""
+        slack = VOLTAGE_ROUNDING
+        return self.min_voltage - slack <= voltage <= self.max_voltage + slack
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +132,18 @@ class Servo:
     """+1 when more ticks turn the joint in its positive direction, else -1."""
     zero_ticks: int
     """Ticks at joint angle 0."""
+    own_p_gain: int | None = None
+    """Position P gain on this joint; None for the one that its type is shipped with."""
+
+    @property
+    def p_gain(self) -> int:
+        """Return the position P gain at full gain scale."""
+        return self.model.p_gain if self.own_p_gain is None else self.own_p_gain
+
+    @property
+    def position_gain(self) -> float:
+        """Return the stiffness of position mode at nominal voltage [N·m/rad]."""
+        return self.model.position_gain(self.p_gain)
 
     def __post_init__(self) -> None:
         if self.sign not in (-1, 1):

@@ -19,7 +19,6 @@ from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
 from robots.quaternion import Array
 from robots.servo import (
-    DEFAULT_P_GAIN,
     MAX_TICKS,
     PWM_FULL_SCALE,
     TICKS_PER_TURN,
@@ -99,7 +98,7 @@ class CommandConverter:
         else:
             share = np.minimum(torque / robot.max_torque, share)
         pwm = np.minimum(count_pwm(share), self.pwm_limit)
-        gain = np.rint(DEFAULT_P_GAIN * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
+        gain = np.rint(robot.p_gain * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
         return RegisterCommands(
             goal=np.clip(goal, *GOAL_RANGES[self._limit_by]),
             p_gain=gain.astype(int),
@@ -117,7 +116,7 @@ class CommandConverter:
         limit = np.where(registers.torque, np.minimum(torque, requested.torque_limit), 0.0)
         return Command(
             joint_pos=self._units.to_rad(registers.goal),
-            gain_scale=registers.p_gain / DEFAULT_P_GAIN,
+            gain_scale=registers.p_gain / robot.p_gain,
             torque_limit=limit,
             pwm_limit=np.minimum(share, requested.pwm_limit),
         )

@@ -8,7 +8,7 @@ from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.protocol2 import is_confirmed
-from robots.servo import DEFAULT_P_GAIN, TICKS_PER_TURN, LimitMode
+from robots.servo import TICKS_PER_TURN, LimitMode
 
 ALL_ANSWERED = 2  # Status Return Level: every instruction is confirmed
 RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
@@ -53,7 +53,7 @@ def list_ram_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, int]:
         "bus_watchdog": 0,
         "position_d_gain": d_gain,
         "position_i_gain": 0,
-        "position_p_gain": DEFAULT_P_GAIN,
+        "position_p_gain": servo.joint.servo.p_gain,
         "feedforward_2nd_gain": 0,
         "feedforward_1st_gain": 0,
         "profile_acceleration": 0,

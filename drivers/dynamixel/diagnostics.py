@@ -221,7 +221,7 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
         text = f"has switched itself off: {alert.describe()}"
         remedy = "let it cool down and restart it"
         found.append(Finding(Severity.FAULT, servo.name, text, remedy))
-    if not model.min_voltage <= servo.voltage <= model.max_voltage:
+    if not model.accepts_supply(servo.voltage):
         error(
             f"supply is {servo.voltage:.1f} V, expected {model.min_voltage:.1f} to "
             f"{model.max_voltage:.1f} V",

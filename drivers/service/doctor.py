@@ -26,7 +26,7 @@ from drivers.dynamixel.opencr import ImuSample
 from drivers.dynamixel.port import read_latency_timer
 from drivers.dynamixel.requests import Request
 from drivers.orientation_filter import GRAVITY
-from drivers.safety_limits import DERATE_TEMPERATURE, MAX_TEMPERATURE
+from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
 from drivers.service.session import BusPort, RobotBus
 from robots import Joint, Robot
 from robots.calibration import CALIBRATION_FILE
@@ -208,11 +208,12 @@ def _check_heat(servos: Sequence[ServoFacts]) -> list[Finding]:
     findings, remedy = [], "let it cool down"
     for servo in servos:
         measured = f"has {servo.temperature:.0f} °C"
-        if servo.temperature > MAX_TEMPERATURE:
-            text = f"{measured}, expected at most {MAX_TEMPERATURE:.0f} °C"
+        limit = servo.joint.servo.model.temperature_limit
+        if servo.temperature > limit - HOT_MARGIN:
+            text = f"{measured}, expected at most {limit - HOT_MARGIN:.0f} °C"
             findings.append(Finding(Severity.FAULT, servo.name, text, remedy))
-        elif servo.temperature > DERATE_TEMPERATURE:
-            text = f"{measured}: it gets less torque from {DERATE_TEMPERATURE:.0f} °C on"
+        elif servo.temperature > limit - DERATE_MARGIN:
+            text = f"{measured}: it gets less torque from {limit - DERATE_MARGIN:.0f} °C on"
             findings.append(Finding(Severity.WARNING, servo.name, text, remedy))
     return findings
 

@@ -14,10 +14,11 @@ CURRENT_STEP = 2.69e-3  # A a count, X430 and X540 (e-manual)
 VOLTAGE_STEP = 0.1  # V a count (e-manual)
 
 AMBIENT_TEMPERATURE = 25.0  # °C
-# Estimates, not published figures: 82 g of mostly aluminium, gears and copper at about
-# 0.5 J/(g·K), cooled by still air at 10 W/(m²·K) over the case's 78 cm².
-HEAT_CAPACITY = 41.0  # J/K
-HEAT_RESISTANCE = 13.0  # K/W
+# Estimates, not published figures: mostly aluminium, gears and copper, cooled by still air at
+# 10 W/(m²·K) over the case, which is 78 cm² for the 82 g of an XM430. Cases of another size have
+# the same shape and density, so that their surface grows with mass to the power of 2/3.
+SPECIFIC_HEAT = 500.0  # J/(kg·K)
+REFERENCE_MASS, REFERENCE_RESISTANCE = 0.082, 13.0  # kg, K/W
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +46,11 @@ class Windings:
         self._motor_constant = np.array([m.motor_constant for m in models])
         self._volts_per_torque = np.array([m.resistance for m in models]) / self._motor_constant
         self._resistance = np.array([m.nominal_voltage / m.stall_current for m in models])
+        mass = np.array([m.mass for m in models])
+        self.heat_capacity = SPECIFIC_HEAT * mass
+        """[J/K], (n,)"""
+        self.heat_resistance = REFERENCE_RESISTANCE * (REFERENCE_MASS / mass) ** (2.0 / 3.0)
+        """To the air [K/W], (n,)."""
         self.cool()
 
     def cool(self) -> None:
@@ -66,8 +72,8 @@ class Windings:
     def heat(self, current: Array, duration: float) -> None:
         """Warm the servos by their copper losses and cool them by the air."""
         loss = current**2 * self._resistance
-        cooling = (self.temperature - AMBIENT_TEMPERATURE) / HEAT_RESISTANCE
-        self.temperature += (loss - cooling) * (duration / HEAT_CAPACITY)
+        cooling = (self.temperature - AMBIENT_TEMPERATURE) / self.heat_resistance
+        self.temperature += (loss - cooling) * (duration / self.heat_capacity)
 
 
 def quantize(value: Array, step: float) -> Array:

@@ -18,7 +18,7 @@ from drivers.virtual_bus.devices.servo import MotorCommand, VirtualServo
 from robots import Posture
 from robots.drive import Drive
 from robots.quaternion import Array
-from robots.servo import DEFAULT_P_GAIN, PWM_FULL_SCALE, RAD_PER_TICK
+from robots.servo import PWM_FULL_SCALE, RAD_PER_TICK
 
 BY_CURRENT = OperatingMode.CURRENT_BASED_POSITION
 CONTROL_RATE = 1000.0  # Hz, of a servo's integrators; not published
@@ -127,7 +127,7 @@ class ServoPhysics:
         robot = self.simulation.robot
         on = np.array([d.torque_on for d in commands])
         target = self._units.to_rad(np.array([d.target_ticks for d in commands]))
-        gain = np.array([d.p_gain for d in commands]) / DEFAULT_P_GAIN
+        gain = np.array([d.p_gain for d in commands]) / robot.p_gain
         by_current = np.array([d.mode == BY_CURRENT for d in commands])
         current = np.array([d.current_limit for d in commands])
         torque = np.where(by_current, current * robot.torque_per_ampere, robot.max_torque)
@@ -149,7 +149,7 @@ class ServoPhysics:
         """Compute the target [rad] at which the position loop produces another mode's torque."""
         simulation, robot = self.simulation, self.simulation.robot
         position, velocity = simulation.joint_pos[i], simulation.joint_vel[i]
-        nominal = robot.joints[i].servo.model.nominal_voltage
+        nominal = robot.nominal_voltage[i]
         stiffness = robot.position_gain[i] * simulation.voltage / nominal
         back_emf = robot.torque_speed_slope[i] * velocity  # N·m that the loop loses to it
         if command.mode == OperatingMode.PWM:

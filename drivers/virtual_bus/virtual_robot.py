@@ -53,6 +53,7 @@ class VirtualRobot:
                 firmware=firmware,
                 baud=self.bus.baud,
                 quirks=quirks,
+                stall_current=joint.servo.model.stall_current,
             )
             for joint in self.robot.joints
         ]

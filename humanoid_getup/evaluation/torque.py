@@ -41,7 +41,8 @@ def find_saturation(
     Torques [N·m] and joint speeds [rad/s] are (..., n). A torque limit below the torque-speed
     line of the supply is no saturation.
     """
-    stall = np.multiply.outer(np.asarray(voltage) / robot.supply_voltage, robot.max_torque)
+    share = np.asarray(voltage)[..., None] / robot.nominal_voltage
+    stall = share * robot.max_torque
     along = np.maximum(np.sign(torque) * velocity, 0.0)
     line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
     return np.abs(torque) >= np.maximum(SATURATED * line, 0.05 * stall)

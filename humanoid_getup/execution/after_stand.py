@@ -9,7 +9,8 @@ from drivers import Command, Ending, RunReport
 from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.playback.monitors import Abort
 from robots import Robot
-from robots.servo import DEFAULT_P_GAIN, LimitMode
+from robots.quaternion import Array
+from robots.servo import LimitMode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,12 +23,17 @@ class HandOver:
     limit_by: LimitMode
     """What the torque limits act on, and so in which operating mode the servos are."""
 
+    @property
+    def p_gain(self) -> Array:
+        """Return the position P gains that the servos are left with, (n,)."""
+        return self.robot.p_gain * self.command.gain_scale
+
     def __str__(self) -> str:
         """Say in one line what the next program finds."""
         command = self.command
         return (
             f"servos hold their targets, at most {command.torque_limit.max():.2f} N·m by "
-            f"{self.limit_by}, position gain {DEFAULT_P_GAIN * command.gain_scale.min():.0f}, "
+            f"{self.limit_by}, position gain {self.p_gain.min():.0f}, "
             "watchdog off"
         )
 
@@ -42,7 +48,7 @@ class HandOver:
                 name: {
                     "target_rad": float(command.joint_pos[i]),
                     "torque_limit_nm": float(command.torque_limit[i]),
-                    "position_p_gain": float(DEFAULT_P_GAIN * command.gain_scale[i]),
+                    "position_p_gain": float(self.p_gain[i]),
                     "pwm_limit": float(command.pwm_limit[i]),
                 }
                 for i, name in enumerate(names)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import State
+from drivers.safety_limits import find_max_temperature
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -18,6 +19,7 @@ from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
+from robots.servo import VOLTAGE_ROUNDING
 
 UPRIGHT = np.radians(25.0)  # tilt below which a robot counts as upright
 UPRIGHT_TIME = 0.3  # s until it counts as having been upright
@@ -87,8 +89,11 @@ class MonitorLimits:
     """
     load_time: float = 4.0
     """[s]"""
-    temperature: float = 72.0
-    """[°C]; 27 °C from 25 °C, far below for a rise that begins cool. The guard's limit is 75 °C."""
+    heat_margin: float = 3.0
+    """Temperature below the guard's limit [°C]: 72 °C where that is 75 °C.
+
+    27 °C from 25 °C: far below for a rise that begins cool.
+    """
 
 
 LIMITS = MonitorLimits()
@@ -131,7 +136,8 @@ class ServoMonitor:
         self._robot, self._limits = robot, limits
         models = [joint.servo.model for joint in robot.joints]
         self._stall_per_volt = np.array([m.stall_current / m.nominal_voltage for m in models])
-        self._min_voltage = max(m.min_voltage for m in models)
+        self._max_temperature = find_max_temperature(robot) - limits.heat_margin
+        self._min_voltage = robot.supply_range[0]
         self.warnings: list[str] = []
 
     def reset(self, state: State) -> None:
@@ -158,16 +164,16 @@ class ServoMonitor:
         return None
 
     def _check_heat(self, state: State) -> Finding | None:
-        worst = int(state.temperature.argmax())
-        if state.temperature[worst] > self._limits.temperature:
+        worst = int((state.temperature - self._max_temperature).argmax())
+        if state.temperature[worst] > self._max_temperature[worst]:
             return AbortKind.HEAT, (
                 f"joint '{self._robot.joint_names[worst]}' has {state.temperature[worst]:.0f} °C, "
-                f"expected at most {self._limits.temperature:.0f} °C"
+                f"expected at most {self._max_temperature[worst]:.0f} °C"
             )
         return None
 
     def _warn(self, state: State) -> None:
-        if state.voltage < self._min_voltage and not self.warnings:
+        if state.voltage < self._min_voltage - VOLTAGE_ROUNDING and not self.warnings:
             self.warnings.append(
                 f"the supply sagged to {state.voltage:.1f} V, the servos need "
                 f"{self._min_voltage:.1f} V: charge the battery"

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from drivers.safety_limits import MAX_TEMPERATURE
+from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from humanoid_getup.evaluation.torque import LONG_SATURATION
 from humanoid_getup.motions.motion import Motion
@@ -181,11 +181,9 @@ def _warn(text: str, joint: str | None = None) -> Reason:
 
 
 def _judge_supply(robot: Robot, voltage: float) -> list[Reason]:
-    models = [joint.servo.model for joint in robot.joints]
-    lowest = max(m.min_voltage for m in models)
-    highest = min(m.max_voltage for m in models)
-    if lowest <= voltage <= highest:
+    if all(joint.servo.model.accepts_supply(voltage) for joint in robot.joints):
         return []
+    lowest, highest = robot.supply_range
     remedy = (
         "charge the battery" if voltage < lowest else "use a battery that the servos are rated for"
     )
@@ -220,7 +218,7 @@ def _judge_speed(robot: Robot, figures: Figures) -> list[Reason]:
             f"{robot.max_velocity[i]:.2f} rad/s: the guard would change the motion"
         )
         reasons.append(_refuse(text, robot.joint_names[i]))
-    at_supply = robot.max_velocity * figures.voltage / robot.supply_voltage
+    at_supply = robot.max_velocity * figures.voltage / robot.nominal_voltage
     lagging = int(np.sum(speed > SPEED_SLACK * at_supply))
     if lagging and not reasons:
         worst = int((speed / at_supply).argmax())
@@ -257,15 +255,16 @@ def _judge_load(
 
 def _judge_temperature(robot: Robot, now: Array, then: Array | None = None) -> list[Reason]:
     """Judge the temperatures [°C], (n,), of the servos now and, if known, after the rise."""
-    expected = f"expected at most {MAX_TEMPERATURE:.0f} °C: let it cool down"
-    names, is_hot = robot.joint_names, now > MAX_TEMPERATURE
+    most = find_max_temperature(robot)
+    expected = [f"expected at most {limit:.0f} °C: let it cool down" for limit in most]
+    names, is_hot = robot.joint_names, now > most
     reasons = [
-        _refuse(f"has {now[i]:.0f} °C, {expected}", names[i]) for i in np.flatnonzero(is_hot)
+        _refuse(f"has {now[i]:.0f} °C, {expected[i]}", names[i]) for i in np.flatnonzero(is_hot)
     ]
     if then is not None:
-        for i in np.flatnonzero(~is_hot & (then > MAX_TEMPERATURE)):
+        for i in np.flatnonzero(~is_hot & (then > most)):
             both = f"has {now[i]:.0f} °C and would have {then[i]:.0f} °C after the rise"
-            reasons.append(_refuse(f"{both}, {expected}", names[i]))
+            reasons.append(_refuse(f"{both}, {expected[i]}", names[i]))
     return reasons
 
 

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 
 from drivers import Cycle, GuardLimits, SafetyGuard, Twin
-from drivers.safety_limits import MAX_TEMPERATURE
-from drivers.twin.servo_model import AMBIENT_TEMPERATURE, HEAT_CAPACITY, HEAT_RESISTANCE, Windings
+from drivers.safety_limits import find_max_temperature
+from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.evaluation.judge import GroundTruthJudge
 from humanoid_getup.evaluation.standing import Stand
 from humanoid_getup.evaluation.torque import LongestRun, find_saturation, split_torque
@@ -82,7 +82,7 @@ def measure(
     rollout = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)
     at_start = find_overlap(world, at_rest, mujoco.MjData(world.model))
     deepest = np.maximum(rollout.overlap, _find_deepest(world, motion))
-    stall = robot.max_torque * voltage / robot.supply_voltage
+    stall = robot.max_torque * voltage / robot.nominal_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
     saturated = find_saturation(robot, rollout.torque, rollout.velocity, voltage)
     runs = LongestRun(robot.n)
@@ -169,12 +169,13 @@ def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array
     for row in torque:
         windings.heat(windings.compute_current(row), period)
     added = windings.temperature - AMBIENT_TEMPERATURE
-    kept = (1.0 - period / (HEAT_CAPACITY * HEAT_RESISTANCE)) ** len(torque)
+    time_constant = windings.heat_capacity * windings.heat_resistance
+    kept = (1.0 - period / time_constant) ** len(torque)
     above = temperature - AMBIENT_TEMPERATURE
     first = kept * above + added
     for rises in range(MOST_RISES):
         above = kept * above + added
-        if np.max(above) + AMBIENT_TEMPERATURE > MAX_TEMPERATURE:
+        if np.any(above + AMBIENT_TEMPERATURE > find_max_temperature(robot)):
             return first + AMBIENT_TEMPERATURE, rises
     return first + AMBIENT_TEMPERATURE, None
 

@@ -182,6 +182,29 @@ def test_torque_below_the_derating_and_beyond_the_limit_stays_in_its_bounds(tiny
     assert limits.derate(np.array([75.0, 200.0])) == pytest.approx([1.64, 1.64])
 
 
+def test_each_servo_is_stopped_below_the_limit_of_its_own_type(tiny):
+    joint = tiny.joints[1]
+    model = replace(joint.servo.model, temperature_limit=70.0)
+    cooler = replace(joint, servo=replace(joint.servo, model=model))
+    robot = replace(tiny, joints=(tiny.joints[0], cooler))
+    limits = GuardLimits.of(robot)
+    assert limits.derate(np.array([60.0, 60.0])) == pytest.approx([4.1, 4.1 * 0.7])
+    backend = RecordingBackend(robot)
+    with SafetyGuard(backend) as guard:
+        turn(guard, backend, 0.0, temperature=np.array([66.0, 64.0]))
+        assert guard.fault is None
+        turn(guard, backend, 0.0, temperature=np.array([66.0, 66.0]))
+        assert guard.fault.kind is FaultKind.TOO_HOT
+        assert guard.fault.detail == "joint 'r_hip' has 66 °C, expected at most 65 °C"
+
+
+def test_a_supply_at_its_lower_end_up_to_rounding_is_no_fault(guard, backend):
+    turn(guard, backend, 0.0, voltage=10.0 - 2e-15)
+    assert guard.fault is None
+    turn(guard, backend, 0.0, voltage=9.9)
+    assert guard.fault.kind is FaultKind.LOW_VOLTAGE
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -7,6 +7,7 @@ import pytest
 from spoiling import spoil
 
 from robots import RobotError, list_robots, load_robot
+from robots.drive import KP
 
 
 def test_op3_comes_with_the_package():
@@ -46,6 +47,15 @@ def test_soles_level_a_leaning_stance(own_robot):
     # The legs stand upright when the torso leans the other way by their angle.
     assert robot.standing.orientation == pytest.approx([np.cos(0.15), 0.0, -np.sin(0.15), 0.0])
     assert robot.standing.position[2] == pytest.approx(0.1)
+
+
+def test_a_joint_may_have_a_gain_of_its_own(own_robot, tiny):
+    spoil(own_robot, 'id = 2, servo = "XM430-W350"', 'id = 2, servo = "XM430-W350", p_gain = 400')
+    robot = load_robot(own_robot)
+    assert robot.p_gain.tolist() == [800, 400]
+    assert robot.position_gain == pytest.approx(tiny.position_gain * [1.0, 0.5])
+    gains = robot.spec().compile().actuator_gainprm
+    assert gains[:, KP] == pytest.approx(robot.position_gain)
 
 
 @pytest.mark.parametrize("name", ["nao", "", "../..", "/nowhere/at/all", "a\nb"])

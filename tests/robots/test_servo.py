@@ -1,6 +1,7 @@
 """Ticks and radians, and the servo's figures worked out by hand."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -48,7 +49,30 @@ def test_a_wrong_servo_cannot_be_built(id: int, sign: int):
 def test_position_mode_has_the_manuals_stiffness():
     # P 800 / 128 = 6.25 PWM counts a tick of 885: full duty, 4.1 N·m, at 141.6 ticks or
     # 0.21721 rad: 18.876 N·m/rad.
-    assert XM430.position_gain() == pytest.approx(18.876, abs=1e-3)
+    assert XM430.position_gain(800) == pytest.approx(18.876, abs=1e-3)
+
+
+def test_the_gain_divisor_of_a_type_divides_its_stiffness():
+    half = replace(XM430, gain_divisor=256)
+    assert half.position_gain(800) == pytest.approx(18.876 / 2, abs=1e-3)
+    assert half.damping_gain(100) == pytest.approx(XM430.damping_gain(100)), "D has its own"
+
+
+@pytest.mark.parametrize(
+    ("voltage", "is_accepted"),
+    [
+        (10.0, True),
+        (14.8, True),
+        (14.800000000000002, True),  # 14.8 V averaged over servos
+        (9.999999999999998, True),
+        (14.81, False),
+        (9.99, False),
+        (math.nan, False),
+        (math.inf, False),
+    ],
+)
+def test_a_supply_is_in_its_range_up_to_rounding(voltage: float, is_accepted: bool):
+    assert XM430.accepts_supply(voltage) == is_accepted
 
 
 def test_motor_constants_follow_from_the_datasheet():

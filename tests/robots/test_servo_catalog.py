@@ -1,10 +1,9 @@
 """Servo types: the package's own, and those of a robot's folder."""
 
-import math
-
 import pytest
 from spoiling import complaint, spoil
 
+from drivers.dynamixel.control_table import OperatingMode, known_models, table_named
 from robots import load_robot
 from robots.servo_catalog import read_servo_models, servo_models
 
@@ -24,6 +23,9 @@ friction = 0.0
 current_step = 0
 min_voltage = 10
 max_voltage = 13.0
+mass = 0.05
+temperature_limit = 70
+p_gain = 640
 """
 
 
@@ -39,6 +41,7 @@ def test_a_folders_types_add_to_and_override_the_packages(own_robot):
     assert (left.stall_torque, left.no_load_speed, left.nominal_voltage) == (4.8, 5.97, 14.8)
     assert (left.stall_current, left.armature) == (package.stall_current, package.armature)
     assert (right.name, right.stall_torque, right.friction) == ("home-made", 2.0, 0.0)
+    assert (right.p_gain, right.gain_divisor) == (640, 128)
     assert package.stall_torque == 4.1, "the package's types stay as they are"
 
 
@@ -51,6 +54,9 @@ def test_a_folders_types_add_to_and_override_the_packages(own_robot):
         ("friction = 0.0", "friction = -0.1", "'home-made': friction is -0.1 N·m, expected 0 to"),
         ("stall_current = 1.0\n", "", "'home-made': stall_current is missing, expected above 0 A"),
         ("friction = 0.0", "fricton = 0.0", "'home-made': unknown key 'fricton', expected nomin"),
+        ("p_gain = 640", "p_gain = 0", "'home-made': p_gain is 0, expected an integer from 1 to"),
+        ("mass = 0.05\n", "", "'home-made': mass is missing, expected above 0 kg, at most 5 kg"),
+        ("limit = 70", "limit = 343", "temperature_limit is 343 °C, expected 40 to 150 °C"),
         ("friction = 0.0", 'name = "x"', "servos.toml: 'home-made': unknown key 'name', expected"),
         ("max_voltage = 13.0", "max_voltage = 9", "min_voltage is 10 V, expected at most max_vol"),
         ('["XM4', 'x = 3\n["XM4', "servos.toml: 'x' is 3, expected a table of figures"),
@@ -74,7 +80,23 @@ def test_all_wrong_figures_are_told_at_once(own_robot):
 def test_figures_of_the_packages_types_make_sense(name: str):
     model = servo_models()[name]
     assert model.min_voltage <= model.nominal_voltage <= model.max_voltage
-    # An ideal motor without losses has more torque per ampere than the servo at standstill.
-    assert 0.5 < model.torque_per_ampere / model.motor_constant < 1.0
+    # An ideal motor has V / speed N·m/A; a servo loses some to friction, none gains a fifth.
+    assert 0.5 < model.torque_per_ampere / model.motor_constant < 1.2
     assert 0.005 < model.friction / model.stall_torque < 0.1
-    assert math.isfinite(model.resistance)
+
+
+@pytest.mark.parametrize("name", servo_models())
+def test_figures_that_a_control_table_has_too_are_the_same(name: str):
+    """Its registers as they leave the factory are the other source of these figures."""
+    model, table = servo_models()[name], table_named(name)
+    assert model.p_gain == table["position_p_gain"].default
+    assert model.temperature_limit == table["temperature_limit"].default
+    assert model.has_current_mode == (OperatingMode.CURRENT_BASED_POSITION in table.modes)
+    if model.has_current_mode:
+        assert model.current_step == table["present_current"].scale
+    upper = table["max_voltage_limit"].upper
+    assert upper is not None and 10.0 * model.max_voltage <= upper
+
+
+def test_every_servo_with_a_control_table_has_figures():
+    assert {name for name in known_models() if table_named(name).modes} == servo_models().keys()

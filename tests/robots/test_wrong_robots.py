@@ -67,6 +67,11 @@ def test_a_wrong_field_is_told_with_what_is_expected(own_robot, old, new, words)
             'servo = "XM9"',
             "joint 'r_hip': servo is 'XM9', expected XM430-W",
         ),
+        (
+            'id = 2, servo = "XM430-W350"',
+            'id = 2, servo = "XM430-W350", p_gain = 20000',
+            "joint 'r_hip': p_gain is 20000, expected an integer from 1 to 16383",
+        ),
         ("sign = -1, zero", "sign = 2, zero", "joint 'r_hip': sign is 2, expected -1 or 1"),
         ("ticks = 1000", "ticks = 0.5", "joint 'r_hip': zero_ticks is 0.5, expected an integer"),
         (

@@ -7,25 +7,15 @@ import math
 from drivers.dynamixel.control_table import HardwareError
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
-from robots.servo_catalog import servo_models
-
-# A at the nominal supply (e-manual), of the models that robots/servos.toml does not describe
-OTHER_STALL_CURRENTS = {
-    "XC330-M288": 1.8,
-    "XC330-T288": 0.8,
-    "2XC430-W250": 1.4,
-}
-STALL_CURRENTS = OTHER_STALL_CURRENTS | {
-    name: model.stall_current for name, model in servo_models().items()
-}
 
 
 class Protection:
     """Checks supply, temperature and load against the limits in the registers."""
 
-    def __init__(self, registers: Registers, quirks: Quirks) -> None:
+    def __init__(self, registers: Registers, quirks: Quirks, stall_current: float) -> None:
+        """Check a servo whose motor draws a current [A] at standstill, at the nominal supply."""
         self._registers = registers
-        self.overload = OverloadModel(STALL_CURRENTS[registers.table.model], quirks)
+        self.overload = OverloadModel(stall_current, quirks)
         self.reload()
 
     def reload(self) -> None:

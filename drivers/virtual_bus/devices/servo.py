@@ -24,6 +24,7 @@ from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured, Sensors
 from drivers.virtual_bus.devices.write_rules import TRIPPED, make_checks
 from robots.servo import PWM_FULL_SCALE
+from robots.servo_catalog import servo_models
 
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
 WATCHDOG_UNIT = 0.02  # s
@@ -66,16 +67,19 @@ class VirtualServo(VirtualDevice):
         firmware: int = 46,
         baud: int = 57_600,
         quirks: Quirks | None = None,
+        stall_current: float | None = None,
     ) -> None:
         """Build a servo at factory defaults, its horn in the middle of the turn.
 
-        ``model`` names its control table; ``baud`` is in bit/s.
+        ``model`` names its control table; ``baud`` is in bit/s. ``stall_current`` [A] is that of
+        its type where a robot does not say otherwise.
         """
         quirks, table = quirks or Quirks(), table_named(model, firmware)
         super().__init__(table, servo_id, firmware, baud, quirks)
         self._control, self._backup = PositionControl(self.registers), Backup()
         self._sensors = Sensors(self.registers, self._control, quirks)
-        self._protection = Protection(self.registers, quirks)
+        stall = servo_models()[model].stall_current if stall_current is None else stall_current
+        self._protection = Protection(self.registers, quirks, stall)
         self._farthest_goal = table["goal_position"].upper or 0
         self._at_tick = table["realtime_tick"].address
         self._at_secondary = table["secondary_id"].address

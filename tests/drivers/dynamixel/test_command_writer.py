@@ -313,6 +313,17 @@ def test_an_absurd_target_becomes_the_end_of_the_turn(tiny, angle):
     assert np.all((found.goal >= 0) & (found.goal <= 4095))
 
 
+def test_a_gain_scale_is_a_share_of_the_joints_own_gain(tiny):
+    left, right = tiny.joints
+    own = replace(right, servo=replace(right.servo, own_p_gain=2100))
+    robot = replace(tiny, joints=(left, own))
+    converter = CommandConverter(robot, "pwm")
+    command = replace(Command.position(robot, np.zeros(2)), gain_scale=np.array([0.5, 0.5]))
+    registers = converter.to_registers(command)
+    assert registers.p_gain.tolist() == [400, 1050]
+    assert converter.to_command(registers, command).gain_scale == pytest.approx([0.5, 0.5])
+
+
 def test_a_negative_gain_is_none(tiny):
     command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([-0.5, -3.0]))
     assert CommandConverter(tiny, "pwm").to_registers(command).p_gain.tolist() == [0, 0]

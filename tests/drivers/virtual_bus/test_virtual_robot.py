@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from spoiling import spoil
 
 from drivers import Backend, Command, SafetyGuard, State, Twin
 from drivers.dynamixel.backend import DynamixelBackend
@@ -16,7 +18,7 @@ from drivers.errors import NoBusError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from robots import Posture, Robot
+from robots import Posture, Robot, load_robot
 from robots.servo import RAD_PER_TICK, LimitMode
 
 IN_THE_AIR = Posture(
@@ -45,16 +47,29 @@ def thrash(backend: Backend, cycles: int, torque_limit: float | None = None) -> 
 def test_twin_and_virtual_bus_give_one_and_the_same_path(
     op3: Robot, limit_by: LimitMode, torque_limit: float | None
 ):
-    twin = Twin(op3, limit_by=limit_by)
+    assert_one_path(op3, limit_by, torque_limit)
+
+
+def test_servos_of_other_types_with_gains_of_their_own_take_one_path_too(own_robot: Path):
+    old = 'id = 2, servo = "XM430-W350"'
+    spoil(own_robot, old, 'id = 2, servo = "XM430-W210", p_gain = 900')
+    robot = load_robot(own_robot)
+    assert robot.p_gain.tolist() == [800, 900]
+    assert_one_path(robot, "current", None)
+
+
+def assert_one_path(robot: Robot, limit_by: LimitMode, torque_limit: float | None) -> None:
+    """Swing a robot's joints on its twin and on a virtual bus: both measure the same."""
+    twin = Twin(robot, limit_by=limit_by)
     by_twin = thrash(twin, 150, torque_limit)
-    virtual = VirtualRobot(Simulation(op3))
+    virtual = VirtualRobot(Simulation(robot))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(
-            op3, ports.paths, clock=CycleClock(), answer_margin=0.2, limit_by=limit_by
+            robot, ports.paths, clock=CycleClock(), answer_margin=0.2, limit_by=limit_by
         )
         with driver:
             pass  # the first connection waits for the servos' power, and that takes time
-        ports.main.call(lambda: virtual.place(op3.standing))
+        ports.main.call(lambda: virtual.place(robot.standing))
         by_bus = thrash(driver, 150, torque_limit)
     for name in ("joint_pos", "gyro", "orientation", "temperature", "joint_age", "alert"):
         ours = np.array([getattr(state, name) for state in by_bus])

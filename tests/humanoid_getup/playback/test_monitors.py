@@ -113,4 +113,4 @@ def test_limits_are_those_that_were_measured():
     assert np.degrees([limits.tilt, limits.fallen]) == pytest.approx([60.0, 40.0])
     times = (limits.tilt_time, limits.fallen_time, limits.error_time, limits.load_time)
     assert times == (1.0, 0.02, 1.0, 4.0)
-    assert (limits.error, limits.load, limits.temperature) == (0.4, 0.9, 72.0)
+    assert (limits.error, limits.load, limits.heat_margin) == (0.4, 0.9, 3.0)

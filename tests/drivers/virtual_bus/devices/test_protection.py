@@ -5,12 +5,13 @@ from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
-from drivers.virtual_bus.devices.protection import STALL_CURRENTS, OverloadModel
+from drivers.virtual_bus.devices.protection import OverloadModel
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
+from robots.servo_catalog import servo_models
 
 DEFAULT_SHUTDOWN = HardwareError.OVERHEATING | HardwareError.SHOCK | HardwareError.OVERLOAD
-STALL = STALL_CURRENTS["XM430-W350"]
+STALL = servo_models()["XM430-W350"].stall_current
 ALL_ERRORS = [HardwareError(1 << bit) for bit in (0, 2, 3, 4, 5)]
 
 

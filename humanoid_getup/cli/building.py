@@ -61,9 +61,9 @@ def build(command: BuildMotions) -> int:
         if faults := find_folder_faults(robot.folder / folder, ()):
             raise BadInputError("; ".join(faults))
     chosen = find_keyframes(robot, command.names)
-    _check_logs(robot, chosen, command)
+    done = _count_done(robot, chosen, command)
     try:
-        failures = _build_all(robot, chosen, command)
+        failures = _build_all(robot, chosen, command, done)
     except KeyboardInterrupt as interrupt:
         again = " ".join(["getup motions build", *command.names, "--resume"])
         raise KeyboardInterrupt(f"{again} goes on") from interrupt
@@ -108,18 +108,21 @@ def _keep_best(build: Build, robot: Robot) -> Path:
     return files[STRIP]
 
 
-def _check_logs(robot: Robot, keyframes: Sequence[Keyframes], command: BuildMotions) -> None:
-    """Refuse logs that do not fit, before any work; say what is gone on with."""
-    if not command.resume:
-        return
+def _count_done(
+    robot: Robot, keyframes: Sequence[Keyframes], command: BuildMotions
+) -> dict[str, int]:
+    """Count the generations in the logs, which are checked before any work; tell what goes on."""
     with refusing():
         done = {each.name: len(open_log(robot, each, command).generations) for each in keyframes}
-    for name, count in done.items():
+    for name, count in done.items() if command.resume else ():
         going_on = f"goes on after generation {count}" if count else "begins: there is no log of it"
         console_for(None).print(f"{name} {going_on}", markup=False)
+    return done
 
 
-def _build_all(robot: Robot, keyframes: list[Keyframes], command: BuildMotions) -> list[str]:
+def _build_all(
+    robot: Robot, keyframes: list[Keyframes], command: BuildMotions, done: dict[str, int]
+) -> list[str]:
     """Build motions in processes, keep each when it is ready; return why some failed."""
     reports: Queue = SPAWN.Queue()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
@@ -130,7 +133,8 @@ def _build_all(robot: Robot, keyframes: list[Keyframes], command: BuildMotions) 
             c.name: progress.add_task(c.name, total=command.generations, note="") for c in keyframes
         }
         rounds = math.ceil(len(keyframes) / command.jobs)
-        watch = _Watch(reports, progress, bars, rounds * count_work(command.generations))
+        work = rounds * count_work(command.generations, min(done.values()))
+        watch = _Watch(reports, progress, bars, work=work, done=done)
         with worker_pool(command.jobs, _start_worker, reports) as pool:
             waiting = {pool.submit(_build, robot, c, command): c.name for c in keyframes}
             failures: list[str] = []
@@ -155,14 +159,21 @@ def _collect(waiting: dict[Future[Build], str], keep: Callable[[Build], str]) ->
 
 
 class _Watch:
-    """Shows the reports of workers, and after the first generation how long all will take."""
+    """Shows the reports of workers, and after a generation or two how long all will take."""
 
     def __init__(
-        self, reports: Queue, progress: Progress, bars: dict[str, TaskID], work: float
+        self,
+        reports: Queue,
+        progress: Progress,
+        bars: dict[str, TaskID],
+        *,
+        work: float,
+        done: dict[str, int],
     ) -> None:
-        """Prepare for a build of so much work, in generations one after the other."""
-        self._reports, self._progress, self._bars, self._work = reports, progress, bars, work
-        self._began: dict[str, float] = {}
+        """Prepare for so much work, in generations one after the other, beside those done."""
+        self._reports, self._progress, self._bars = reports, progress, bars
+        self._work, self._done = work, done
+        self._last: dict[str, float] = {}
         self._is_estimated = False
 
     def show_next(self) -> None:
@@ -173,17 +184,18 @@ class _Watch:
             return
         note = f"cost {cost:.2f}, {stood:.0%} stood"
         self._progress.update(self._bars[name], completed=generation + 1, note=note)
-        self._estimate(name)
+        self._estimate(name, generation)
 
-    def _estimate(self, name: str) -> None:
-        """Say once how long the build will take, from the time between two generations."""
+    def _estimate(self, name: str, generation: int) -> None:
+        """Say once how long the build will take, from the time since the generation before."""
         now = time.monotonic()
-        took = now - self._began.setdefault(name, now)
-        if self._is_estimated or took == 0.0:
+        before = self._last.get(name)
+        self._last[name] = now
+        if self._is_estimated or before is None or generation < self._done[name]:
             return
         self._is_estimated = True
-        minutes = took * self._work / 60.0
-        self._progress.console.print(f"this will take about {max(minutes, 1.0):.0f} min")
+        minutes = math.ceil((now - before) * self._work / 60.0)
+        self._progress.console.print(f"this will take about {minutes} min")
 
 
 def _start_worker(reports: Queue) -> None:

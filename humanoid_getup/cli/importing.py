@@ -11,7 +11,7 @@ from rich.markup import escape
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.inputs import load_robot
-from humanoid_getup.cli.options.own_motions import ImportMotion, NewKeysOptions
+from humanoid_getup.cli.options.own_motions import ImportMotion, RecordMotion
 from humanoid_getup.cli.output import console_for, find_file_faults, phase
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.adoption import (
@@ -26,6 +26,8 @@ from humanoid_getup.motions.trial import Trial
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot
+
+NewKeys = ImportMotion | RecordMotion
 
 
 def import_motion(command: ImportMotion) -> int:
@@ -48,7 +50,7 @@ def import_motion(command: ImportMotion) -> int:
     return DID_IT
 
 
-def find_target(command: NewKeysOptions, robot: Robot) -> Path:
+def find_target(command: NewKeys, robot: Robot) -> Path:
     """Return the file to which new keys are added.
 
     Raises:
@@ -60,7 +62,7 @@ def find_target(command: NewKeysOptions, robot: Robot) -> Path:
     return path
 
 
-def add(adoptions: Sequence[Adoption], robot: Robot, command: NewKeysOptions, path: Path) -> None:
+def add(adoptions: Sequence[Adoption], robot: Robot, command: NewKeys, path: Path) -> None:
     """Play new keyframes from where they start, add them to a file, and say what they are."""
     with phase("playing the keys"):
         trials = [_try_out(adoption, robot, command) for adoption in adoptions]
@@ -78,10 +80,11 @@ def add(adoptions: Sequence[Adoption], robot: Robot, command: NewKeysOptions, pa
             console.print(f" [yellow]![/] {escape(note)}")
         console.print(f" as they are, undisturbed at full torque: {escape(trial.describe())}")
     names = " ".join(trial.keyframes.name for trial in trials)
-    console.print(f"added to {escape(str(path))}; next: getup motions build {names}")
+    console.print(f"added to {escape(str(path))}; next: getup motions build {names}", end="")
+    console.print(f" --robot {escape(command.robot)}" if command.robot != robot.name else "")
 
 
-def _try_out(adoption: Adoption, robot: Robot, command: NewKeysOptions) -> Trial:
+def _try_out(adoption: Adoption, robot: Robot, command: NewKeys) -> Trial:
     world, keyframes = World(robot, FLAT_SCENE), adoption.keyframes
     if command.start is None:
         return guess_start(world, keyframes)

@@ -51,8 +51,9 @@ def draw(trial: Trial, path: Path) -> None:
     robot, model, keyframes = trial.world.robot, trial.world.model, trial.keyframes
     times = np.concatenate([[0.0], np.cumsum(keyframes.duration)])
     keys = np.array([_stand_up(trial, key) for key in keyframes.keys])
+    end = trial.stand.start_time + film_strip.AFTERMATH if trial.rises else np.inf
     qpos = trial.trace.qpos[0]
-    rows = film_strip.pick_frames(len(qpos))
+    rows = film_strip.pick_frames(int(np.fmin(end / trial.trace.period, len(qpos))))
     pictures = np.concatenate(
         [
             film_strip.render_frames(robot, model, keys),

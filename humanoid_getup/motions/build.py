@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -105,7 +106,7 @@ def make_task(
     """Describe what the search of a motion depends on."""
     return SearchTask(
         robot=robot.name,
-        keyframes=format_keyframes(keyframes, robot),
+        keyframes=hashlib.sha256(format_keyframes(keyframes, robot).encode()).hexdigest(),
         seed=seed,
         prefer=prefer or "keyframes",
     )

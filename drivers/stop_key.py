@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import select
-import sys
-import termios
-import threading
-import tty
 from collections.abc import Callable
-from typing import Self
+
+from drivers.terminal_keys import TerminalKeys
 
 PRESSED = "the operator pressed a key"
 LOST = "the terminal is gone"
-MOST_BYTES = 4096  # of one press: an arrow key sends three, a pasted text many
 
 
-class StopKey:
-    """Watches a terminal in its own thread, inside a ``with`` block.
+class StopKey(TerminalKeys):
+    """Watches a terminal for any key, inside a ``with`` block.
 
     Without a terminal there is no stop key; signals still stop the program.
     """
@@ -28,50 +21,4 @@ class StopKey:
 
         ``stop`` is called at every key, with the reason, from the watching thread.
         """
-        self._stop = stop
-        self._terminal = _standard_input() if terminal is None else terminal
-        self._thread: threading.Thread | None = None
-
-    @property
-    def has_terminal(self) -> bool:
-        """Return whether there is a terminal whose keys can be watched."""
-        return self._terminal is not None and os.isatty(self._terminal)
-
-    def __enter__(self) -> Self:
-        if self._terminal is not None and self.has_terminal:
-            self._before = termios.tcgetattr(self._terminal)
-            tty.setcbreak(self._terminal)
-            self._wake, self._waker = os.pipe()
-            self._thread = threading.Thread(target=self._watch, name="stop key", daemon=True)
-            self._thread.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self._thread is None or self._terminal is None:
-            return
-        os.close(self._waker)
-        self._thread.join()
-        os.close(self._wake)
-        self._thread = None
-        with contextlib.suppress(termios.error):  # a terminal that is gone has no settings
-            termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
-
-    def _watch(self) -> None:
-        assert self._terminal is not None
-        pressed = True
-        while pressed:
-            ready, _, _ = select.select([self._terminal, self._wake], [], [])
-            if self._terminal not in ready:
-                return
-            try:
-                pressed = bool(os.read(self._terminal, MOST_BYTES))
-            except OSError:
-                pressed = False
-            self._stop(PRESSED if pressed else LOST)
-
-
-def _standard_input() -> int | None:
-    try:
-        return sys.stdin.fileno()
-    except (AttributeError, OSError, ValueError):  # closed, or a test's stand-in
-        return None
+        super().__init__(lambda sent: stop(PRESSED if sent else LOST), terminal)

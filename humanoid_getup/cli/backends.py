@@ -16,7 +16,7 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.inputs import name_ports
-from humanoid_getup.cli.options.shared import MoveOptions
+from humanoid_getup.cli.options.shared import BackendOptions
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 
@@ -38,7 +38,7 @@ class BackendChoice:
 
 @contextmanager
 def open_backend(
-    command: MoveOptions, world: World, torque_limit: TorqueLimit
+    command: BackendOptions, world: World, torque_limit: TorqueLimit
 ) -> Iterator[BackendChoice]:
     """Open the backend of a command, ready to connect; remove what was created at the end."""
     robot, realtime, limit_by = world.robot, command.realtime, torque_limit.mode

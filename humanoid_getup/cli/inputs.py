@@ -12,6 +12,8 @@ from humanoid_getup.cli.options.shared import RobotOption, SceneOptions, TorqueO
 from humanoid_getup.cli.output import phase
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.playback.estimation import check_start
@@ -66,6 +68,18 @@ def load_keys(world: World, names: Sequence[str]) -> list[KeyPosture]:
         keys = [load_key(name, world.robot) for name in names]
         check_keys(world.robot, keys)
     return keys
+
+
+def find_keyframes(robot: Robot, names: Sequence[str], path: Path | None = None) -> list[Keyframes]:
+    """Load keyframes by name from a file, by default the robot's; without names, all of them."""
+    with refusing():
+        stored = {
+            each.name: each for each in load_keyframes(path or robot.folder / KEYFRAMES, robot)
+        }
+        if unknown := [name for name in names if name not in stored]:
+            listed = ", ".join(f"'{name}'" for name in unknown)
+            raise ValueError(f"unknown motion {listed}, expected {', '.join(stored)}")
+    return [stored[name] for name in dict.fromkeys(names or stored)]
 
 
 def find_motion(robot: Robot, name: str) -> Motion:

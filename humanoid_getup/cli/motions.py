@@ -51,12 +51,20 @@ def show(command: ShowMotion) -> int:
     if faults := find_file_faults(path):
         raise BadInputError("; ".join(faults))
     with phase("drawing"):
-        _draw(robot, motion, path)
+        try:
+            draw_motion(robot, motion, path)
+        except film_strip.NoRendererError as error:
+            raise BadInputError(f"no film strip: {error}") from error
     console_for(None).print(f"film strip in {path}", markup=False)
     return DID_IT
 
 
-def _draw(robot: Robot, motion: Motion, path: Path) -> None:
+def draw_motion(robot: Robot, motion: Motion, path: Path) -> None:
+    """Draw a motion as a film strip into a PNG file.
+
+    Raises:
+        NoRendererError: if there is no OpenGL.
+    """
     model = World(robot, FLAT_SCENE).model
     # The frames until the motion stands, or all where that is not known.
     stands = motion.duration if motion.stand_time is None else motion.stand_time
@@ -64,10 +72,7 @@ def _draw(robot: Robot, motion: Motion, path: Path) -> None:
     count = int(np.searchsorted(motion.time, min(end, motion.time[-1]), side="right"))
     rows = film_strip.pick_frames(count)
     qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
-    try:
-        pictures = film_strip.render_frames(robot, model, qpos)
-    except film_strip.NoRendererError as error:
-        raise BadInputError(f"no film strip: {error}") from error
+    pictures = film_strip.render_frames(robot, model, qpos)
     with staging(path.parent, (path.name,)) as folder:
         times = motion.time[rows] - motion.time[0]
         title = f"{motion.name}: {motion.strategy}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 from humanoid_getup.evaluation.preference import Preference, PreferenceName
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.keyframes_file import load_keyframes
+from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
 from humanoid_getup.motions.motion import NO_END, Motion, hold_last, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
@@ -26,7 +27,6 @@ from robots import Posture, Robot, quaternion
 from robots.kinematics import place
 from robots.quaternion import Array
 
-KEYFRAMES = "keyframes.toml"
 UNFINISHED = "unfinished"
 ENTRY_STRIDE = 12  # frames between the entries that are tried
 ENTRY_BATCH = 32
@@ -106,10 +106,15 @@ def make_task(
     """Describe what the search of a motion depends on."""
     return SearchTask(
         robot=robot.name,
-        keyframes=format_keyframes(keyframes, robot),
+        keyframes=hashlib.sha256(format_keyframes(keyframes, robot).encode()).hexdigest(),
         seed=seed,
         prefer=prefer or "keyframes",
     )
+
+
+def try_out(world: World, keyframes: Keyframes) -> Trial:
+    """Play keyframes once from where the robot settles in the first."""
+    return Trial.of(world, keyframes, settle(world, keyframes))
 
 
 def settle(world: World, keyframes: Keyframes) -> Array:

@@ -26,6 +26,8 @@ from robots.validation import (
     shown,
 )
 
+KEYFRAMES = "keyframes.toml"
+"""The file of a robot's folder."""
 ROUNDING = 0.01  # deg; a file's angle may be this far out of a joint's range, as it is rounded
 NAMED = "expected 1 to 100 letters, digits, '_', '-' or '.', not '.' first"
 

@@ -20,7 +20,7 @@ from humanoid_getup.evaluation.standing import (
 )
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, hold_last
-from humanoid_getup.motions.search_log import Generation, SearchLog
+from humanoid_getup.motions.search_log import POPULATION, Generation, SearchLog
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.rollout import (
     Rollout,
@@ -32,7 +32,6 @@ from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 from robots.quaternion import Array
 
-POPULATION = 14
 SCENARIOS = 5  # rollouts of each candidate: nominal, with full torque, three disturbed
 LIMIT_SHARES = (0.73, 0.61)  # of stall torque, limits of disturbed rollouts beside the motion's own
 FINAL_SCENARIOS = 48
@@ -221,11 +220,11 @@ class TrajectoryOptimizer:
         return make_scenarios(self.world, self.start, limit, count, self._randomization, rng)
 
 
-def count_work(generations: int) -> float:
-    """Count the work of a search in generations: it includes judging the finalists."""
+def count_work(generations: int, done: int = 0) -> float:
+    """Count the work of a search in generations, beside those done; finalists are judged too."""
     judged = (min(generations, FINALISTS) + 2) * FINAL_SCENARIOS
     finer = 2.0  # half the search's physics step
-    return generations + finer * judged / (POPULATION * SCENARIOS)
+    return max(generations - done, 0) + finer * judged / (POPULATION * SCENARIOS)
 
 
 def make_scenarios(

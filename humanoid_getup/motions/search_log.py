@@ -18,6 +18,9 @@ from robots.files import write_atomically
 from robots.quaternion import Array
 from robots.validation import on_axes, parse_file, read_table
 
+POPULATION = 14
+"""Candidates of a generation."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Generation:
@@ -35,7 +38,7 @@ class SearchTask:
 
     robot: str
     keyframes: str
-    """Those it begins with, as TOML."""
+    """SHA-256 of those it begins with, as they are written."""
     seed: Annotated[int, Meta(ge=0, le=2**32)]
     prefer: str
     """A preference, or "keyframes"."""
@@ -70,6 +73,11 @@ class SearchLog:
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
         file = read_table(_File, content if isinstance(content, dict) else {}, "", problems)
+        problems += [
+            f"generation {number} has {len(each.cost)} costs, expected {POPULATION}"
+            for number, each in enumerate(file.generations, start=1)
+            if len(each.cost) != POPULATION and not problems
+        ]
         if problems:
             raise ValueError(f"{path}: {'; '.join(problems)} (a search without --resume begins)")
         mine, other = asdict(task), asdict(file.task)

@@ -78,6 +78,11 @@ class BuildMotions(RobotOption):
     """What a motion should be besides successful; default: what its keyframes say."""
     jobs: Count = 2
     """Motions that are built in parallel."""
+    resume: bool = False
+    """Go on with searches that were interrupted, or that need more generations: see the folder
+    unfinished of the robot."""
+    keep_keys: bool = False
+    """Write the optimized keys of motions that are built back into the keyframes."""
     only_original: ClassVar[str] = "motions are built for the original body, and retargeted"
 
 

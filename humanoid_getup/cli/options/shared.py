@@ -157,8 +157,8 @@ class PreferenceOptions(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MoveOptions(TorqueOptions, WorldOptions):
-    """Options of every command that moves a robot."""
+class BackendOptions(SceneOptions):
+    """Which robot a command connects to, simulated or real."""
 
     backend: Literal["twin", "virtual", "dynamixel"] = "twin"
     """MuJoCo twin, virtual servos on a virtual bus, or a robot with Dynamixel servos."""
@@ -167,30 +167,41 @@ class MoveOptions(TorqueOptions, WorldOptions):
     serves a virtual robot of its own."""
     realtime: bool = False
     """Run a simulated robot in real time."""
-    out: Annotated[Path | None, arg(metavar="DIR")] = None
-    """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
-    of a policy with style curves, style.png."""
 
     def find_faults(self) -> list[str]:
-        """Report ports or a folder that do not fit, too."""
+        """Report ports that do not fit, too."""
         faults = super().find_faults()
         if self.backend == "twin" and self.port:
             ports = ", ".join(self.port)
             faults.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
-        if self.backend != "twin" and self.limit_by == "ideal":
-            faults.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and not self.port:
             faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
         if self.backend == "dynamixel":
             faults += self.refuse_body(A_REAL_ROBOT)
-        if self.out is not None:
-            faults += find_folder_faults(self.out)
         return faults
 
     @property
     def is_real(self) -> bool:
         """Whether the robot may be a real one."""
         return bool(self.port)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveOptions(TorqueOptions, BackendOptions, WorldOptions):
+    """Options of every command that moves a robot."""
+
+    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
+    of a policy with style curves, style.png."""
+
+    def find_faults(self) -> list[str]:
+        """Report a torque limit or a folder that does not fit, too."""
+        faults = super().find_faults()
+        if self.backend != "twin" and self.limit_by == "ideal":
+            faults.append("--limit-by is ideal, which no servo can, expected current or pwm")
+        if self.out is not None:
+            faults += find_folder_faults(self.out)
+        return faults
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.motions.build import settle
+from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.action_file import PAGE_SIZE, PAGES, ActionFile, load_page
 from humanoid_getup.motions.importing.animation_file import load_animation
 from humanoid_getup.motions.importing.key_sequence import KeySequence
@@ -43,7 +43,7 @@ def load_sequences(path: Path, pages: Sequence[int], robot: Robot) -> list[KeySe
     if is_action_file:
         file = ActionFile(path)
         if not pages:
-            listed = ", ".join(f"{page.number} {page.name}" for page in file.list_pages())
+            listed = ", ".join(f"{page.number} {page.name}".strip() for page in file.list_pages())
             raise ValueError(f"{path}: --page is missing, expected one of {listed or 'none'}")
         return [load_page(file, page, robot) for page in pages]
     if pages:
@@ -159,11 +159,6 @@ def guess_start(world: World, keyframes: Keyframes) -> Trial:
     best = max(lying, key=_rank, default=squat)
     # Upright, nearly any keys seem to rise: it counts only where lying down none does.
     return squat if squat.succeeded and not best.succeeded else best
-
-
-def try_out(world: World, keyframes: Keyframes) -> Trial:
-    """Play keyframes once from where a robot settles in the first."""
-    return Trial.of(world, keyframes, settle(world, keyframes))
 
 
 def _starts_as_it_says(trial: Trial) -> bool:

@@ -1,0 +1,150 @@
+"""Keys from elsewhere become keyframes: in range, ending in the stance, from the right start."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from action_files import Slot, write_action_file
+
+from humanoid_getup.motions.build import load_robot_keyframes
+from humanoid_getup.motions.importing.adoption import adopt, guess_start, load_sequences
+from humanoid_getup.motions.importing.key_sequence import KeyCollector
+from humanoid_getup.motions.keyframes_file import load_keyframes
+from humanoid_getup.motions.keyframes_writer import save_keyframes
+from humanoid_getup.simulation.world import World
+from robots import Robot
+
+ANIMATION = {
+    "name": "stand up/back",
+    "author": "someone",
+    "keyframes": [
+        {"name": "a", "goals": {"l_knee": 20.0, "r_knee": -20}, "duration": 0.7, "pause": 0.2},
+        {"goals": {"l_knee": 30.5}, "torque": {"l_el": 0, "r_el": 1}},
+        {"goals": {}, "duration": 0.0, "stabilization_functions": {"l_knee": "x"}},
+    ],
+}
+
+
+def load(path: Path, text: str, robot: Robot, *pages: int):
+    path.write_text(text)
+    (sequence,) = load_sequences(path, pages, robot)
+    return sequence
+
+
+def test_an_animation_holds_pauses_and_keeps_what_it_leaves_out(tmp_path: Path, op3: Robot):
+    sequence = load(tmp_path / "up.json", json.dumps(ANIMATION), op3)
+    knee, other = (op3.joint_names.index(f"{side}_knee") for side in "lr")
+    np.testing.assert_allclose(np.degrees(sequence.keys[:, knee]), [20, 20, 30.5, 30.5])
+    np.testing.assert_allclose(np.degrees(sequence.keys[:, other]), -20.0)
+    # Held for 0.2 s; the default duration; no time is one control period.
+    np.testing.assert_allclose(sequence.after, [0.2, 1.0, op3.control_period])
+    elbow = op3.joint_names.index("l_el")
+    assert (sequence.keys[:, elbow] == op3.standing.joint_pos[elbow]).all()
+    assert sequence.notes == (
+        "joints 'l_el' are released on the way: here they keep their targets",
+        "its stabilization functions are left out",
+    )
+    assert adopt(sequence, op3).keyframes.name == "stand_up_back"
+
+
+def test_a_table_takes_radians_and_degrees(tmp_path: Path, op3: Robot):
+    text = "l_knee, time, r_knee_deg\n0.5,1.0,-10\n\n0.25,1.5,-20\n"
+    sequence = load(tmp_path / "up.csv", text, op3)
+    left, right = (op3.joint_names.index(f"{side}_knee") for side in "lr")
+    np.testing.assert_allclose(sequence.keys[:, left], [0.5, 0.25])
+    np.testing.assert_allclose(np.degrees(sequence.keys[:, right]), [-10, -20])
+    np.testing.assert_allclose(sequence.after, [0.5])
+    assert sequence.name == "up"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("a.csv", "time,l_knee\n", "no keys, expected a header and one row or more"),
+        ("a.csv", "time,l_tail\n0,1\n", "unknown joint 'l_tail', expected r_sho_pitch"),
+        ("a.csv", "l_knee\n0\n", "the header has 0 columns 'time', expected one"),
+        ("a.csv", "time,l_knee,l_knee_deg\n0,1,1\n", "a joint has two columns"),
+        ("a.csv", "time,l_knee\n0,1\n0,2\n", "row 2: time is 0 s, expected after 0 s of row 1"),
+        ("a.csv", "time,l_knee\n0,soon\n", "row 1: l_knee is 'soon', expected a finite number"),
+        ("a.csv", "time,l_knee\n0,nan\n", "row 1: l_knee is 'nan', expected a finite number"),
+        ("a.csv", "time,l_knee\n0\n", "row 1 has 1 values, expected 2"),
+        ("a.csv", "time,l_knee\n" + "0,0\n" * 200, "has 200 rows, expected at most 120"),
+        ("a.csv", 'time,l_knee\n0,"1\n', "not CSV"),
+        ("a.json", "{", "not JSON"),
+        ("a.json", "[]", "expected an object with keyframes"),
+        ("a.json", "{}", "keyframes is missing, expected a list of tables, at least one"),
+        ("a.json", '{"keyframes": []}', "keyframes is [], expected a list of tables"),
+        ("a.json", '{"keyframes": [{"goals": {"LKnee": 1}}]}', "unknown joint 'LKnee'"),
+        ("a.json", '{"keyframes": [{"goals": {"l_knee": "x"}}]}', "expected a finite angle"),
+        ("a.json", '{"keyframes": [{"goals": {}, "duration": -1}]}', "expected 0 s or more"),
+        ("a.txt", "anything", "a file of another kind, expected an action file (.bin), a JSON"),
+    ],
+)
+def test_what_cannot_be_read_is_named(name: str, text: str, told: str, tmp_path: Path, op3: Robot):
+    with pytest.raises(ValueError) as refusal:
+        load(tmp_path / name, text, op3)
+    assert told in str(refusal.value)
+    assert str(refusal.value).startswith(f"{tmp_path / name}: ")
+    assert "\n" not in str(refusal.value)
+
+
+def test_pages_belong_to_action_files(tmp_path: Path, op3: Robot, tiny: Robot):
+    with pytest.raises(ValueError, match="--page is given, expected an action file"):
+        load(tmp_path / "up.json", json.dumps(ANIMATION), op3, 3)
+    write_action_file(tmp_path / "actions.bin", {3: [Slot({1: 1, 2: 2})], 9: [Slot({1: 1, 2: 2})]})
+    with pytest.raises(ValueError, match="--page is missing, expected one of 3 wave, 9 wave"):
+        load_sequences(tmp_path / "actions.bin", (), tiny)
+
+
+def collect(robot: Robot, *degrees: float):
+    collector = KeyCollector(robot=robot)
+    for angle in degrees:
+        collector.add(0.5, dict.fromkeys(range(robot.n), float(np.radians(angle))))
+    return collector.finish("made", "a test")
+
+
+def test_angles_out_of_range_are_refused_or_clipped_and_told(tiny: Robot):
+    sequence = collect(tiny, 0.0, -80.0, 70.0, 61.0)  # the hips go from -90 to 60 degrees
+    with pytest.raises(ValueError, match="joint 'l_hip' of key number 3 is") as told:
+        adopt(sequence, tiny)
+    assert "joint 'r_hip' of key number 3" in str(told.value)
+    assert "--clip" in str(told.value)
+    adoption = adopt(sequence, tiny, clip=True)
+    np.testing.assert_allclose(np.degrees(adoption.keyframes.keys[:, 0]), [0, -80, 60, 60, 0])
+    assert len(adoption.notes) == 2
+
+
+def test_a_rise_ends_in_the_stance_after_the_time_that_the_way_takes(tiny: Robot):
+    keyframes = adopt(collect(tiny, 0.0, 45.0), tiny).keyframes
+    np.testing.assert_array_equal(keyframes.keys[-1], tiny.standing.joint_pos)
+    # By hand: 45 degrees at 1.5 rad/s.
+    assert keyframes.duration[-1] == pytest.approx(np.pi / 4 / 1.5)
+    there = adopt(collect(tiny, 45.0, 0.01), tiny).keyframes
+    assert len(there.keys) == 2  # the last key was nearly the stance
+    down = adopt(collect(tiny, 0.0, 45.0), tiny, end_class="supine").keyframes
+    assert np.degrees(down.keys[-1]).tolist() == pytest.approx([45.0, 45.0])
+
+
+def test_adopted_keys_may_be_optimized_as_they_are_read_back(tmp_path: Path, op3: Robot):
+    sequence = load(tmp_path / "up.json", json.dumps(ANIMATION), op3)
+    adopted = adopt(sequence, op3).keyframes
+    save_keyframes(tmp_path / "keyframes.toml", [adopted], op3)
+    (read,) = load_keyframes(tmp_path / "keyframes.toml", op3)
+    assert read.free.tolist() == adopted.free.tolist()
+    assert read.mirrored.tolist() == adopted.mirrored.tolist()
+
+
+@pytest.mark.parametrize("name", ["supine_sit_up_gentle", "prone_push_up_fast", "squat_to_stand"])
+def test_the_start_is_found_where_the_keys_work(name: str, op3: Robot, world: World):
+    authored = next(each for each in load_robot_keyframes(op3) if each.name == name)
+    trial = guess_start(world, authored)
+    assert trial.keyframes.start_class == authored.start_class
+    assert trial.succeeded
+
+
+def test_keys_that_begin_in_the_stance_start_standing(op3: Robot, world: World):
+    down = next(each for each in load_robot_keyframes(op3) if each.start_class == "standing")
+    trial = guess_start(world, down)
+    assert (trial.keyframes.start_class, trial.succeeded) == ("standing", True)
+    assert trial.describe().startswith("lay supine after")

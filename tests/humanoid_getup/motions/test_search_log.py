@@ -1,0 +1,126 @@
+"""A search that was interrupted goes on as if it had not been."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.build import make_task, settle
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.optimization import TrajectoryOptimizer, count_work
+from humanoid_getup.motions.search_log import POPULATION, SearchLog
+from humanoid_getup.simulation.world import World
+from robots import Robot
+
+GENERATIONS = 3
+
+
+@pytest.fixture(scope="module")
+def world(tiny: Robot) -> World:
+    return World(tiny)
+
+
+@pytest.fixture(scope="module")
+def keyframes() -> Keyframes:
+    """A bow of both hips."""
+    return Keyframes(
+        name="bow",
+        start_class="squat",
+        strategy="bow",
+        duration=np.array([0.2, 0.2]),
+        keys=np.radians([[0.0, 0.0], [-20.0, -20.0], [0.0, 0.0]]),
+        free=np.array([0]),
+        mirrored=np.array([True]),
+        torque_limit=2.0,
+        time_cost=0.5,
+        torque_cost=1.0,
+    )
+
+
+class Interrupted(Exception):
+    """Stands for a key or a kill signal."""
+
+
+def search(world: World, keyframes: Keyframes, log: SearchLog | None, stop: int = GENERATIONS):
+    """Run a search that is interrupted after so many generations; return what it reported too."""
+    reports = []
+
+    def report(*told: float) -> None:
+        reports.append(told)
+        if len(reports) == stop < GENERATIONS:
+            raise Interrupted
+
+    optimizer = TrajectoryOptimizer(world, settle(world, keyframes))
+    return *optimizer.optimize(keyframes, GENERATIONS, 7, report, log), reports
+
+
+@pytest.mark.parametrize("stop", [1, 2])
+def test_an_interrupted_search_finds_what_another_one_finds(
+    stop: int, world: World, keyframes: Keyframes, tiny: Robot, tmp_path: Path
+):
+    whole, share, reports = search(world, keyframes, None)
+    path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
+    with pytest.raises(Interrupted):
+        search(world, keyframes, SearchLog(path, task), stop)
+    log = SearchLog.resume(path, task)
+    assert len(log.generations) == stop
+    resumed, same_share, same_reports = search(world, keyframes, log)
+    np.testing.assert_array_equal(resumed.keys, whole.keys)
+    np.testing.assert_array_equal(resumed.duration, whole.duration)
+    assert (same_share, same_reports) == (share, reports)
+    assert len(SearchLog.resume(path, task).generations) == GENERATIONS
+
+
+def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_path, monkeypatch):
+    path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
+    log = SearchLog(path, task)
+    search(world, keyframes, log)
+    optimizer = TrajectoryOptimizer(world, settle(world, keyframes))
+    played = []
+    play = optimizer._search.play
+    monkeypatch.setattr(optimizer._search, "play", lambda *a: played.append(0) or play(*a))
+    optimizer.optimize(keyframes, GENERATIONS + 1, 7, log=log)
+    assert len(played) == 1
+    assert len(log.generations) == GENERATIONS + 1
+    assert all(len(each.cost) == POPULATION for each in log.generations)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda r, k: make_task(r, replace(k, torque_limit=3.0), 7, None), "another keyframes"),
+        (lambda r, k: make_task(r, k, 8, None), "another seed"),
+        (lambda r, k: make_task(r, k, 7, "torque"), "another prefer"),
+        (lambda r, k: make_task(replace(r, name="big"), k, 7, None), "another robot"),
+    ],
+)
+def test_the_log_of_another_search_is_refused(change, told, keyframes, tiny, tmp_path: Path):
+    log = SearchLog(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
+    log.add(np.ones(POPULATION), 0.5)
+    with pytest.raises(ValueError, match=told):
+        SearchLog.resume(log.path, change(tiny, keyframes))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"task": 3, "generations": [{"cost": "x"}]}'])
+def test_a_damaged_log_is_refused_in_one_line(text: str, keyframes, tiny, tmp_path: Path):
+    (tmp_path / "bow.json").write_text(text)
+    with pytest.raises(ValueError, match=r"bow\.json: ") as refusal:
+        SearchLog.resume(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_log_with_a_wrong_population_is_refused(keyframes, tiny, tmp_path: Path):
+    log = SearchLog(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
+    log.add(np.ones(POPULATION), 0.5)
+    record = json.loads(log.path.read_text())
+    record["generations"][0]["cost"].pop()
+    log.path.write_text(json.dumps(record))
+    with pytest.raises(ValueError, match="has 13 costs, expected 14"):
+        SearchLog.resume(log.path, log.task)
+
+
+def test_what_is_done_is_no_work():
+    assert count_work(20, done=5) == count_work(20) - 5
+    assert count_work(5, done=9) > 0  # the finalists are judged again

@@ -235,7 +235,7 @@ class DynamixelBackend(Backend):
         limit = np.inf
         if self._clock.is_real:
             limit = time.monotonic() + READ_SHARE * self.period
-        self.imu.request()  # what takes time on its own line
+        self.imu.request(now)  # what takes time on its own line
         for chain in chains:
             chain.begin_cyclic()
         for chain in chains:
@@ -251,7 +251,7 @@ class DynamixelBackend(Backend):
             chain.apply_cyclic(states, now)
         for chain in chains:
             chain.collect_background(states, limit)
-        if (sample := self.imu.poll()) is not None:
+        if (sample := self.imu.poll(now)) is not None:
             self._fusion.update(sample, now, float(np.abs(states.velocity).max()))
         for chain in chains:
             chain.maintain(states, limit)

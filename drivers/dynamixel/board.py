@@ -107,10 +107,10 @@ class Board:
         """Forget what was received; the bus is closed by its owner."""
         self._newest = None
 
-    def request(self) -> None:
+    def request(self, now: float) -> None:
         """Do nothing: its registers are read with those of the servos."""
 
-    def poll(self) -> ImuSample | None:
+    def poll(self, now: float) -> ImuSample | None:  # noqa: ARG002
         """Return the sample of this cycle."""
         newest, self._newest = self._newest, None
         return newest

@@ -38,7 +38,7 @@ class LineFormat:
     def parse(self, line: bytes) -> ImuSample | None:
         """Convert a line without its line feed; None if it is damaged."""
         text = self._check_sum(line.strip())
-        if text is None or not text.isascii():
+        if text is None or not text.isascii() or b"_" in text:  # float() skips an underscore
             return None
         words = text.decode("ascii").split(self._settings.separator)
         if len(words) != self._count:
@@ -90,10 +90,10 @@ class SerialLineImu:
         """Close the port."""
         self._link.close()
 
-    def request(self) -> None:
+    def request(self, now: float) -> None:
         """Do nothing: it sends by itself."""
 
-    def poll(self) -> ImuSample | None:
+    def poll(self, now: float) -> ImuSample | None:  # noqa: ARG002
         """Return the newest complete line's sample."""
         connections = self._link.connections
         data = self._link.receive()

@@ -53,10 +53,10 @@ class ImuSource(Protocol):
     def close(self) -> None:
         """Close its line; harmless if it is closed."""
 
-    def request(self) -> None:
-        """Begin a cycle: ask a sensor that does not send by itself."""
+    def request(self, now: float) -> None:
+        """Begin a cycle at a time [s]: ask a sensor that does not send by itself."""
 
-    def poll(self) -> ImuSample | None:
+    def poll(self, now: float) -> ImuSample | None:
         """Return the newest sample that arrived since the last call, None for none."""
         ...
 
@@ -69,7 +69,8 @@ def await_sample(source: ImuSource, duration: float = FIRST_SAMPLE) -> ImuSample
     """Wait for a sample for at most some seconds."""
     until = time.monotonic() + duration
     while True:
-        source.request()
-        if (sample := source.poll()) is not None or time.monotonic() > until:
+        now = time.monotonic()
+        source.request(now)
+        if (sample := source.poll(now)) is not None or now > until:
             return sample
         time.sleep(POLL_STEP)

@@ -1,5 +1,6 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
+from robots.imu import ImuSettings
 from robots.loading import load_robot, reshape
 from robots.posture import Posture, load_posture
 from robots.reshaping.body import ORIGINAL, Body, BodyError
@@ -21,6 +22,7 @@ __all__ = [
     "Body",
     "BodyError",
     "BusSettings",
+    "ImuSettings",
     "Joint",
     "Posture",
     "Robot",

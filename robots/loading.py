@@ -142,6 +142,7 @@ def _build_robot(
         mirror_sign=np.array([float(row.mirror_sign) for row in rows]),
         model_file=folder / table.model,
         bus=table.bus,
+        imu=table.imu,
         rising_joints=table.rising_joints or (),
         spreading_joints=table.spreading_joints,
         limit_by=table.limit_by or _choose_limit_mode(servos[row.servo] for row in rows),

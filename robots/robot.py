@@ -11,12 +11,13 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
+from robots.imu import AxesSetting, ImuKind, ImuSettings
 from robots.posture import Posture
 from robots.quaternion import Array
 from robots.reshaping.body import ORIGINAL, Body
 from robots.reshaping.reshape_model import reshape_model
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
-from robots.validation import Names, Sign, positive, whole
+from robots.validation import Names, positive, whole
 
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
 
@@ -27,22 +28,33 @@ if TYPE_CHECKING:
     BaudRate = int  # of which a type checker cannot see that it is one of these
 else:
     BaudRate = Literal[BAUD_RATES]
+MAX_ADDRESS = 0xFFFF  # of a register (Protocol 2.0)
 MAX_WATCHDOG = 2.54  # s, 127 steps of 20 ms (e-manual, Bus Watchdog)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BoardSettings:
-    """A controller board on the servo bus that carries the IMU."""
+    """A controller board on the servo bus that carries the IMU.
 
-    model: str
-    """Name of its control table."""
+    Its control table is known by the model's name, or the addresses and scales of its gyro and
+    its accelerometer are given: three axes each, x first, signed, two bytes, little endian.
+    """
+
+    model: str = ""
+    """Name of its control table; empty if its registers are given below."""
     id: Annotated[int, whole(0, 252)]
-    imu_axes: Annotated[tuple[Sign, Sign, Sign], Meta(description="three signs, -1 or 1")]
-    """Sign that takes each raw axis of the IMU to the robot's IMU site."""
+    imu_axes: AxesSetting
+    """What each axis of the robot's IMU site is of the IMU's raw axes."""
     powers_servos: bool = False
     """True when servos have no power until the board switches it on."""
     port: str = ""
     """Name of the port on which it replies; in a robot.toml the first if left out."""
+    gyro_address: Annotated[int, whole(0, MAX_ADDRESS)] = 0
+    accelerometer_address: Annotated[int, whole(0, MAX_ADDRESS)] = 0
+    gyro_scale: Annotated[float, positive(1.0, "rad/s")] = 0.0
+    """[rad/s] a count"""
+    accelerometer_scale: Annotated[float, positive(1.0, "m/s²")] = 0.0
+    """[m/s²] a count"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +145,8 @@ class Robot:
     model_file: Path
     bus: BusSettings | None = None
     """How its servos are reached; None if not described."""
+    imu: ImuSettings | None = None
+    """How its IMU is reached; None for that of the board on its bus, if there is one."""
     rising_joints: tuple[str, ...] = ()
     """One joint of each mirrored pair that a learned rise moves."""
     spreading_joints: tuple[str, ...] = ()
@@ -146,6 +160,13 @@ class Robot:
     def n(self) -> int:
         """Return the number of joints."""
         return len(self.joints)
+
+    @property
+    def imu_kind(self) -> ImuKind | None:
+        """Return the kind of its IMU, None if none is described."""
+        if self.imu is not None and self.imu.kind != "board":
+            return self.imu.kind
+        return "board" if self.bus is not None and self.bus.board is not None else None
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:

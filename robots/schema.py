@@ -10,11 +10,14 @@ from typing import Annotated, Any, Literal, get_args
 
 from msgspec import Meta
 
-from robots.robot import BusSettings
+from robots.imu import IMU_PORT, ImuSettings, find_axes_problems, find_imu_problems
+from robots.robot import BoardSettings, BusSettings
 from robots.servo import MAX_TICKS, PGain, ServoModel
 from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole
 
 MAIN_PORT = "main"  # name of the port when all joints share one
+BOARD_REGISTERS = ("gyro_address", "accelerometer_address", "gyro_scale", "accelerometer_scale")
+AXES_BYTES = 6  # of a gyro or an accelerometer: three axes, two bytes each
 MAX_CONTROL_PERIOD = 1.0  # s; slower than any robot can rise: the period was meant in ms
 MAX_SUPPLY_VOLTAGE = 48.0  # V; the servos' own ranges are narrower, and checked as well
 
@@ -60,6 +63,7 @@ class RobotTable:
     ]
     """Angles by joint name [rad]; the joints not named stand at 0."""
     bus: BusSettings | None = None
+    imu: ImuSettings | None = None
     rising_joints: Names | None = None
     """One joint of each mirrored pair that a learned rise moves; those of all limbs if left out."""
     spreading_joints: Names = ()
@@ -90,6 +94,7 @@ def read_description(
         if name in rising or mirror.get(name) in rising
     ]
     problems += _board_takes_an_id(table)
+    problems += _wrong_imu(table)
     problems += _repeated(table.joints)
     problems += _wrong_mirrors(table.joints)
     problems += _wrong_supply(table, servos)
@@ -171,6 +176,38 @@ def _board_takes_an_id(table: RobotTable) -> list[str]:
         for row in table.joints
         if board is not None and row.id == board.id >= 0
     ]
+
+
+def _wrong_imu(table: RobotTable) -> list[str]:
+    bus, imu = table.bus, table.imu
+    board = bus.board if bus else None
+    problems = _wrong_board(board) if board else []
+    if imu is None:
+        return problems
+    if imu.is_serial and bus is not None and IMU_PORT in bus.ports:
+        problems.append(f"bus.ports: {shown(IMU_PORT)} is the port of the IMU, expected another")
+    return problems + find_imu_problems(imu, has_board=board is not None)
+
+
+def _wrong_board(board: BoardSettings) -> list[str]:
+    """Find what a board lacks: the name of its control table, or all that stands for it."""
+    problems = find_axes_problems("bus.board.imu_axes", board.imu_axes)
+    if board.model:
+        return problems
+    missing = [name for name in BOARD_REGISTERS if not getattr(board, name)]
+    if missing:
+        problems.append(
+            f"bus.board.model is missing, expected a model, or {', '.join(BOARD_REGISTERS)} "
+            f"(without {', '.join(missing)})"
+        )
+    elif abs(board.gyro_address - board.accelerometer_address) < AXES_BYTES:
+        problems.append(
+            f"bus.board.gyro_address is {board.gyro_address} and accelerometer_address "
+            f"{board.accelerometer_address}, expected {AXES_BYTES} bytes for each"
+        )
+    if board.powers_servos:
+        problems.append("bus.board.powers_servos is true, expected a model whose switch is known")
+    return problems
 
 
 def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.backend import Backend, Release
+from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import ANSWER_MARGIN, TRIES, BusStatistics, DynamixelBus
 from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
 from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
-from drivers.dynamixel.opencr import ImuFusion, OpenCr
 from drivers.dynamixel.port import MakePort, PortError, SerialPort
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
@@ -29,10 +29,14 @@ from drivers.dynamixel.startup import (
     using_margin,
 )
 from drivers.errors import NoBusError, NotConnectedError, SetupError
+from drivers.imu.build import build_imu_source
+from drivers.imu.fusion import ImuFusion
+from drivers.imu.source import ImuSource
 from drivers.interrupts import deferred_interrupts
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import BusSettings, Joint, Robot
+from robots.imu import IMU_PORT
 from robots.servo import LimitMode
 
 READ_SHARE = 0.75  # of the period within which all reads must end
@@ -73,12 +77,14 @@ class DynamixelBackend(Backend):
         make_port: MakePort = SerialPort,
         release: Release = Release.LIMP,
         limit_by: LimitMode | None = None,
+        imu: ImuSource | None = None,
     ) -> None:
         """Prepare a backend; nothing is opened yet.
 
         Args:
             robot: Robot on the buses, calibrated.
-            ports: Device of each port, by its name in the robot's description.
+            ports: Device of each port, by its name in the robot's description; ``imu`` for an
+                IMU on another serial port than described.
             clock: Clock of the measurements; ``None`` for wall time. With simulated time (a
                 virtual bus in lock-step) no cycle has a deadline.
             period: Control period [s]; ``None`` for the robot's own.
@@ -87,6 +93,7 @@ class DynamixelBackend(Backend):
             release: State of the joints after `close`; it may be changed until then.
             limit_by: What torque limits act on: the current, in current-based position mode, or
                 the PWM, in position mode; ``None`` for the robot's own.
+            imu: Source of the IMU's samples; ``None`` for that of the robot's description.
 
         Raises:
             SetupError: if the robot has no bus, no IMU, or other ports, or if its servos do not
@@ -105,12 +112,14 @@ class DynamixelBackend(Backend):
         self.unreleased: tuple[str, ...] = ()
         """Joints that did not confirm torque off at the last `close`."""
         self.chains = self._build_chains(ports, make_port)
+        self.imu = imu or self._find_imu(ports.get(IMU_PORT, ""))
+        """Source of the IMU's samples."""
         self._connected = False
         self._reset()
 
     def _reset(self) -> None:
         self._states = ServoStates(self.robot, self.period)
-        self._imu = ImuFusion(self.period)
+        self._fusion = ImuFusion(self.period)
         self._state: State | None = None
         self._written_at = -np.inf
         self._cycle_start = self._bytes_before = 0
@@ -151,12 +160,12 @@ class DynamixelBackend(Backend):
             open_ports(buses)
             with using_margin(buses, max(self._margin, SETUP_MARGIN)):
                 period = self.period if self._clock.is_real else None
-                self.diagnostics = diagnose_robot(self.robot, chains, period)
+                self.diagnostics = diagnose_robot(self.robot, chains, self.imu, period)
                 if self.diagnostics.errors:
                     raise DiagnosticsError(self.diagnostics.errors)
                 configure_servos(self.diagnostics, chains, states)
                 now = self._clock.now()
-                self._imu.start(measure_once(chains, states, now), now)
+                self._fusion.start(measure_once(chains, self.imu, states, now), now)
         except BaseException:
             self.close()
             raise
@@ -187,6 +196,7 @@ class DynamixelBackend(Backend):
                 unreleased += chain.release()
             chain.bus.port.close()
             chain.is_lost = False
+        self.imu.close()
         self.unreleased = tuple(joint.name for joint in unreleased)
 
     # The cycle --------------------------------------------------------------------------------
@@ -225,6 +235,7 @@ class DynamixelBackend(Backend):
         limit = np.inf
         if self._clock.is_real:
             limit = time.monotonic() + READ_SHARE * self.period
+        self.imu.request(now)  # what takes time on its own line
         for chain in chains:
             chain.begin_cyclic()
         for chain in chains:
@@ -239,13 +250,15 @@ class DynamixelBackend(Backend):
         for chain in chains:  # while the next replies are on the wire
             chain.apply_cyclic(states, now)
         for chain in chains:
-            chain.collect_background(states, self._imu, now, limit)
+            chain.collect_background(states, limit)
+        if (sample := self.imu.poll(now)) is not None:
+            self._fusion.update(sample, now, float(np.abs(states.velocity).max()))
         for chain in chains:
             chain.maintain(states, limit)
             chain.note_loss(states)
 
     def _build_state(self, now: float) -> State:
-        states, imu = self._states, self._imu
+        states, imu = self._states, self._fusion
         return State(
             time=now,
             joint_pos=self._units.to_rad(states.ticks),
@@ -317,10 +330,20 @@ class DynamixelBackend(Backend):
                 sleeps=self._clock.is_real,
             )
             board = settings.board
-            here = OpenCr(bus, board) if board and board.port == port else None
+            here = None
+            if board and board.port == port:
+                here = Board(bus, board, carries_imu=self.robot.imu_kind == "board")
             rows = np.sort([names.index(joint) for joint in joints])
             chains.append(ServoChain(bus, self.robot, rows, self._watchdog, here, self.limit_by))
         return chains
+
+    def _find_imu(self, port: str) -> ImuSource:
+        """Return the source of the IMU's samples: the board, or what is on a line of its own."""
+        board = next((chain.board for chain in self.chains if chain.board), None)
+        if board is not None and board.carries_imu:
+            return board
+        assert self.robot.imu is not None  # checked with the robot
+        return build_imu_source(self.robot.imu, port, SerialPort)
 
     def _check_connected(self) -> None:
         if not self._connected:
@@ -341,12 +364,13 @@ def _check_robot(robot: Robot, ports: Mapping[str, str]) -> BusSettings:
     bus = robot.bus
     if bus is None:
         raise NoBusError(robot.name)
-    if bus.board is None:
+    if robot.imu_kind is None:
         raise SetupError(
-            f"robot '{robot.name}' has no IMU on its bus: add a [bus.board] table to its robot.toml"
+            f"robot '{robot.name}' has no IMU: add an [imu] table, or a [bus.board] table for one "
+            "on the servo bus, to its robot.toml"
         )
-    wanted = list(bus.ports)
-    if sorted(ports) != sorted(wanted):
+    wanted, has_own_port = list(bus.ports), robot.imu is not None and robot.imu.is_serial
+    if sorted(set(ports) - ({IMU_PORT} if has_own_port else set())) != sorted(wanted):
         raise SetupError(
             f"robot '{robot.name}' has the ports {', '.join(wanted)}; "
             f"devices were named for: {', '.join(ports) or 'none'}"

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import MISSES
-from drivers.dynamixel.opencr import ImuFusion, OpenCr
 from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.servo_states import ERROR, SUPPLY, TORQUE, WATCHDOG, ServoStates
@@ -35,7 +35,7 @@ class BackgroundRead:
         bus: DynamixelBus,
         joints: Sequence[Joint],
         rows: np.ndarray,
-        board: OpenCr | None,
+        board: Board | None,
     ) -> None:
         """Prepare to read joints at places in the joint order, and a board if it is here."""
         self._bus, self._board = bus, board
@@ -68,14 +68,10 @@ class BackgroundRead:
             self._bus.begin(request)
             self._open = request, row, item
 
-    def collect(self, states: ServoStates, imu: ImuFusion, now: float, limit: float) -> None:
+    def collect(self, states: ServoStates, limit: float) -> None:
         """Collect the replies: the value of the servo, and the sample of the board.
 
-        Args:
-            states: States of the servos.
-            imu: Orientation by the board's samples.
-            now: Time of the cycle on the backend's clock [s].
-            limit: Time of the monotonic clock after which not to wait [s].
+        ``limit`` is the time of the monotonic clock after which not to wait [s].
         """
         if self._open is None:
             return
@@ -86,8 +82,7 @@ class BackgroundRead:
                 continue
             if self._board is not None and status.id == self._board.id:
                 self._board_misses = 0
-                speed = float(np.abs(states.velocity).max())
-                imu.update(self._board.decode(status.data), now, speed)
+                self._board.receive(status.data)
             else:
                 states.update_background(row, item, status.data)
 

@@ -9,13 +9,13 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 
 from drivers.dynamixel.background_read import BackgroundRead, has_time
+from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.command_writer import GOAL_RANGES, CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.opencr import ImuFusion, OpenCr
 from drivers.dynamixel.port import PortError, PortLostError
 from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies, Request
@@ -50,7 +50,7 @@ class ServoChain:
         robot: Robot,
         rows: np.ndarray,
         watchdog: int,
-        board: OpenCr | None,
+        board: Board | None,
         limit_by: LimitMode,
     ) -> None:
         """Prepare the chain of some of a robot's joints.
@@ -72,7 +72,8 @@ class ServoChain:
         self._torque = table_named(self.joints[0].servo.model.name)[TORQUE]
         self._facts: dict[int, ServoFacts] = {}
         self._setups: dict[int, ServoSetup] = {}
-        self._background = BackgroundRead(bus, self.joints, rows, board)
+        imu = board if board is not None and board.carries_imu else None
+        self._background = BackgroundRead(bus, self.joints, rows, imu)
         self._cycle = 0
         self._reopen_at = 0.0
         self._bytes_in, self._bytes_in_at = -1, 0.0
@@ -138,11 +139,9 @@ class ServoChain:
         """Request the board's IMU and the item that `prepare_background` chose."""
         self._exchange(self._background.begin, limit)
 
-    def collect_background(
-        self, states: ServoStates, imu: ImuFusion, now: float, limit: float
-    ) -> None:
+    def collect_background(self, states: ServoStates, limit: float) -> None:
         """Collect the replies of the background read."""
-        self._exchange(self._background.collect, states, imu, now, limit)
+        self._exchange(self._background.collect, states, limit)
 
     def maintain(self, states: ServoStates, limit: float) -> None:
         """Use the rest of a cycle: verify torque, poll lost servos, set up restarted ones."""

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from drivers.dynamixel.board import Board, check_board
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
 from drivers.dynamixel.configuration import ALL_ANSWERED
 from drivers.dynamixel.diagnostics import (
@@ -19,11 +20,12 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_all,
 )
-from drivers.dynamixel.opencr import ImuSample, check_board
 from drivers.dynamixel.port import PortError
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.errors import SetupError
+from drivers.imu.sample import ImuSample
+from drivers.imu.source import ImuError, ImuSource
 from robots import Joint, Robot
 
 SETUP_MARGIN = 0.03  # s that a reply may take where no cycle is waiting
@@ -76,8 +78,10 @@ def await_servos(servos: Iterable[tuple[DynamixelBus, Joint]]) -> None:
             missing = [(bus, joint) for bus, joint in missing if not bus.ping(joint.servo.id)]
 
 
-def diagnose_robot(robot: Robot, chains: Sequence[ServoChain], period: float | None) -> Diagnostics:
-    """Power the servos, switch their torque off, and find all that is wrong.
+def diagnose_robot(
+    robot: Robot, chains: Sequence[ServoChain], imu: ImuSource, period: float | None
+) -> Diagnostics:
+    """Power the servos, switch their torque off, open the IMU, and find all that is wrong.
 
     The ports are open. ``period`` is the control period that they must keep [s], ``None`` if
     time is simulated.
@@ -93,6 +97,7 @@ def diagnose_robot(robot: Robot, chains: Sequence[ServoChain], period: float | N
         findings += found
         if found and chain.board and chain.board.settings.powers_servos:
             return Diagnostics((), tuple(findings))  # servos without power are silent anyway
+    findings += open_imu(imu)
     await_servos((chain.bus, joint) for chain in chains for joint in chain.joints)
     servos = []
     for chain in chains:
@@ -102,6 +107,17 @@ def diagnose_robot(robot: Robot, chains: Sequence[ServoChain], period: float | N
         servos += diagnostics.servos
         findings += diagnostics.findings
     return Diagnostics(tuple(servos), tuple(findings))
+
+
+def open_imu(imu: ImuSource) -> list[Finding]:
+    """Open an IMU that has a line of its own; a board is checked with its bus."""
+    if isinstance(imu, Board):
+        return []
+    try:
+        imu.open()
+    except ImuError as error:
+        return [Finding.error(error.name, error.text, error.remedy)]
+    return []
 
 
 def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: ServoStates) -> None:
@@ -127,7 +143,9 @@ def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: S
         chain.bus.return_delay = 0.0
 
 
-def measure_once(chains: Sequence[ServoChain], states: ServoStates, now: float) -> ImuSample:
+def measure_once(
+    chains: Sequence[ServoChain], imu: ImuSource, states: ServoStates, now: float
+) -> ImuSample:
     """Read every joint and the IMU once, so that no value is ever invented.
 
     Raises:
@@ -151,10 +169,10 @@ def measure_once(chains: Sequence[ServoChain], states: ServoStates, now: float) 
         text = "set up, but silent when its position is read"
         remedy = "check cables and power along the chain"
         findings.append(Finding.error(name_all(silent), text, remedy))
-    board = next(chain.board for chain in chains if chain.board)
-    sample = board.read_imu()
+    sample = imu.measure()
     if sample is None:
-        findings.append(board.finding("its IMU cannot be read"))
+        remedy = "check its power and its cable, and how robot.toml describes it"
+        findings.append(Finding.error(imu.name, "its IMU cannot be read", remedy))
     if findings or sample is None:
         raise DiagnosticsError(findings)
     return sample

@@ -22,9 +22,9 @@ from drivers.dynamixel.diagnostics import (
     check_cycle_time,
     name_all,
 )
-from drivers.dynamixel.opencr import ImuSample
 from drivers.dynamixel.port import read_latency_timer
 from drivers.dynamixel.requests import Request
+from drivers.imu.sample import ImuSample
 from drivers.orientation_filter import GRAVITY
 from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
 from drivers.service.session import BusPort, RobotBus
@@ -111,7 +111,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     place = {joint.name: i for i, joint in enumerate(robot.joints)}
     servos = tuple(sorted(diagnostics.servos, key=lambda servo: place[servo.joint.name]))
     ports = [_examine_port(bus, port, servos, rounds) for port in bus.ports]
-    imu = bus.board.read_imu() if bus.board else None
+    imu = bus.imu.measure() if bus.imu else None
     findings = [*diagnostics.findings, *_check_torque(torque), *_check_heat(servos)]
     findings += [f for port in ports for f in _check_port(port, robot.control_period)]
     findings += [*_check_imu(imu), *_check_settings(servos, robot.limit_by)]
@@ -139,7 +139,8 @@ def _examine_port(
     wire, size, latency = port.bus.port, 0, None
     if here:
         board = bus.board
-        imu = {board.id: board.span(0)} if board and board.bus is port.bus else {}
+        is_here = board is not None and board.carries_imu and board.bus is port.bus
+        imu = {board.id: board.span(0)} if board and is_here else {}
         supply = here[0].table.span("present_input_voltage", "present_temperature")
         background = Request.group(imu | {here[0].id: supply})
         size = _count_cycle_bytes(here, background)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from drivers.dynamixel.board import Board, check_board
 from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.configuration import ALL_ANSWERED
 from drivers.dynamixel.control_table import Item, table_named
@@ -18,10 +19,12 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_of,
 )
-from drivers.dynamixel.opencr import OpenCr, check_board
 from drivers.dynamixel.port import MakePort, SerialPort
-from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_ports
+from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_imu, open_ports
+from drivers.imu.build import build_imu_source
+from drivers.imu.source import ImuSource
 from robots import Joint, Robot
+from robots.imu import IMU_PORT
 
 
 @dataclass(frozen=True)
@@ -35,25 +38,33 @@ class BusPort:
 
 
 class RobotBus:
-    """All ports of a robot, and its board.
+    """All ports of a robot, its board, and its IMU.
 
     Two things may be written at the start, and are listed in ``written``: the board's switch
     for the servos' power, and the status return level of a servo that does not reply to reads. Both
     are reset when the robot is switched off.
     """
 
-    def __init__(self, robot: Robot, ports: tuple[BusPort, ...]) -> None:
-        """Check the board and the servos' replies, through ports that are open."""
+    def __init__(
+        self, robot: Robot, ports: tuple[BusPort, ...], imu: ImuSource | None = None
+    ) -> None:
+        """Check the board, the IMU and the servos' replies, through ports that are open.
+
+        Without an ``imu``, it is the board's.
+        """
         self.robot, self.ports = robot, ports
         self.servos = [(port.bus, joint) for port in ports for joint in port.joints]
         """Each joint, and the bus of its servo."""
         self.written: list[str] = []
         """What was written at the start, in words."""
-        self.board: OpenCr | None = None
+        self.board: Board | None = None
         """The board, if it replies and is the expected one."""
+        self.imu: ImuSource | None = None
+        """The IMU, if it could be opened."""
         self.findings: list[Finding] = find_duplicate_ids(robot)
         """Problems of the description and the board."""
         self._check_board()
+        self._open_imu(imu)
         for bus, joint in self.servos:
             self._unmute(bus, joint)
 
@@ -93,11 +104,9 @@ class RobotBus:
         """Check the board, and switch the servos' power on."""
         settings = self.robot.bus.board if self.robot.bus else None
         if settings is None:
-            text, remedy = "names no board with an IMU", "add a [bus.board] table"
-            self.findings.append(Finding.error("robot.toml", text, remedy))
             return
         bus = next(port.bus for port in self.ports if port.name == settings.port)
-        board = OpenCr(bus, settings)
+        board = Board(bus, settings, carries_imu=self.robot.imu_kind == "board")
         was_off = settings.powers_servos and not board.is_powering()
         found = check_board(board, set_delay=False)
         self.findings += found
@@ -107,6 +116,18 @@ class RobotBus:
         if was_off:
             self.written.append(f"the servos' power was off: switched on at the {board.name}")
             await_servos(self.servos)
+
+    def _open_imu(self, imu: ImuSource | None) -> None:
+        """Open the IMU, on the board or on its own line."""
+        if self.robot.imu_kind is None:
+            text, remedy = "names no IMU", "add an [imu] table, or [bus.board] for one on the bus"
+            self.findings.append(Finding.error("robot.toml", text, remedy))
+        elif imu is None:
+            self.imu = self.board
+        elif found := open_imu(imu):
+            self.findings += found
+        else:
+            self.imu = imu
 
     def _unmute(self, bus: DynamixelBus, joint: Joint) -> None:
         """Make a servo reply to reads that is configured to reply to pings only."""
@@ -144,10 +165,15 @@ def open_robot_bus(
         )
         for port, names in settings.ports.items()
     )
+    imu = None
+    if robot.imu is not None and robot.imu_kind != "board":
+        imu = build_imu_source(robot.imu, ports.get(IMU_PORT, ""), SerialPort)
     try:
         open_ports([port.bus for port in opened])
-        yield RobotBus(robot, opened)
+        yield RobotBus(robot, opened, imu)
     finally:
+        if imu is not None:
+            imu.close()
         for port in opened:
             port.bus.port.close()
 

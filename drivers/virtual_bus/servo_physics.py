@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drivers.dynamixel.control_table import OperatingMode
-from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.servo_units import ServoUnits
 from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Simulation
@@ -39,14 +38,12 @@ class ServoPhysics:
         simulation: Simulation,
         servos: Sequence[VirtualServo],
         board: VirtualBoard | None = None,
-        imu_axes: tuple[int, int, int] = (1, 1, 1),
     ) -> None:
         """Couple a simulation to servos, in the robot's joint order, and to a board with an IMU."""
         self.simulation = simulation
         self.time = 0.0
         """Bus time [s]; unlike the simulation's clock it is never reset."""
         self._servos, self._board = list(servos), board
-        self._imu_axes = np.array(imu_axes)
         robot = simulation.robot
         joints = robot.joints
         self._units = ServoUnits(robot)
@@ -185,13 +182,7 @@ class ServoPhysics:
             servo.sense(Measured(position, speed, amperes, pwm, simulation.voltage, degrees))
         if self._board is not None:
             self._board.sense_voltage(simulation.voltage)
-            self._board.sense_imu(
-                self._counts(simulation.imu.gyro, GYRO_STEP),
-                self._counts(simulation.imu.accelerometer, ACCELEROMETER_STEP),
-            )
-
-    def _counts(self, value: Array, step: float) -> list[int]:
-        return np.rint(self._imu_axes * value / step).astype(int).tolist()
+            self._board.sense_body(simulation.imu.gyro, simulation.imu.accelerometer)
 
 
 def _are_the_same(commands: list[MotorCommand], others: list[MotorCommand]) -> bool:

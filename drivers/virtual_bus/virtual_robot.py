@@ -1,28 +1,37 @@
-"""A whole virtual robot: its servos, its board, the simulation behind them, its ports."""
+"""A whole virtual robot: its servos, board and IMU, the simulation behind them, its ports."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 
 from drivers.errors import NoBusError
+from drivers.imu.build import build_i2c_source
+from drivers.imu.source import ImuSource
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.imu.bno055 import VirtualBno055
+from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
+from drivers.virtual_bus.imu.build import AnyVirtualImu, build_virtual_imu
+from drivers.virtual_bus.imu.reading import ImuReading
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
+from drivers.virtual_bus.serving.imu_line import ImuLine
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 from drivers.virtual_bus.servo_physics import ServoPhysics
 from robots import Posture
+from robots.imu import IMU_PORT, SensorAxes
 
 FIRMWARE = 46
 
 
 class VirtualRobot:
-    """The servos and the board of a robot, with a simulation behind them."""
+    """The servos, the board and the IMU of a robot, with a simulation behind them."""
 
     def __init__(
         self,
@@ -58,20 +67,40 @@ class VirtualRobot:
             for joint in self.robot.joints
         ]
         self.board = self._build_board(powered)
-        axes = self.bus.board.imu_axes if self.bus.board else (1, 1, 1)
-        self.physics = ServoPhysics(simulation, self.servos, self.board, axes)
+        self.physics = ServoPhysics(simulation, self.servos, self.board)
         self.chains = {port: self._build_chain(port) for port in self.bus.ports}
+        self.imu: AnyVirtualImu | None = None
+        """The IMU, if it has a line of its own."""
+        self.on_imu_update: Callable[[], None] = lambda: None
+        """Called after each measurement of the IMU."""
+        if self.robot.imu is not None and self.robot.imu_kind != "board":
+            self.imu = build_virtual_imu(self.robot.imu)
+            self._imu_axes = SensorAxes.of(self.robot.imu.axes)
+            simulation.on_sensor_update.append(self._sense_imu)
+            self._sense_imu()
 
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
         self.physics.place(posture)
+        self._sense_imu()
+
+    def _sense_imu(self) -> None:
+        if self.imu is not None:
+            self.imu.sense(ImuReading.of(self.simulation, self._imu_axes, self.physics.time))
+            self.on_imu_update()
 
     def _build_board(self, powered: bool) -> VirtualBoard | None:
         settings = self.bus.board
         if settings is None:
             return None
         on_power = self._switch_power if settings.powers_servos else None
-        board = VirtualBoard(settings.id, baud=self.bus.baud, on_power=on_power, quirks=self.quirks)
+        board = VirtualBoard(
+            settings.id,
+            baud=self.bus.baud,
+            on_power=on_power,
+            quirks=self.quirks,
+            settings=settings,
+        )
         if powered:
             board.poke("dynamixel_power", 1)
         elif settings.powers_servos:
@@ -115,6 +144,10 @@ class VirtualPorts:
         last one.
         """
         *_, main = robot.chains
+        self._robot, self._link = robot, link
+        self._is_real_time = time_mode is TimeMode.REAL_TIME
+        self.imu_line = self._make_imu_line()
+        """The IMU's own serial port; None if it has none."""
         self.buses: dict[str, VirtualBus] = {}
         for name, chain in robot.chains.items():
             is_main = name == main
@@ -132,6 +165,7 @@ class VirtualPorts:
                 adapter_latency=adapter_latency,
                 strict_stuffing=robot.quirks.strict_stuffing,
                 advances_time=is_main or time_mode is TimeMode.REAL_TIME,
+                line=self.imu_line if is_main else None,
             )
         self._open = ExitStack()
 
@@ -142,15 +176,41 @@ class VirtualPorts:
 
     @property
     def paths(self) -> dict[str, str]:
-        """Return the path of each port by its name in robot.toml."""
-        return {name: bus.path for name, bus in self.buses.items()}
+        """Return the path of each port by its name in robot.toml, that of the IMU included."""
+        paths = {name: bus.path for name, bus in self.buses.items()}
+        return paths | ({IMU_PORT: self.imu_line.path} if self.imu_line else {})
+
+    @property
+    def imu(self) -> ImuSource | None:
+        """Return the source of a virtual IMU on I2C, which no other program can reach."""
+        settings, chip = self._robot.robot.imu, self._robot.imu
+        if settings is None or settings.is_serial:
+            return None
+        if not isinstance(chip, VirtualBno055 | VirtualBno08xI2c):
+            return None
+        return build_i2c_source(settings, chip)
 
     def __enter__(self) -> VirtualPorts:
         with ExitStack() as opening:
             for bus in self.buses.values():
                 opening.enter_context(bus)
+            if self.imu_line is not None:
+                opening.callback(self.imu_line.close)
             self._open = opening.pop_all()
         return self
 
     def __exit__(self, *error: object) -> None:
         self._open.close()
+
+    def _make_imu_line(self) -> ImuLine | None:
+        """Plug in the IMU's serial port, if it has one of its own."""
+        imu, link = self._robot.imu, self._link
+        if imu is None or isinstance(imu, VirtualBno08xI2c):
+            return None
+        if self._robot.robot.imu is None or not self._robot.robot.imu.is_serial:
+            return None
+        if link is not None:
+            link = link.with_name(f"{link.name}-{IMU_PORT}")
+        line = ImuLine(imu, link=link, repeats=not self._is_real_time)
+        self._robot.on_imu_update = line.pass_on
+        return line

@@ -8,9 +8,23 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
+
+
+class Line(Protocol):
+    """A second line that the serving thread looks after while it waits for the first."""
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on, -1 for none."""
+        ...
+
+    def serve(self) -> None:
+        """Handle bytes that have come."""
+
+    def idle(self) -> None:
+        """Note that nothing happened for a whole wait."""
 
 
 class CallQueue:
@@ -25,6 +39,8 @@ class CallQueue:
         self._server: int | None = None
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._bell: int | None = None  # an eventfd
+        self.lines: list[Line] = []
+        """Further lines; what comes on them is handled before what came on the waiting one's."""
 
     def open(self) -> None:
         """Make the calling thread the serving one."""
@@ -64,8 +80,14 @@ class CallQueue:
         """
         bell = self._bell
         assert bell is not None
-        ends = (bell,) if port < 0 else (port, bell)
+        lines = {line.fileno(): line for line in self.lines}
+        ends = [end for end in (port, bell, *lines) if end >= 0]
         ready = select.select(ends, (), (), max(duration, 0.0))[0]
+        for end in lines.keys() & set(ready):
+            lines[end].serve()
+        if not ready:
+            for line in self.lines:
+                line.idle()
         if bell in ready:
             os.eventfd_read(bell)
             self._do_waiting()

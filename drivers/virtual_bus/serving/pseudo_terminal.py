@@ -122,6 +122,14 @@ class PseudoTerminal:
             return 0
 
     @property
+    def unread(self) -> int:
+        """Return the number of bytes that the client has not read yet."""
+        if not self.plugged:
+            return 0
+        count = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
+        return struct.unpack("<I", count)[0]
+
+    @property
     def baud(self) -> int:
         """Return the baud rate that the client has set [bit/s], 0 while unplugged."""
         if not self.plugged:

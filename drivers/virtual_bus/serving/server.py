@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.serving.call_queue import CallQueue
+from drivers.virtual_bus.serving.call_queue import CallQueue, Line
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
@@ -60,6 +60,7 @@ class VirtualBus:
         adapter_latency: float = 0.0,
         strict_stuffing: bool = False,
         advances_time: bool = True,
+        line: Line | None = None,
     ) -> None:
         """Create a bus; `start` creates its port.
 
@@ -75,6 +76,7 @@ class VirtualBus:
             strict_stuffing: Whether devices ignore an instruction with an unstuffed FF FF FD;
                 otherwise it is only counted.
             advances_time: False if another bus of the same robot does.
+            line: Another line of the robot to serve in the same thread, such as its IMU's.
         """
         self.devices: Devices = devices
         self.physics: Physics = physics or StillPhysics(devices)
@@ -90,6 +92,8 @@ class VirtualBus:
         )
         self._link, self._adapter_latency = link, adapter_latency
         self._calls = CallQueue()
+        if line is not None:
+            self._calls.lines.append(line)
         self._wire: PseudoTerminal | None = None
         self._thread: threading.Thread | None = None
         self._error: BaseException | None = None

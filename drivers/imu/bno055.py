@@ -1,0 +1,140 @@
+"""Bosch BNO055: its gyro and accelerometer, without its own fusion."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+
+import numpy as np
+
+from drivers.imu.register_link import RegisterLink
+from drivers.imu.sample import ImuSample
+from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, await_sample
+from robots.imu import ImuSettings, SensorAxes
+
+# Registers of page 0, and of page 1 (data sheet, 4.2).
+CHIP_IDS, PAGE_ID, ACC_DATA, GYR_DATA, DATA_END = 0x00, 0x07, 0x08, 0x14, 0x1A
+UNIT_SEL, OPR_MODE = 0x3B, 0x3D
+ACC_CONFIG, GYR_CONFIG = 0x08, 0x0A
+IDS = bytes([0xA0, 0xFB, 0x32, 0x0F])  # of the chip and its three sensors
+CONFIG_MODE, ACCGYRO_MODE = 0, 5
+SETUP = (
+    (OPR_MODE, CONFIG_MODE, 0.019),  # s until the mode is reached (data sheet, 3.3)
+    (PAGE_ID, 1, 0.0),
+    (ACC_CONFIG, 0b000_100_10, 0.0),  # normal power, 125 Hz, 8 g
+    (GYR_CONFIG, 0b010_000, 0.0),  # 116 Hz, 2000 deg/s
+    (PAGE_ID, 0, 0.0),
+    (UNIT_SEL, 0, 0.0),  # m/s², deg/s
+    (OPR_MODE, ACCGYRO_MODE, 0.007),
+)
+"""Register, value, and the time to wait afterwards [s]."""
+GYRO_STEP = math.radians(1.0 / 16.0)  # rad/s a count (data sheet, 3.6.4)
+ACCELEROMETER_STEP = 0.01  # m/s² a count
+BLANK = bytes(6)  # what the registers hold before the first measurement
+
+
+class Bno055:
+    """A BNO055 that is asked for one sample a cycle.
+
+    Neither of its lines has a checksum. A reply counts only if it holds the ids of the chip and
+    of its sensors at their places, which rejects cut and shifted replies, not a wrong bit in a
+    value.
+    """
+
+    note = ""
+
+    def __init__(self, settings: ImuSettings, line: RegisterLink, name: str) -> None:
+        self.name, self._line = name, line
+        self._axes = SensorAxes.of(settings.axes)
+        self._steps: deque[tuple[int, int, float]] = deque()
+        self._ready_at = self._asked_at = 0.0
+        self._set_up_in = -1  # connection in which the chip was configured
+        self._writing = False
+        self._rejected = 0
+
+    @property
+    def damaged(self) -> int:
+        """Return how many replies were dropped."""
+        return self._line.damaged + self._rejected
+
+    def open(self) -> None:
+        """Open the line, and check the chip.
+
+        Raises:
+            ImuError: if that fails, or another chip replies.
+        """
+        self._line.open()
+        self._set_up_in = -1
+        found = self._read_ids()
+        if found == IDS:
+            return
+        self._line.close()
+        text = "silent" if found is None else f"has the chip ids {found.hex(' ')}"
+        remedy = (
+            f"expected a BNO055, {IDS.hex(' ')}: check its cable, its address and its mode pins"
+        )
+        raise ImuError(self.name, text, remedy)
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def request(self, now: float) -> None:
+        """Ask for a sample, or go on configuring a chip that may have restarted."""
+        line = self._line
+        if line.is_busy or time.monotonic() < self._ready_at:
+            return
+        if self._set_up_in != line.connections:
+            self._set_up_in, self._steps = line.connections, deque(SETUP)
+        self._asked_at, self._writing = now, bool(self._steps)
+        if self._steps:
+            register, value, _ = self._steps[0]
+            line.write(register, value)
+        else:
+            line.read(CHIP_IDS, DATA_END)
+
+    def poll(self, now: float) -> ImuSample | None:
+        """Return the sample of this cycle, or of the last if its reply took longer."""
+        reply = self._line.take()
+        if reply is None:
+            return None
+        if self._writing:
+            if self._steps:
+                _, _, wait = self._steps.popleft()
+                self._ready_at = time.monotonic() + wait
+            self._writing = False
+            return None
+        return self._decode(reply, now - self._asked_at)
+
+    def measure(self) -> ImuSample | None:
+        """Wait for a sample."""
+        return await_sample(self)
+
+    def _decode(self, data: bytes, age: float) -> ImuSample | None:
+        gyro, accelerometer = data[GYR_DATA:DATA_END], data[ACC_DATA : ACC_DATA + 6]
+        if len(data) != DATA_END or data[:4] != IDS or data[PAGE_ID] != 0:
+            self._rejected += 1
+            return None
+        if gyro == BLANK and accelerometer == BLANK:  # in configuration mode: it has restarted
+            self._set_up_in = -1
+            return None
+        return ImuSample(
+            gyro=self._axes.to_site(np.frombuffer(gyro, "<i2")) * GYRO_STEP,
+            accelerometer=self._axes.to_site(np.frombuffer(accelerometer, "<i2"))
+            * ACCELEROMETER_STEP,
+            counts=accelerometer + gyro,
+            age=age,
+        )
+
+    def _read_ids(self) -> bytes | None:
+        """Read the chip's ids, waiting for a chip that boots; None if it is silent."""
+        until = time.monotonic() + FIRST_SAMPLE
+        found = None
+        while found != IDS and time.monotonic() < until:
+            if not self._line.is_busy:
+                self._line.read(CHIP_IDS, len(IDS))
+            found = self._line.take() or found
+            if found != IDS:
+                time.sleep(POLL_STEP)
+        return found

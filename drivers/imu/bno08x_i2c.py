@@ -1,0 +1,150 @@
+"""CEVA BNO08x on I2C: calibrated gyro and accelerometer as reports of its sensor hub."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from drivers.imu.i2c import I2cChip
+from drivers.imu.sample import ImuSample
+from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, await_sample
+from robots.imu import ImuSettings, SensorAxes
+
+# Packets of the sensor hub (SHTP): length with these four bytes, channel, sequence number. The
+# highest bit of the length marks the rest of a packet that was read only in part.
+PACKET = struct.Struct("<HBB")
+CONTINUED, NO_PACKET = 0x8000, 0xFFFF
+EXECUTABLE, CONTROL, REPORTS = 1, 2, 3  # channels
+RESET_COMPLETE = 1  # on the executable channel
+# Reports of the hub (SH-2).
+ACCELEROMETER, GYRO, TIMEBASE, REBASE = 0x01, 0x02, 0xFB, 0xFA
+PRODUCT_REQUEST, PRODUCT_RESPONSE, SET_FEATURE = 0xF9, 0xF8, 0xFD
+REPORT_SIZES = {ACCELEROMETER: 10, GYRO: 10, TIMEBASE: 5, REBASE: 5}
+FEATURE = struct.Struct("<BBBHIII")  # report, sensor, flags, sensitivity, interval, batch, config
+INTERVAL_US = 5000  # of both sensors: 200 Hz
+GYRO_STEP = 2.0**-9  # rad/s a count (Q9)
+ACCELEROMETER_STEP = 2.0**-8  # m/s² a count (Q8)
+MOST_PACKETS = 16  # read in one cycle
+LONGEST_PACKET = 1024  # bytes; the longest, the advertisement, has about 280
+
+
+class Bno08xI2c:
+    """A BNO08x whose newest reports are read once a cycle.
+
+    A report counts when its packet is whole and of a known kind; SHTP has no checksum on I2C.
+    """
+
+    note = ""
+
+    def __init__(self, settings: ImuSettings, chip: I2cChip) -> None:
+        self._chip = chip
+        self.name = f"IMU BNO08x on {chip.path}"
+        self.damaged = 0
+        self._axes = SensorAxes.of(settings.axes)
+        self._sent = [0] * 6  # packets on each channel
+        self._product: bytes | None = None
+        self._gyro = self._accelerometer = b""
+
+    def open(self) -> None:
+        """Open the bus, check the chip, and switch its reports on.
+
+        Raises:
+            ImuError: if that fails.
+        """
+        self._gyro = self._accelerometer = b""
+        self._product = None
+        try:
+            self._chip.open()
+            self._send(CONTROL, bytes([PRODUCT_REQUEST, 0]))
+            self._await_product()
+            self._set_features()
+        except OSError as error:
+            self._chip.close()
+            remedy = "check its cable, its address, imu.i2c_bus in robot.toml, and group i2c"
+            raise ImuError(self.name, error.strerror or "silent", remedy) from error
+
+    def close(self) -> None:
+        """Close the bus."""
+        self._chip.close()
+
+    def request(self, now: float) -> None:
+        """Do nothing: its reports wait to be read."""
+
+    def poll(self, now: float) -> ImuSample | None:  # noqa: ARG002
+        """Return the newest pair of reports, if a gyro report has come."""
+        self._gyro = b""
+        try:
+            self._read_packets()
+        except OSError:  # the chip does not acknowledge
+            return None
+        if not (self._gyro and self._accelerometer):
+            return None
+        gyro, accelerometer = (np.frombuffer(x, "<i2") for x in (self._gyro, self._accelerometer))
+        return ImuSample(
+            gyro=self._axes.to_site(gyro) * GYRO_STEP,
+            accelerometer=self._axes.to_site(accelerometer) * ACCELEROMETER_STEP,
+            counts=self._gyro + self._accelerometer,
+        )
+
+    def measure(self) -> ImuSample | None:
+        """Wait for a sample."""
+        return await_sample(self)
+
+    def _await_product(self) -> None:
+        until = time.monotonic() + FIRST_SAMPLE
+        while self._product is None:
+            self._read_packets()
+            if self._product is None and time.monotonic() > until:
+                self._chip.close()
+                remedy = "expected a BNO08x: check its address and its mode pins (PS0, PS1)"
+                raise ImuError(self.name, "does not identify itself", remedy)
+            time.sleep(0.0 if self._product else POLL_STEP)
+
+    def _read_packets(self) -> None:
+        for _ in range(MOST_PACKETS):
+            length = PACKET.unpack(self._chip.transfer(b"", PACKET.size))[0]
+            size = length & ~CONTINUED
+            if length == NO_PACKET or size <= PACKET.size:
+                return
+            if size > LONGEST_PACKET:
+                self.damaged += 1
+                return
+            self._take(self._chip.transfer(b"", size), size)
+
+    def _take(self, packet: bytes, size: int) -> None:
+        length, channel, _ = PACKET.unpack(packet[: PACKET.size])
+        cargo = packet[PACKET.size :]
+        if length & ~CONTINUED != size or not cargo:
+            self.damaged += 1
+        elif channel == EXECUTABLE and cargo[0] == RESET_COMPLETE:
+            self._set_features()  # it has restarted
+        elif channel == CONTROL and cargo[0] == PRODUCT_RESPONSE:
+            self._product = cargo
+        elif channel == REPORTS:
+            for kind, values in self._cut(cargo):
+                if kind == GYRO:
+                    self._gyro = values
+                elif kind == ACCELEROMETER:
+                    self._accelerometer = values
+
+    def _cut(self, cargo: bytes) -> Iterator[tuple[int, bytes]]:
+        """Yield kind and values of each report; one of unknown size ends the packet."""
+        while cargo:
+            size = REPORT_SIZES.get(cargo[0])
+            if size is None or size > len(cargo):
+                self.damaged += 1
+                return
+            yield cargo[0], cargo[4:size]  # after the kind, sequence number, status and delay
+            cargo = cargo[size:]
+
+    def _set_features(self) -> None:
+        for sensor in (ACCELEROMETER, GYRO):
+            self._send(CONTROL, FEATURE.pack(SET_FEATURE, sensor, 0, 0, INTERVAL_US, 0, 0))
+
+    def _send(self, channel: int, cargo: bytes) -> None:
+        header = PACKET.pack(PACKET.size + len(cargo), channel, self._sent[channel] % 256)
+        self._sent[channel] += 1
+        self._chip.transfer(header + cargo)

@@ -1,0 +1,81 @@
+"""Orientation from the samples of any IMU, and how old it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.imu.sample import ImuSample
+from drivers.orientation_filter import GRAVITY, OrientationFilter
+from robots.quaternion import Array
+
+# An IMU at rest may repeat a sample; one on a body whose joints move cannot, for so long.
+FROZEN_CYCLES = 12
+MOVING = 1.0  # rad/s of the fastest joint
+# A body at rest: bounds of its IMU samples, and their number.
+QUIET_FORCE, QUIET_TURN, QUIET_CYCLES = 0.05, 0.2, 12  # share of gravity, rad/s
+# After so long without a sample the gyro has missed too much: the vertical is measured again.
+MAX_GAP = 1.0  # s
+
+
+class ImuFusion:
+    """Estimates the orientation from an IMU's samples, and how old it is."""
+
+    def __init__(self, period: float) -> None:
+        """Prepare for samples that come about every ``period`` seconds."""
+        self._filter = OrientationFilter(period)
+        self._counts = b""
+        self._repeats = 0
+        self.gyro = np.zeros(3)
+        """Angular velocity in the IMU frame [rad/s], shape (3,)."""
+        self.stamp = -np.inf
+        """Time of the newest sample [s]."""
+        self._changed = -np.inf
+        self._is_settled = True
+        self._quiet = 0
+
+    @property
+    def orientation(self) -> Array:
+        """Return the estimate, IMU frame to world, w x y z."""
+        return self._filter.orientation
+
+    def start(self, sample: ImuSample, now: float) -> None:
+        """Begin at rest; if the body moves, the vertical is measured again as soon as it rests."""
+        self._is_settled, self._quiet = _is_quiet(sample), 0
+        self._filter.start(sample.accelerometer)
+        self.gyro, self.stamp = sample.gyro, now
+        self._counts, self._changed, self._repeats = sample.counts, now, 0
+
+    def update(self, sample: ImuSample, now: float, speed: float) -> None:
+        """Advance the estimate by a sample.
+
+        Args:
+            sample: Newest sample.
+            now: Time at which it was handed over [s].
+            speed: Of the fastest joint [rad/s]. A body whose joints move shakes its IMU: one
+                that repeats a sample then is broken, and the sample does not count.
+        """
+        measured = now - sample.age
+        if sample.counts != self._counts:
+            self._counts, self._changed, self._repeats = sample.counts, measured, 0
+        elif speed > MOVING:
+            self._repeats += 1
+        if self._repeats >= FROZEN_CYCLES:
+            self.stamp = min(self.stamp, self._changed)
+            return
+        gap = measured - self.stamp
+        period = gap if sample.duration is None else sample.duration
+        if not self._is_settled:
+            self._quiet = self._quiet + 1 if _is_quiet(sample) else 0
+            self._is_settled = self._quiet >= QUIET_CYCLES
+        if gap > MAX_GAP or self._quiet >= QUIET_CYCLES:
+            self._quiet = 0
+            self._filter.start(sample.accelerometer)
+        elif period > 0.0:
+            self._filter.update(sample.gyro, sample.accelerometer, period)
+        self.gyro, self.stamp = sample.gyro, measured
+
+
+def _is_quiet(sample: ImuSample) -> bool:
+    force = float(np.sqrt(sample.accelerometer @ sample.accelerometer))
+    turn = float(np.sqrt(sample.gyro @ sample.gyro))
+    return abs(force / GRAVITY - 1.0) < QUIET_FORCE and turn < QUIET_TURN

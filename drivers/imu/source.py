@@ -1,0 +1,76 @@
+"""Interface between a robot's backend and its IMU, whatever its make and its line."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+from drivers.errors import SetupError
+from drivers.imu.sample import ImuSample
+
+FIRST_SAMPLE = 1.0  # s to wait for the first sample; a BNO055 boots in 0.65 s (data sheet)
+POLL_STEP = 0.002  # s between two looks meanwhile
+
+
+class ImuError(SetupError):
+    """An IMU cannot be used."""
+
+    def __init__(self, name: str, text: str, remedy: str) -> None:
+        super().__init__(f"{name}: {text}; {remedy}")
+        self.name, self.text, self.remedy = name, text, remedy
+
+
+class ImuSource(Protocol):
+    """An IMU that delivers samples.
+
+    `request` and `poll` belong to the control cycle: they never wait and never raise. A silent or
+    unplugged sensor delivers nothing, and damaged bytes never become a sample; whether the
+    sensor is frozen is for `ImuFusion` to judge.
+    """
+
+    @property
+    def name(self) -> str:
+        """Return its name in messages."""
+        ...
+
+    @property
+    def note(self) -> str:
+        """Return what is special about its samples, in words; empty for nothing."""
+        ...
+
+    @property
+    def damaged(self) -> int:
+        """Return how many messages were dropped because they were damaged."""
+        ...
+
+    def open(self) -> None:
+        """Open and configure it; harmless if it is open.
+
+        Raises:
+            ImuError: if its line cannot be used, or another chip replies.
+        """
+
+    def close(self) -> None:
+        """Close its line; harmless if it is closed."""
+
+    def request(self, now: float) -> None:
+        """Begin a cycle at a time [s]: ask a sensor that does not send by itself."""
+
+    def poll(self, now: float) -> ImuSample | None:
+        """Return the newest sample that arrived since the last call, None for none."""
+        ...
+
+    def measure(self) -> ImuSample | None:
+        """Wait for one sample, outside of the control cycle; None if the IMU is silent."""
+        ...
+
+
+def await_sample(source: ImuSource, duration: float = FIRST_SAMPLE) -> ImuSample | None:
+    """Wait for a sample for at most some seconds."""
+    until = time.monotonic() + duration
+    while True:
+        now = time.monotonic()
+        source.request(now)
+        if (sample := source.poll(now)) is not None or now > until:
+            return sample
+        time.sleep(POLL_STEP)

@@ -1,0 +1,1 @@
+"""Virtual IMUs: each speaks as its sensor does, and measures a simulated robot."""

@@ -1,0 +1,142 @@
+"""A virtual BNO055: its registers, on I2C and on a UART."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.imu.bno055 import (
+    ACC_DATA,
+    ACCELEROMETER_STEP,
+    ACCGYRO_MODE,
+    CONFIG_MODE,
+    GYR_DATA,
+    GYRO_STEP,
+    IDS,
+    OPR_MODE,
+    PAGE_ID,
+)
+from drivers.imu.register_link import DATA, DONE, READ, START, STATUS, WRITE
+from drivers.virtual_bus.imu.reading import ImuReading
+from robots.quaternion import Array
+
+PAGE_SIZE = 0x80
+INVALID_ADDRESS, WRONG_START = 0x04, 0x06  # status bytes of a UART frame (data sheet, 4.7)
+
+
+class VirtualBno055:
+    """Two pages of registers; it measures in the mode that samples gyro and accelerometer.
+
+    As on the chip, the registers of page 1 and the units may only be written in configuration
+    mode, in which the data registers hold zeros.
+    """
+
+    path = "virtual I2C"
+
+    def __init__(self) -> None:
+        self.alive, self.frozen = True, False
+        self.restart()
+
+    def restart(self) -> None:
+        """Lose power for a moment: all registers are as after power-up."""
+        self.pages = [bytearray(PAGE_SIZE), bytearray(PAGE_SIZE)]
+        self.pages[0][: len(IDS)] = IDS
+        self._heard = b""
+
+    @property
+    def mode(self) -> int:
+        """Return the operating mode."""
+        return self.pages[0][OPR_MODE] & 0x0F
+
+    def sense(self, reading: ImuReading) -> None:
+        """Update the data registers."""
+        if not self.frozen:
+            self._reading = reading
+            self._measure()
+
+    def _measure(self) -> None:
+        registers = self.pages[0]
+        on = self.mode == ACCGYRO_MODE
+        for at, value, step in (
+            (GYR_DATA, self._reading.gyro, GYRO_STEP),
+            (ACC_DATA, self._reading.accelerometer, ACCELEROMETER_STEP),
+        ):
+            registers[at : at + 6] = _to_counts(value, step) if on else bytes(6)
+
+    # Registers ------------------------------------------------------------------------------
+
+    def read(self, register: int, count: int) -> bytes:
+        """Return registers of the selected page; beyond its end there are zeros."""
+        page = self.pages[self.pages[0][PAGE_ID] & 1]
+        data = bytearray(page[register : register + count])
+        return bytes(data.ljust(count, b"\0"))
+
+    def write(self, register: int, value: int) -> None:
+        """Set a register of the selected page, if it may be set in this mode."""
+        selected = self.pages[0][PAGE_ID] & 1
+        if register == PAGE_ID:
+            self.pages[0][PAGE_ID] = self.pages[1][PAGE_ID] = value & 1
+        elif selected == 0 and register == OPR_MODE:
+            self.pages[0][OPR_MODE] = value
+            self._measure()
+        elif self.mode == CONFIG_MODE:
+            self.pages[selected][register] = value
+
+    # I2C ------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Do nothing: its bus is there."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def transfer(self, data: bytes, count: int = 0) -> bytes:
+        """Write a register's address and values, then read on from there."""
+        if not self.alive:
+            raise OSError(121, "Remote I/O error")  # no acknowledgement
+        register, *values = data
+        for place, value in enumerate(values):
+            self.write(register + place, value)
+        return self.read(register, count)
+
+    # UART -----------------------------------------------------------------------------------
+
+    def take(self) -> bytes:
+        """Return nothing: it only replies."""
+        return b""
+
+    def repeat(self) -> bytes:
+        """Return nothing: it only replies."""
+        return b""
+
+    def hear(self, data: bytes) -> bytes:
+        """Execute all frames that have come whole; return the replies."""
+        if not self.alive:
+            return b""
+        self._heard += data
+        replies = b""
+        while self._heard:
+            if self._heard[0] != START:
+                self._heard = b""
+                return replies + bytes([STATUS, WRONG_START])
+            if len(self._heard) < 4:
+                return replies
+            _, what, register, count = self._heard[:4]
+            size = 4 + (count if what == WRITE else 0)
+            if len(self._heard) < size:
+                return replies
+            values, self._heard = self._heard[4:size], self._heard[size:]
+            replies += self._execute(what, register, count, values)
+        return replies
+
+    def _execute(self, what: int, register: int, count: int, values: bytes) -> bytes:
+        if register + count > PAGE_SIZE or what not in (READ, WRITE):
+            return bytes([STATUS, INVALID_ADDRESS])
+        if what == READ:
+            return bytes([DATA, count]) + self.read(register, count)
+        for place, value in enumerate(values):
+            self.write(register + place, value)
+        return bytes([STATUS, DONE])
+
+
+def _to_counts(value: Array, step: float) -> bytes:
+    return np.clip(np.rint(value / step), -32768, 32767).astype("<i2").tobytes()

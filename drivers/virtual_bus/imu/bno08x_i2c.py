@@ -1,0 +1,121 @@
+"""A virtual BNO08x on I2C: packets of its sensor hub."""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+
+import numpy as np
+
+from drivers.imu.bno08x_i2c import (
+    ACCELEROMETER,
+    ACCELEROMETER_STEP,
+    CONTINUED,
+    CONTROL,
+    EXECUTABLE,
+    FEATURE,
+    GYRO,
+    GYRO_STEP,
+    PACKET,
+    PRODUCT_REQUEST,
+    PRODUCT_RESPONSE,
+    REPORTS,
+    RESET_COMPLETE,
+    SET_FEATURE,
+    TIMEBASE,
+)
+from drivers.virtual_bus.imu.reading import ImuReading
+from robots.quaternion import Array
+
+KEPT = 8  # packets that wait for the host; older reports are dropped
+# Version 3.2, part, build and patch numbers as an example; 16 bytes (SH-2).
+PRODUCT = struct.pack("<BBBBIIHH", PRODUCT_RESPONSE, 1, 3, 2, 10003608, 370, 7, 0)
+
+
+class VirtualBno08xI2c:
+    """Queues packets, and hands out as many of their bytes as are read.
+
+    As on the chip, every read begins with a header; the rest of a packet that was read in part
+    follows with the next one, marked as a continuation.
+    """
+
+    path = "virtual I2C"
+
+    def __init__(self) -> None:
+        self.alive, self.frozen = True, False
+        self._reading: ImuReading | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Lose power for a moment: no feature is on, and the hub says that it has started."""
+        self._features: set[int] = set()
+        self._sent = [0] * 6
+        self._reports = 0
+        self._rest: tuple[int, int, bytes] | None = None
+        self._packets: deque[tuple[int, bytes]] = deque([(EXECUTABLE, bytes([RESET_COMPLETE]))])
+
+    def sense(self, reading: ImuReading) -> None:
+        """Take a measurement, and queue the reports that are switched on."""
+        if not self.frozen:
+            self._reading = reading
+        self._report()
+
+    def open(self) -> None:
+        """Do nothing: its bus is there."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def transfer(self, data: bytes, count: int = 0) -> bytes:
+        """Take a packet from the host, then hand out bytes of the next one."""
+        if not self.alive:
+            raise OSError(121, "Remote I/O error")  # no acknowledgement
+        if data:
+            self._execute(data[PACKET.size :])
+        return self._hand_out(count) if count else b""
+
+    def _execute(self, cargo: bytes) -> None:
+        if cargo[0] == PRODUCT_REQUEST:
+            self._packets.append((CONTROL, PRODUCT))
+        elif cargo[0] == SET_FEATURE:
+            _, sensor, _, _, interval, _, _ = FEATURE.unpack(cargo)
+            if interval:
+                self._features.add(sensor)
+            else:
+                self._features.discard(sensor)
+            self._report()
+
+    def _report(self) -> None:
+        if self._reading is None or not self._features:
+            return
+        cargo = struct.pack("<Bi", TIMEBASE, 0)
+        for sensor, value, step in (
+            (ACCELEROMETER, self._reading.accelerometer, ACCELEROMETER_STEP),
+            (GYRO, self._reading.gyro, GYRO_STEP),
+        ):
+            if sensor in self._features:
+                cargo += bytes([sensor, self._reports % 256, 3, 0]) + _to_counts(value, step)
+        self._reports += 1
+        waiting = [packet for packet in self._packets if packet[0] == REPORTS]
+        if len(waiting) >= KEPT:
+            self._packets.remove(waiting[0])
+        self._packets.append((REPORTS, cargo))
+
+    def _hand_out(self, count: int) -> bytes:
+        continued = self._rest is not None
+        if self._rest is None:
+            if not self._packets:
+                return bytes(count)
+            channel, cargo = self._packets.popleft()
+            self._rest = channel, self._sent[channel] % 256, cargo
+            self._sent[channel] += 1
+        channel, sequence, cargo = self._rest
+        length = PACKET.size + len(cargo) | (CONTINUED if continued else 0)
+        room = max(count - PACKET.size, 0)
+        handed, left = cargo[:room], cargo[room:]
+        self._rest = (channel, sequence, left) if left else None
+        return (PACKET.pack(length, channel, sequence) + handed)[:count].ljust(count, b"\0")
+
+
+def _to_counts(value: Array, step: float) -> bytes:
+    return np.clip(np.rint(value / step), -32768, 32767).astype("<i2").tobytes()

@@ -1,0 +1,73 @@
+"""A virtual BNO08x in its UART-RVC mode."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.imu.bno08x_rvc import (
+    ANGLE_STEP,
+    BODY,
+    FORCE_STEP,
+    FRAME_PERIOD,
+    HEADER,
+    INDICES,
+)
+from drivers.virtual_bus.imu.reading import ImuReading
+from robots.quaternion import Array, slerp
+
+
+class VirtualBno08xRvc:
+    """Sends a frame every 10 ms of bus time, by its own clock."""
+
+    def __init__(self) -> None:
+        self.alive, self.frozen = True, False
+        self._index = 0
+        self._due = 0.0
+        self._last: ImuReading | None = None
+        self._values = b""
+        self._pending = b""
+
+    def sense(self, reading: ImuReading) -> None:
+        """Send the frames that came due since the last measurement; it turned evenly between."""
+        last = self._last or reading
+        self._last = reading
+        while self._due <= reading.time + 1e-9:
+            span = reading.time - last.time
+            share = (self._due - last.time) / span if span > 0.0 else 1.0
+            orientation = slerp(last.orientation, reading.orientation, share)
+            self._pending += self._next_frame(orientation, reading.accelerometer)
+            self._due += FRAME_PERIOD
+
+    def take(self) -> bytes:
+        """Return the frames since the last call."""
+        pending, self._pending = self._pending, b""
+        return pending if self.alive else b""
+
+    def hear(self, data: bytes) -> bytes:  # noqa: ARG002
+        """Ignore what is sent to it."""
+        return b""
+
+    def repeat(self) -> bytes:
+        """Send one more frame, of a robot that rests."""
+        if not (self.alive and self._last):
+            return b""
+        return self._next_frame(self._last.orientation, self._last.accelerometer)
+
+    def _next_frame(self, orientation: Array, accelerometer: Array) -> bytes:
+        if not (self.frozen and self._values):
+            angles = np.rint(_to_angles(orientation) / ANGLE_STEP)
+            force = np.clip(np.rint(accelerometer / FORCE_STEP), -32768, 32767)
+            self._values = np.concatenate([angles, force]).astype("<i2").tobytes()
+        body = bytes([self._index]) + self._values + bytes(3)
+        self._index = (self._index + 1) % INDICES
+        assert len(body) == BODY.size
+        return HEADER + body + bytes([sum(body) % 256])
+
+
+def _to_angles(orientation: Array) -> Array:
+    """Convert an orientation to yaw, pitch and roll, in this order [rad]."""
+    w, x, y, z = orientation
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return np.array([yaw, pitch, roll])

@@ -1,0 +1,70 @@
+"""What a virtual IMU measures, and what makes it fail."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from drivers.twin.simulation import Simulation
+from robots import quaternion
+from robots.imu import SensorAxes
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ImuReading:
+    """What a sensor measures at one moment, in its own axes."""
+
+    time: float
+    """Bus time [s]."""
+    gyro: Array
+    """[rad/s], shape (3,)"""
+    accelerometer: Array
+    """[m/s²], shape (3,)"""
+    orientation: Array
+    """Sensor frame to world, w x y z, shape (4,)."""
+
+    @classmethod
+    def of(cls, simulation: Simulation, axes: SensorAxes, time: float) -> ImuReading:
+        """Measure a simulated robot at a bus time [s]."""
+        site_in_world, sensor_in_site = np.zeros(4), np.zeros(4)
+        site = simulation.model.site(simulation.robot.imu_site).id
+        mujoco.mju_mat2Quat(site_in_world, simulation.data.site_xmat[site])
+        mujoco.mju_mat2Quat(sensor_in_site, axes.matrix.ravel())
+        return cls(
+            time=time,
+            gyro=axes.to_sensor(simulation.imu.gyro),
+            accelerometer=axes.to_sensor(simulation.imu.accelerometer),
+            orientation=quaternion.multiply(site_in_world, sensor_in_site),
+        )
+
+
+class VirtualImu(Protocol):
+    """A virtual IMU on its own line."""
+
+    alive: bool
+    """False without power: it neither receives nor sends."""
+    frozen: bool
+    """True while it repeats its last values."""
+
+    def sense(self, reading: ImuReading) -> None:
+        """Take a new measurement, unless it is frozen."""
+
+
+class VirtualUartImu(VirtualImu, Protocol):
+    """A virtual IMU on a serial line."""
+
+    def take(self) -> bytes:
+        """Return what it has sent by itself since the last call."""
+        ...
+
+    def hear(self, data: bytes) -> bytes:
+        """Return the reply to bytes that a client sent."""
+        ...
+
+    def repeat(self) -> bytes:
+        """Return what it sends while time stands still."""
+        ...

@@ -1,0 +1,46 @@
+"""A virtual IMU that writes lines of numbers."""
+
+from __future__ import annotations
+
+from drivers.imu.serial_line import ACCELEROMETER_UNITS, GYRO_UNITS, checksum_of
+from drivers.virtual_bus.imu.reading import ImuReading
+from robots.imu import VALUES, ImuSettings
+
+
+class VirtualSerialLine:
+    """Sends a line with every measurement, in the format of its settings."""
+
+    def __init__(self, settings: ImuSettings) -> None:
+        self._settings = settings
+        self.alive, self.frozen = True, False
+        self._line = self._pending = b""
+
+    def sense(self, reading: ImuReading) -> None:
+        """Take and send a measurement."""
+        if not self.frozen:
+            self._line = self._write(reading)
+        self._pending += self._line
+
+    def take(self) -> bytes:
+        """Return the lines since the last call."""
+        pending, self._pending = self._pending, b""
+        return pending if self.alive else b""
+
+    def hear(self, data: bytes) -> bytes:  # noqa: ARG002
+        """Ignore what is sent to it."""
+        return b""
+
+    def repeat(self) -> bytes:
+        """Send the last line again."""
+        return self._line if self.alive else b""
+
+    def _write(self, reading: ImuReading) -> bytes:
+        settings = self._settings
+        gyro = reading.gyro / GYRO_UNITS[settings.gyro_unit]
+        accelerometer = reading.accelerometer / ACCELEROMETER_UNITS[settings.accelerometer_unit]
+        values = dict[str, float](zip(VALUES, [*gyro, *accelerometer], strict=True))
+        words = [f"{values.get(word, 0.0):.6f}" for word in settings.format.split()]
+        line = (settings.separator or " ").join(words).encode("ascii")
+        if settings.checksum == "nmea":
+            line = b"$%s*%s" % (line, checksum_of(line))
+        return line + b"\r\n"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,10 +12,8 @@ import numpy as np
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.robot import Robot
+from robots.side_names import LEFT, find_side, remove_side
 
-WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
-"""Words of a name: l_hip_pitch, left-hip, LHipPitch, hipPitchL."""
-LEFT, RIGHT = ("l", "left"), ("r", "right")
 SAME_PLACE = 0.001  # m; joints closer than this to the plane between them are on neither side
 
 
@@ -60,7 +57,7 @@ class JointSides:
     def _choose_left(self, a: int, b: int) -> int:
         """Choose by name, else by place; the first one where neither says."""
         names = self.robot.joint_names
-        side = _find_side(names[a], names[b])
+        side = find_side(names[a], names[b])
         if side is not None:
             return a if side[1] in LEFT else b
         anchor, limb = self._sideways
@@ -79,31 +76,3 @@ class JointSides:
         mujoco.mj_comPos(model, data)
         ids = np.array([model.joint(name).id for name in self.robot.joint_names])
         return data.xanchor[ids, 1].copy(), data.subtree_com[model.jnt_bodyid[ids], 1].copy()
-
-
-def remove_side(left: str, right: str) -> str:
-    """Remove the side from the name of a left joint; return it as it is where it names none."""
-    side = _find_side(left, right)
-    if side is None:
-        return left
-    start, word = side
-    before, after = left[:start], left[start + len(word) :]
-    return before + after.lstrip("_-.") if after else before.rstrip("_-.")
-
-
-def _find_side(a: str, b: str) -> tuple[int, str] | None:
-    """Find the one word, in lower case, and its place in ``a``, that tells a pair's sides."""
-    words, others = list(WORD.finditer(a)), list(WORD.finditer(b))
-    if len(words) != len(others):
-        return None
-    differ = [
-        (word, other.group().lower())
-        for word, other in zip(words, others, strict=True)
-        if word.group() != other.group()
-    ]
-    if len(differ) != 1:
-        return None
-    word, other = differ[0][0].group().lower(), differ[0][1]
-    opposite = dict(zip(LEFT + RIGHT, RIGHT + LEFT, strict=True))
-    is_all = len(word) == len(a)  # a joint named "l" has no other name
-    return None if opposite.get(word) != other or is_all else (differ[0][0].start(), word)

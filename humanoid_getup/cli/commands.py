@@ -99,6 +99,12 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     ),
     "scenes": ("motions.ListScenes", "scenes.list_scenes", "List or draw the scenes."),
     "robots": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
+    "robots list": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
+    "robots import": (
+        "robots.ImportRobot",
+        "import_robot.import_robot",
+        "Make a robot folder from an MJCF or URDF file.",
+    ),
 }
 """Name: options, the function that runs them, summary. A group of commands has only a summary."""
 

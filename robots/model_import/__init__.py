@@ -1,0 +1,1 @@
+"""Robots from model files: an MJCF or URDF becomes a robot folder, with what was guessed marked."""

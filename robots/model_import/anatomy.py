@@ -1,0 +1,230 @@
+"""Anatomy: which hinges of a tree are legs, arms and head, and where its front is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from robots.model_import.source import ImportFault
+from robots.model_import.symmetry import Mirror, find_mirror
+from robots.model_import.tree import Tree
+from robots.quaternion import Array
+from robots.side_names import side_of
+from robots.validation import shown
+
+LEVEL = 0.1  # share of the height by which the lowest ends of two legs may differ
+LEAST_LEG = 3  # hinges of a leg that can squat: hip, knee, ankle
+NEAR_AXIS = np.cos(np.radians(10.0))
+ALONG = 0.7  # cosine from which an axis counts as parallel to a direction
+LEAST_TOE = 0.01  # share of the height by which a sole is longer in front of the ankle
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """Parts of a humanoid; hinges are places in the tree's list."""
+
+    tree: Tree
+    axes: Array
+    """Forward, left and up in the world, in columns, (3, 3)."""
+    middle: Array
+    """A point of the plane of symmetry in the world [m], (3,)."""
+    legs: tuple[tuple[int, ...], tuple[int, ...]]
+    """Hinges of the left and the right leg alone, from the hip down."""
+    mirror: Mirror
+    height: float
+    """From the lowest to the highest point [m]."""
+
+    def local(self, points: Array) -> Array:
+        """Convert points of the world to forward, left, up from the middle [m], (..., 3)."""
+        return (points - self.middle) @ self.axes
+
+    @cached_property
+    def anchors(self) -> Array:
+        """Return the hinges' places: forward, left, up [m], (n, 3)."""
+        return self.local(np.array([hinge.anchor for hinge in self.tree.hinges]))
+
+    @cached_property
+    def turns(self) -> Array:
+        """Return the hinges' axes: forward, left, up, (n, 3)."""
+        return np.array([hinge.axis for hinge in self.tree.hinges]) @ self.axes
+
+    @cached_property
+    def arms(self) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
+        """Return pairs of limbs, left and right, that are no legs; each to its longest end."""
+        in_legs = {hinge for leg in self.legs for hinge in leg}
+        found: dict[int, tuple[int, ...]] = {}
+        for leaf in self.tree.leaves:
+            chain = self._own_part(leaf)
+            if not chain or set(chain) & in_legs or self.anchors[leaf][1] <= 0.0:
+                continue
+            if len(chain) > len(found.get(chain[0], ())):
+                found[chain[0]] = chain
+        index = self.mirror.index
+        return tuple(
+            (chain, tuple(int(index[k]) for k in chain))
+            for chain in found.values()
+            if all(index[k] != k for k in chain)
+        )
+
+    @cached_property
+    def head(self) -> tuple[int, ...]:
+        """Return the hinges in the middle that end above the shoulders."""
+        shoulders = [self.anchors[left[0]][2] for left, _ in self.arms]
+        floor = max(shoulders, default=0.0)
+        hinges = self.tree.hinges
+        above: list[int] = []
+        for leaf in self.tree.leaves:
+            chain = [k for k in self.tree.chain(leaf) if self.mirror.index[k] == k]
+            carries = {h for side in (*self.arms, self.legs) for limb in side for h in limb}
+            own = [k for k in chain if not any(self._is_above(k, h) for h in carries)]
+            if own and own[-1] == leaf and self.anchors[own[0]][2] >= floor - 0.1 * self.height:
+                above += own
+        return tuple(k for k in range(len(hinges)) if k in above)
+
+    def _own_part(self, leaf: int) -> tuple[int, ...]:
+        """Return the part of a chain that is on one side of the body."""
+        return tuple(k for k in self.tree.chain(leaf) if self.mirror.index[k] != k)
+
+    def _is_above(self, upper: int, lower: int) -> bool:
+        return upper in self.tree.chain(lower)[:-1]
+
+
+def find_anatomy(tree: Tree, path: Path, notes: list[str]) -> Anatomy:
+    """Find the parts of a humanoid that stands upright, z up, in a tree's pose.
+
+    Args:
+        tree: Robot.
+        path: Its model file, for messages.
+        notes: Where is added what a user should know.
+
+    Raises:
+        ImportFault: if there are no two legs.
+    """
+    low, high = _measure_ends(tree)
+    height = float(np.nanmax(high) - np.nanmin(low))
+    one, other = _find_feet(tree, low, height, path)
+    apart = tree.hinges[one].anchor - tree.hinges[other].anchor
+    apart[2] = 0.0
+    lateral = _snap(apart / np.linalg.norm(apart), tree)
+    left, right, axes = _turn_forward(tree, one, other, lateral, height, notes)
+    hips = [
+        tree.hinges[_leg(tree, foot, other_foot)[0]].anchor
+        for foot, other_foot in ((left, right), (right, left))
+    ]
+    middle = np.mean(hips, axis=0)
+    mirror = _pair(tree, axes, middle, height)
+    for k in mirror.unpaired:
+        notes.append(f"joint {shown(tree.hinges[k].name)} has no counterpart: it is its own mirror")
+    legs = (_leg(tree, left, right), _leg(tree, right, left))
+    return Anatomy(tree=tree, axes=axes, middle=middle, legs=legs, mirror=mirror, height=height)
+
+
+def _pair(tree: Tree, axes: Array, middle: Array, height: float) -> Mirror:
+    anchors = np.array([hinge.anchor for hinge in tree.hinges])
+    turns = np.array([hinge.axis for hinge in tree.hinges])
+    return find_mirror(
+        [hinge.name for hinge in tree.hinges],
+        (anchors - middle) @ axes,
+        turns @ axes,
+        [len(tree.chain(k)) for k in range(len(tree.hinges))],
+        height,
+    )
+
+
+def _measure_ends(tree: Tree) -> tuple[Array, Array]:
+    """Measure the lowest and highest point of what each hinge's link is made of [m], (n,) each."""
+    model, data = tree.model, tree.data
+    low, high = np.full((2, len(tree.hinges)), np.nan)
+    for k in range(len(tree.hinges)):
+        geoms = np.flatnonzero(np.isin(model.geom_bodyid, tree.link(k)))
+        if len(geoms):
+            up = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]  # (g, 3): z in the geom's frame
+            center = data.geom_xpos[geoms, 2] + np.sum(up * model.geom_aabb[geoms, :3], axis=1)
+            reach = np.sum(np.abs(up) * model.geom_aabb[geoms, 3:], axis=1)
+            low[k], high[k] = np.min(center - reach), np.max(center + reach)
+        else:
+            low[k] = high[k] = tree.hinges[k].anchor[2]
+    return low, high
+
+
+def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, int]:
+    """Find the two ends of limbs that are lowest, and apart from each other."""
+    ends = sorted((k for k in tree.leaves if len(tree.chain(k)) >= LEAST_LEG), key=lambda k: low[k])
+    if not ends:
+        raise ImportFault([f"{path}: it has no limb of {LEAST_LEG} hinges, expected two legs"])
+    first = ends[0]
+    for second in ends[1:]:
+        shared = set(tree.chain(first)) & set(tree.chain(second))
+        own = min(len(tree.chain(first)), len(tree.chain(second))) - len(shared)
+        if own >= LEAST_LEG:
+            if low[second] - low[first] > LEVEL * height:
+                break
+            return first, second
+    raise ImportFault(
+        [
+            f"{path}: only the limb that ends in joint {shown(tree.hinges[first].name)} reaches "
+            f"down to the ground, expected two legs of at least {LEAST_LEG} hinges, z up"
+        ]
+    )
+
+
+def _leg(tree: Tree, foot: int, other: int) -> tuple[int, ...]:
+    shared = set(tree.chain(other))
+    return tuple(k for k in tree.chain(foot) if k not in shared)
+
+
+def _snap(direction: Array, tree: Tree) -> Array:
+    """Turn a direction to the nearest axis of the root body, or of the world, if close."""
+    root = tree.data.xmat[tree.root].reshape(3, 3)
+    for axes in (root, np.eye(3)):
+        cosines = direction @ axes
+        best = int(np.argmax(np.abs(cosines)))
+        level = abs(axes[2, best]) < 1e-3
+        if level and abs(cosines[best]) > NEAR_AXIS:
+            return np.sign(cosines[best]) * axes[:, best]
+    return direction
+
+
+def _turn_forward(
+    tree: Tree, one: int, other: int, lateral: Array, height: float, notes: list[str]
+) -> tuple[int, int, Array]:
+    """Tell left from right by names, else by the feet, which are longer in front of the ankle.
+
+    Args:
+        lateral: Unit vector from ``other`` to ``one``, level, (3,).
+
+    Returns:
+        The ends of the left and the right leg, and the axes: forward, left, up, (3, 3).
+    """
+    named = side_of(tree.hinges[one].name) - side_of(tree.hinges[other].name)
+    forward = np.cross(lateral, UP)  # if `one` is the left
+    toe = np.mean([_measure_toe(tree, k, forward) for k in (one, other)])
+    by_toes = np.sign(toe) if abs(toe) > LEAST_TOE * height else 0.0
+    sign = np.sign(named) or by_toes or 1.0
+    if named and by_toes and np.sign(named) != by_toes:
+        notes.append("names say left where the feet say right: names are believed")
+    if not named and not by_toes:
+        notes.append("neither names nor feet say where the front is: x is taken")
+        sign = 1.0 if forward[0] >= 0.0 else -1.0
+    left, right = (one, other) if sign > 0.0 else (other, one)
+    return left, right, np.column_stack([sign * forward, sign * lateral, UP])
+
+
+def _measure_toe(tree: Tree, hinge: int, forward: Array) -> float:
+    """Measure how much longer a foot is in front of its ankle than behind [m]."""
+    model, data = tree.model, tree.data
+    geoms = np.flatnonzero(np.isin(model.geom_bodyid, tree.link(hinge)))
+    if not len(geoms):
+        return 0.0
+    rotation = data.geom_xmat[geoms].reshape(-1, 3, 3)
+    center = data.geom_xpos[geoms] + np.einsum("gij,gj->gi", rotation, model.geom_aabb[geoms, :3])
+    reach = np.abs(np.einsum("i,gij->gj", forward, rotation)) * model.geom_aabb[geoms, 3:]
+    # A point on an axis that points forward may be anywhere along it.
+    across = [k for k in tree.chain(hinge) if abs(tree.hinges[k].axis @ forward) < ALONG]
+    ankle = tree.hinges[across[-1] if across else hinge].anchor
+    along = (center - ankle) @ forward
+    return float(np.max(along + reach.sum(axis=1)) + np.min(along - reach.sum(axis=1)))

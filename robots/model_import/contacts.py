@@ -1,0 +1,63 @@
+"""Contacts of a model with itself: pairs of bodies that always overlap, and those that touch."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from robots.quaternion import Array
+
+POSES = 60
+ALWAYS = 0.5  # share of random poses from which on a pair is said to overlap always
+DEEP = 0.001  # m
+NEAR = 3  # hinges between bodies up to which shapes that overlap are brackets of each other
+ROOT = 7
+
+
+def find_overlaps(model: mujoco.MjModel, joint_pos: Array) -> dict[tuple[int, int], float]:
+    """Find bodies that reach into each other, and how deep [m], at hinge angles (n,)."""
+    data = mujoco.MjData(model)
+    data.qpos[:ROOT] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    data.qpos[ROOT:] = joint_pos
+    mujoco.mj_fwdPosition(model, data)
+    deepest: dict[tuple[int, int], float] = {}
+    for contact in data.contact:
+        first, second = sorted(int(model.geom_bodyid[geom]) for geom in contact.geom)
+        if -contact.dist > DEEP and first > 0:
+            deepest[first, second] = max(-float(contact.dist), deepest.get((first, second), 0.0))
+    return deepest
+
+
+def find_brackets(
+    model: mujoco.MjModel, stance: Array, rng: np.random.Generator
+) -> list[tuple[int, int]]:
+    """Find pairs of bodies whose shapes overlap by construction.
+
+    They overlap in most of random poses; or, few hinges apart, with all joints at zero or in the
+    stance.
+    """
+    count: dict[tuple[int, int], int] = {}
+    lower, upper = model.jnt_range[1:, 0], model.jnt_range[1:, 1]
+    for _ in range(POSES):
+        pose = stance + 0.5 * rng.uniform(-1.0, 1.0, len(stance)) * (upper - lower) / 2.0
+        for pair in find_overlaps(model, np.clip(pose, lower, upper)):
+            count[pair] = count.get(pair, 0) + 1
+    always = {pair for pair, times in count.items() if times >= ALWAYS * POSES}
+    for pose in (np.clip(np.zeros(len(stance)), lower, upper), stance):
+        overlaps = find_overlaps(model, pose)
+        always |= {pair for pair in overlaps if count_hinges_between(model, *pair) <= NEAR}
+    return sorted(always)
+
+
+def count_hinges_between(model: mujoco.MjModel, first: int, second: int) -> int:
+    """Count the hinges on the way from one body to another."""
+    ways = [_way_up(model, body) for body in (first, second)]
+    shared = set(ways[0]) & set(ways[1])
+    return int(sum(model.body_jntnum[b] for way in ways for b in way if b not in shared))
+
+
+def _way_up(model: mujoco.MjModel, body: int) -> list[int]:
+    way = [body]
+    while way[-1] > 0:
+        way.append(int(model.body_parentid[way[-1]]))
+    return way

@@ -1,0 +1,166 @@
+"""A robot's own model: built anew from a tree, its torso's axes forward, left and up."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import mujoco
+import numpy as np
+
+from robots import quaternion
+from robots.model_import.anatomy import Anatomy
+from robots.model_import.shapes import read_shapes
+from robots.model_import.tree import Tree, name_joint
+from robots.quaternion import Array
+
+TIMESTEP = 0.002  # s
+FRICTION = 0.8
+STIFF_CONTACT = (0.004, 1.0)  # solref of hard plastic: s, damping ratio
+LEAST_MASS = 1e-4  # kg; lighter moving bodies make a simulation unstable
+LEAST_INERTIA = 1e-7  # kg·m²
+LEAST_TURN = 1e-4  # rad
+HINGE = mujoco.mjtJoint.mjJNT_HINGE
+FULL_TURN = np.pi  # rad either way, of a joint without range
+
+
+class Rebuilder:
+    """Builds the model of a robot from the tree that was found in another model."""
+
+    def __init__(
+        self, anatomy: Anatomy, *, keep_hulls: bool, fixed: Collection[str], notes: list[str]
+    ) -> None:
+        """Prepare to build.
+
+        Args:
+            anatomy: Parts of the robot.
+            keep_hulls: Whether meshes become convex hulls instead of boxes and capsules.
+            fixed: Hinges that are fixed at the angle of the tree's pose.
+            notes: Where is added what a user should know.
+        """
+        self._tree: Tree = anatomy.tree
+        self._model = anatomy.tree.model
+        self._keep_hulls, self._fixed, self._notes = keep_hulls, set(fixed), notes
+        root = self._tree.data.xmat[self._tree.root].reshape(3, 3)
+        self._turn = np.zeros(4)
+        mujoco.mju_mat2Quat(self._turn, (anatomy.axes.T @ root).ravel())
+        if quaternion.angle_between(self._turn, np.array([1.0, 0.0, 0.0, 0.0])) < LEAST_TURN:
+            self._turn = np.array([1.0, 0.0, 0.0, 0.0])
+        else:
+            notes.append("the torso's frame is turned so that x points forward and z up")
+
+    def build(self, name: str) -> mujoco.MjSpec:
+        """Build the model; it has no sites yet."""
+        spec = mujoco.MjSpec()
+        spec.modelname = name
+        spec.option.timestep = TIMESTEP
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        spec.compiler.degree = False
+        spec.default.geom.friction = np.array([FRICTION, 0.005, 0.0001])
+        spec.default.geom.solref = np.array(STIFF_CONTACT)
+        built: dict[int, mujoco.MjsBody] = {}
+        for body in self._tree.bodies:
+            if body == self._tree.root:
+                built[body] = spec.worldbody.add_body(name=self._name(body))
+                built[body].add_freejoint(name="root")
+            else:
+                parent = int(self._model.body_parentid[body])
+                built[body] = built[parent].add_body(name=self._name(body))
+                self._place(built[body], body, parent)
+                self._add_joints(built[body], body)
+            self._add_mass(built[body], body)
+            self._add_shapes(spec, built[body], body)
+        self._copy_excludes(spec)
+        return spec
+
+    def _name(self, body: int) -> str:
+        return self._model.body(body).name or f"body_{body}"
+
+    def _from_root(self, body: int, position: Array, orientation: Array) -> tuple[Array, Array]:
+        """Convert a pose in a body's old frame to its new one; only the root's is turned."""
+        if body != self._tree.root:
+            return position, orientation
+        return (
+            quaternion.rotate(self._turn, position),
+            quaternion.multiply(self._turn, orientation),
+        )
+
+    def _place(self, target: mujoco.MjsBody, body: int, parent: int) -> None:
+        position, orientation = self._model.body_pos[body], self._model.body_quat[body]
+        for joint in self._hinges(body):
+            if name_joint(self._model, joint) in self._fixed:
+                position, orientation = self._bend(joint, position, orientation)
+        target.pos, target.quat = self._from_root(parent, position, orientation)
+
+    def _bend(self, joint: int, position: Array, orientation: Array) -> tuple[Array, Array]:
+        """Turn a body about a hinge that is fixed where it is in the tree's pose."""
+        data, model = self._tree.data, self._model
+        address = model.jnt_qposadr[joint]
+        angle = data.qpos[address] - model.qpos0[address]
+        turn = quaternion.from_axis_angle(model.jnt_axis[joint], angle)
+        anchor = model.jnt_pos[joint]
+        moved = anchor - quaternion.rotate(turn, anchor)
+        return (
+            position + quaternion.rotate(orientation, moved),
+            quaternion.multiply(orientation, turn),
+        )
+
+    def _hinges(self, body: int) -> list[int]:
+        first = int(self._model.body_jntadr[body])
+        joints = range(first, first + int(self._model.body_jntnum[body]))
+        return [joint for joint in joints if self._model.jnt_type[joint] == HINGE]
+
+    def _add_joints(self, target: mujoco.MjsBody, body: int) -> None:
+        model = self._model
+        for joint in self._hinges(body):
+            name = name_joint(model, joint)
+            if name in self._fixed:
+                continue
+            lower, upper = model.jnt_range[joint]
+            if not model.jnt_limited[joint] or lower >= upper:
+                lower, upper = -FULL_TURN, FULL_TURN
+                self._notes.append(f"joint '{name}' has no range: -180 to 180 deg")
+            target.add_joint(
+                name=name,
+                type=HINGE,
+                pos=model.jnt_pos[joint],
+                axis=model.jnt_axis[joint],
+                range=[float(lower), float(upper)],
+                limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+                ref=float(model.qpos0[model.jnt_qposadr[joint]]),
+            )
+
+    def _add_mass(self, target: mujoco.MjsBody, body: int) -> None:
+        model = self._model
+        mass = float(model.body_mass[body])
+        if mass == 0.0 and not (self._hinges(body) or body == self._tree.root):
+            return
+        if mass < LEAST_MASS:
+            mass = LEAST_MASS
+        position, orientation = self._from_root(body, model.body_ipos[body], model.body_iquat[body])
+        target.explicitinertial = True
+        target.mass, target.ipos, target.iquat = mass, position, orientation
+        target.inertia = np.maximum(model.body_inertia[body], LEAST_INERTIA)
+
+    def _add_shapes(self, spec: mujoco.MjSpec, target: mujoco.MjsBody, body: int) -> None:
+        shapes = read_shapes(self._model, body, keep_hulls=self._keep_hulls)
+        for number, shape in enumerate(shapes):
+            name = target.name if len(shapes) == 1 else f"{target.name}_{number}"
+            position, orientation = self._from_root(body, shape.position, shape.orientation)
+            geom = target.add_geom(
+                name=name,
+                type=shape.kind,
+                size=shape.size,
+                pos=position.tolist(),
+                quat=orientation.tolist(),
+            )
+            if shape.points is not None:
+                spec.add_mesh(name=name, uservert=shape.points.ravel().tolist())
+                geom.meshname = name
+                # MuJoCo moves a mesh to its center of mass by itself.
+
+    def _copy_excludes(self, spec: mujoco.MjSpec) -> None:
+        model, inside = self._model, set(self._tree.bodies)
+        for signature in model.exclude_signature:
+            first, second = int(signature) >> 16, int(signature) & 0xFFFF
+            if {first, second} <= inside:
+                spec.add_exclude(bodyname1=self._name(first), bodyname2=self._name(second))

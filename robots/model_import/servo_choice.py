@@ -1,0 +1,204 @@
+"""Servo types for the joints of a model: by the limits that it states, else by its weight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from robots.model_import.source import ActuatorFigures, ImportFault
+from robots.servo import ServoModel
+from robots.servo_catalog import servo_models
+from robots.validation import shown
+
+SUPPLIES = (12.0, 14.8, 11.1)  # V, of the batteries with three and four cells
+CLOSE = np.log(1.25)  # ratio of torques up to which a known type is taken for what a model states
+SPEED_WEIGHT = 0.5
+SQUAT_SHARE = 0.25  # of weight times leg length: about the knee's torque in a deep squat
+RESERVE = 2.0  # times that torque a servo should have at standstill
+WILD = 20.0  # times that torque: a limit of a simulation, not of a motor
+GRAVITY = 9.81
+OWN_SPEED = 8.0  # rad/s of a motor whose speed no one states
+OWN_VOLTAGE = 24.0  # V
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ServoChoice:
+    """Servo types of a robot's joints."""
+
+    types: tuple[str, ...]
+    """One for each joint."""
+    supply: float
+    """[V]"""
+    own: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Types that the package does not know: their figures, for the folder's servos.toml."""
+    guesses: tuple[str, ...] = ()
+    """What was guessed, and how to confirm it."""
+
+
+def choose_servos(
+    joints: Sequence[str],
+    actuators: Mapping[str, ActuatorFigures],
+    asked: Sequence[str],
+    *,
+    weight: float,
+    leg_length: float,
+) -> ServoChoice:
+    """Choose a servo type for each joint.
+
+    Args:
+        joints: Their names.
+        actuators: What the model states of them.
+        asked: What the user says: ``TYPE`` for all joints, or ``TYPE=PATTERN`` for those whose
+            names match; the last that matches counts.
+        weight: Mass of the robot [kg].
+        leg_length: [m].
+
+    Raises:
+        ImportFault: if a type that the user named is unknown, or matches no joint.
+    """
+    named = _read_wishes(joints, asked)
+    need = SQUAT_SHARE * weight * GRAVITY * leg_length
+    stated = {
+        name: figures
+        for name, figures in actuators.items()
+        if figures.effort is not None and figures.effort < WILD * need
+    }
+    guesses: list[str] = []
+    supply = _choose_supply(joints, stated, named)
+    types, own = [], {}
+    by_weight = _choose_by_weight(need, supply)
+    for joint in joints:
+        if joint in named:
+            types.append(named[joint])
+        elif joint in stated:
+            types.append(_match(stated[joint], supply, own))
+        else:
+            types.append(by_weight)
+    silent = [joint for joint in joints if joint not in stated and joint not in named]
+    if silent:
+        guesses.append(
+            f"servo {by_weight} for {_few(silent)}: the model states no torque limit, it is the "
+            f"weakest type with {RESERVE * need:.1f} N·m; set the types with --servo TYPE=PATTERN"
+        )
+    read = [joint for joint in joints if joint in stated and joint not in named]
+    if read:
+        kinds = ", ".join(dict.fromkeys(t for t, j in zip(types, joints, strict=True) if j in read))
+        guesses.append(
+            f"servos {kinds} at {supply:g} V: the types nearest to the model's limits of torque "
+            "and speed; set others with --servo TYPE=PATTERN"
+        )
+    return ServoChoice(types=tuple(types), supply=supply, own=own, guesses=tuple(guesses))
+
+
+def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
+    named: dict[str, str] = {}
+    problems = []
+    for wish in asked:
+        kind, _, pattern = wish.partition("=")
+        matching = [joint for joint in joints if fnmatchcase(joint, pattern or "*")]
+        if kind not in servo_models():
+            problems.append(
+                f"--servo is {shown(wish)}: unknown type {shown(kind)}, expected "
+                f"{', '.join(servo_models())}"
+            )
+        elif not matching:
+            problems.append(
+                f"--servo is {shown(wish)}: no joint matches {shown(pattern)}, expected some of "
+                f"{', '.join(joints)}"
+            )
+        named |= dict.fromkeys(matching, kind)
+    if problems:
+        raise ImportFault(problems)
+    return named
+
+
+def _choose_supply(
+    joints: Sequence[str], stated: Mapping[str, ActuatorFigures], named: Mapping[str, str]
+) -> float:
+    """Choose the supply at which known types fit best what the model states, or were asked for."""
+    read = [stated[joint] for joint in joints if joint in stated and joint not in named]
+    usable = [
+        supply
+        for supply in SUPPLIES
+        if all(servo_models()[kind].accepts_supply(supply) for kind in set(named.values()))
+    ]
+    usable = usable or [servo_models()[next(iter(named.values()))].nominal_voltage]
+    if not read:
+        return usable[0]
+    cost = {
+        supply: sum(min(_distance(f, m, supply) for m in servo_models().values()) for f in read)
+        for supply in usable
+    }
+    best = min(usable, key=lambda supply: cost[supply])
+    known = sum(_nearest(figures, best)[1] <= CLOSE for figures in read)
+    return best if known or named else OWN_VOLTAGE
+
+
+def _distance(figures: ActuatorFigures, model: ServoModel, supply: float) -> float:
+    """Measure how far a type at a supply is from what is stated, in logarithms."""
+    if not model.accepts_supply(supply) or figures.effort is None:
+        return np.inf
+    share = supply / model.nominal_voltage
+    torque = abs(np.log(figures.effort / (model.stall_torque * share)))
+    if figures.speed is None:
+        return float(torque)
+    speed = abs(np.log(figures.speed / (model.no_load_speed * share)))
+    return float(torque + SPEED_WEIGHT * speed)
+
+
+def _nearest(figures: ActuatorFigures, supply: float) -> tuple[str, float]:
+    distances = {name: _distance(figures, m, supply) for name, m in servo_models().items()}
+    best = min(distances, key=lambda name: distances[name])
+    return best, distances[best]
+
+
+def _match(figures: ActuatorFigures, supply: float, own: dict[str, dict[str, float]]) -> str:
+    name, distance = _nearest(figures, supply)
+    if distance <= CLOSE:
+        return name
+    effort = float(figures.effort or 0.0)
+    speed = OWN_SPEED if figures.speed is None else figures.speed
+    title = f"motor-{effort:g}-Nm"
+    own[title] = describe_motor(effort, speed, supply)
+    return title
+
+
+def describe_motor(effort: float, speed: float, supply: float) -> dict[str, float]:
+    """Derive the figures of a motor that is no Dynamixel from its torque [N·m] and speed [rad/s].
+
+    Rotor, friction, current and mass scale with the torque as those of the XM540-W270 do.
+    """
+    like = servo_models()["XM540-W270"]
+    scale = effort / like.stall_torque
+    return {
+        "nominal_voltage": supply,
+        "stall_torque": effort,
+        "stall_current": round(like.stall_current * scale, 3),
+        "no_load_speed": speed,
+        "armature": round(like.armature * scale, 6),
+        "friction": round(like.friction * scale, 4),
+        "current_step": round(like.current_step * max(scale, 1.0), 5),
+        "max_voltage": round(1.25 * supply, 1),
+        "min_voltage": round(0.75 * supply, 1),
+        "mass": round(min(like.mass * scale, 4.0), 3),
+        "temperature_limit": like.temperature_limit,
+    }
+
+
+def _choose_by_weight(need: float, supply: float) -> str:
+    """Choose the weakest type with enough torque; the strongest if none has."""
+    usable = {n: m for n, m in servo_models().items() if m.accepts_supply(supply)}
+    torque = {n: m.stall_torque * supply / m.nominal_voltage for n, m in usable.items()}
+    enough = [name for name in torque if torque[name] >= RESERVE * need]
+    if enough:
+        return min(enough, key=lambda name: torque[name])
+    return max(torque, key=lambda name: torque[name])
+
+
+def _few(names: Sequence[str]) -> str:
+    if len(names) <= 4:
+        return ", ".join(names)
+    return f"{', '.join(names[:3])} and {len(names) - 3} more"

@@ -1,0 +1,194 @@
+"""Shapes of a model as boxes, capsules and the like; meshes are fitted, or kept as hulls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from robots import quaternion
+from robots.quaternion import Array
+
+GEOM = mujoco.mjtGeom
+PRIMITIVES = (
+    GEOM.mjGEOM_SPHERE,
+    GEOM.mjGEOM_CAPSULE,
+    GEOM.mjGEOM_ELLIPSOID,
+    GEOM.mjGEOM_CYLINDER,
+    GEOM.mjGEOM_BOX,
+)
+ROUND = 1.1  # a capsule is taken where its volume is at most so many times the box's
+SLENDER = 1.6  # length over width from which a capsule is tried
+TURNS = np.radians(np.arange(0.0, 90.0, 5.0))  # about each axis, at which boxes are tried
+LEAST_SIZE = 5e-4  # m, half of the thinnest sheet
+HULL_POINTS = 48
+DIRECTIONS = np.array(
+    [
+        [x, y, z]
+        for x in (-1, 0, 1)
+        for y in (-1, 0, 1)
+        for z in (-1, 0, 1)
+        if (x, y, z) != (0, 0, 0)
+    ],
+    dtype=float,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape in the frame of its body."""
+
+    kind: int
+    """An ``mjtGeom``."""
+    size: Array
+    """As of a geom of MuJoCo, (3,) [m]."""
+    position: Array
+    """[m], (3,)"""
+    orientation: Array
+    """w x y z, (4,)"""
+    points: Array | None = None
+    """Corners of a convex hull in the shape's frame [m], (p, 3)."""
+
+    def sample(self) -> Array:
+        """Return points on its surface that span it, in the body's frame [m], (p, 3)."""
+        return self.position + quaternion.rotate(self.orientation, self._sample_own())
+
+    def _sample_own(self) -> Array:
+        if self.points is not None:
+            return self.points
+        ball = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+        corners = DIRECTIONS[np.abs(DIRECTIONS).sum(axis=1) == 3.0]
+        radius, half = self.size[0], self.size[1]
+        if self.kind == GEOM.mjGEOM_SPHERE:
+            return radius * ball
+        if self.kind == GEOM.mjGEOM_ELLIPSOID:
+            return self.size * ball
+        if self.kind == GEOM.mjGEOM_BOX:
+            return self.size * corners
+        ends = np.array([[0.0, 0.0, half], [0.0, 0.0, -half]])
+        if self.kind == GEOM.mjGEOM_CAPSULE:
+            return np.concatenate([end + radius * ball for end in ends])
+        angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+        rim = radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(16)])
+        return np.concatenate([end + rim for end in ends])
+
+
+def read_shapes(model: mujoco.MjModel, body: int, *, keep_hulls: bool) -> list[Shape]:
+    """Read the shapes of a body that collide; those for the eye if it has no others.
+
+    Args:
+        model: Compiled model.
+        body: Body.
+        keep_hulls: Whether meshes become their convex hulls instead of boxes and capsules.
+    """
+    first = int(model.body_geomadr[body])
+    geoms = list(range(first, first + int(model.body_geomnum[body])))
+    solid = [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
+    shapes = [_read_shape(model, geom, keep_hulls) for geom in solid or geoms]
+    return [shape for shape in shapes if shape is not None]
+
+
+def _read_shape(model: mujoco.MjModel, geom: int, keep_hulls: bool) -> Shape | None:
+    kind = int(model.geom_type[geom])
+    position, orientation = model.geom_pos[geom].copy(), model.geom_quat[geom].copy()
+    if kind in PRIMITIVES:
+        size = np.maximum(model.geom_size[geom], 0.0)
+        return Shape(kind, size.copy(), position, orientation)
+    if kind != GEOM.mjGEOM_MESH:
+        return None  # a plane or a height field is scenery
+    mesh = int(model.geom_dataid[geom])
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    vertices = model.mesh_vert[first : first + count].astype(float)
+    shape = _hull(vertices) if keep_hulls else fit_shape(vertices)
+    return replace(
+        shape,
+        position=position + quaternion.rotate(orientation, shape.position),
+        orientation=quaternion.multiply(orientation, shape.orientation),
+    )
+
+
+def fit_shape(points: Array) -> Shape:
+    """Fit the smallest box that holds points, or a capsule where it holds them as tightly.
+
+    Boxes along the axes of the points' frame, turned about one of them, and along their
+    principal axes are tried.
+    """
+    points = _corners(points)
+    frames = [np.eye(3), np.linalg.svd(points - points.mean(axis=0))[2].T]
+    for base in list(frames):
+        frames += [base @ _turn(axis, angle) for axis in range(3) for angle in TURNS[1:]]
+    boxes = [_box(points, frame if np.linalg.det(frame) > 0 else -frame) for frame in frames]
+    best = min(boxes, key=lambda box: np.prod(box.size))
+    # An upright box is worth a few per cent of volume: people read it.
+    box = boxes[0] if np.prod(boxes[0].size) < 1.05 * np.prod(best.size) else best
+    capsule = _capsule(points, box)
+    return box if capsule is None else capsule
+
+
+def _corners(points: Array) -> Array:
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:  # flat
+        return points
+
+
+def _turn(axis: int, angle: float) -> Array:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion.from_axis_angle(np.eye(3)[axis], angle))
+    return matrix.reshape(3, 3)
+
+
+def _box(points: Array, frame: Array) -> Shape:
+    own = points @ frame
+    low, high = own.min(axis=0), own.max(axis=0)
+    orientation = np.zeros(4)
+    mujoco.mju_mat2Quat(orientation, frame.ravel())
+    size = np.maximum((high - low) / 2.0, LEAST_SIZE)
+    return Shape(int(GEOM.mjGEOM_BOX), size, frame @ ((low + high) / 2.0), orientation)
+
+
+def _capsule(points: Array, box: Shape) -> Shape | None:
+    """Return a capsule along a box that holds the points as tightly, or None."""
+    order = np.argsort(box.size)
+    if box.size[order[2]] < SLENDER * box.size[order[1]]:
+        return None
+    frame = np.zeros(9)
+    mujoco.mju_quat2Mat(frame, box.orientation)
+    frame = frame.reshape(3, 3)[:, [order[0], order[1], order[2]]]
+    if np.linalg.det(frame) < 0.0:
+        frame[:, 0] *= -1.0
+    own = (points - box.position) @ frame
+    radius = float(np.linalg.norm(own[:, :2], axis=1).max())
+    half = float(np.max(np.abs(own[:, 2]) - np.sqrt(radius**2 - np.sum(own[:, :2] ** 2, axis=1))))
+    half = max(half, LEAST_SIZE)
+    volume = np.pi * radius**2 * (2.0 * half + 4.0 / 3.0 * radius)
+    if volume > ROUND * 8.0 * np.prod(box.size):
+        return None
+    orientation = np.zeros(4)
+    mujoco.mju_mat2Quat(orientation, frame.ravel())
+    return Shape(int(GEOM.mjGEOM_CAPSULE), np.array([radius, half, 0.0]), box.position, orientation)
+
+
+def _hull(points: Array) -> Shape:
+    """Keep the corners of a hull that reach farthest, spread over its surface."""
+    corners = _corners(points)
+    chosen = [int(np.argmax(np.linalg.norm(corners - corners.mean(axis=0), axis=1)))]
+    away = np.linalg.norm(corners - corners[chosen[0]], axis=1)
+    while len(chosen) < min(HULL_POINTS, len(corners)):
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
+    kept = corners[chosen]
+    flat = Shape(
+        int(GEOM.mjGEOM_MESH),
+        np.zeros(3),
+        np.zeros(3),
+        np.array([1.0, 0.0, 0.0, 0.0]),
+        points=kept,
+    )
+    try:
+        ConvexHull(kept)
+    except QhullError:
+        return fit_shape(points)
+    return flat

@@ -1,0 +1,111 @@
+"""Soles: the flat faces on which a robot's feet stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from robots import quaternion
+from robots.model_import.shapes import read_shapes
+from robots.quaternion import Array
+
+FLAT = 0.0025  # m off a plane that still belong to a sole: treads and studs
+STEEP = np.cos(np.radians(50.0))
+LEAST_AREA = 1e-5  # m²
+
+
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """The flat face of a foot, in the frame of its body."""
+
+    body: int
+    position: Array
+    """Middle of the face [m], (3,)."""
+    axes: Array
+    """Forward, left and up of the face, in columns, (3, 3)."""
+    corners: Array
+    """Of the face [m], (p, 3)."""
+
+
+def find_sole(model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> Sole | None:
+    """Find the largest flat face that looks down, of the bodies of a foot.
+
+    Args:
+        model: Rebuilt model: x forward, z up.
+        data: Its kinematics in a pose in which the soles look down, more or less.
+        bodies: Of one rigid link.
+    """
+    best: Sole | None = None
+    largest = LEAST_AREA
+    for body in bodies:
+        rotation = data.xmat[body].reshape(3, 3)
+        shapes = read_shapes(model, body, keep_hulls=True)
+        if not shapes:
+            continue
+        points = np.concatenate([shape.sample() for shape in shapes])
+        for face in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
+            area = _measure_area(face)
+            if area > largest:
+                largest, best = area, _describe(body, points, face, rotation)
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Face:
+    normal: Array
+    points: Array
+
+
+def _list_faces(points: Array, down: Array) -> list[_Face]:
+    """List the flat faces of the points' hull that look down; (3,) is a unit vector."""
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return []
+    faces = []
+    for equation in np.unique(hull.equations.round(4), axis=0):  # a face is made of triangles
+        normal, offset = equation[:3], equation[3]
+        if normal @ down > STEEP:
+            on_it = np.abs(points @ normal + offset) < FLAT
+            faces.append(_Face(normal, points[on_it]))
+    return faces
+
+
+def _measure_area(face: _Face) -> float:
+    flat = face.points @ _plane(face.normal)
+    try:
+        return float(ConvexHull(flat).volume)  # of points in a plane, the area
+    except QhullError:
+        return 0.0
+
+
+def _plane(normal: Array) -> Array:
+    """Return two unit vectors across a normal, in columns, (3, 2)."""
+    return np.linalg.svd(normal[None])[2][1:].T
+
+
+def _describe(body: int, points: Array, face: _Face, rotation: Array) -> Sole:
+    up = -face.normal
+    forward = rotation.T @ np.array([1.0, 0.0, 0.0])
+    forward = forward - up * (forward @ up)
+    forward /= np.linalg.norm(forward)
+    axes = np.column_stack([forward, np.cross(up, forward), up])
+    own = face.points @ axes
+    middle = (own.min(axis=0) + own.max(axis=0)) / 2.0
+    middle[2] = np.min(points @ up)  # where the lowest point touches the ground
+    return Sole(body, axes @ middle, axes, face.points)
+
+
+def add_sole_site(spec: mujoco.MjSpec, body: str, sole: Sole, name: str) -> None:
+    """Add the site of a sole to a model."""
+    orientation = np.zeros(4)
+    mujoco.mju_mat2Quat(orientation, sole.axes.ravel())
+    spec.body(body).add_site(
+        name=name,
+        pos=sole.position.tolist(),
+        quat=quaternion.normalize(orientation).tolist(),
+        size=[0.005, 0, 0],
+    )

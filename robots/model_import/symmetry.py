@@ -1,0 +1,67 @@
+"""Left and right: which hinges mirror each other, from where they are and how they turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.quaternion import Array
+from robots.side_names import swap_side
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+"""What a reflection in the plane y = 0 makes of a point's coordinates."""
+MIRROR_AXIS = -MIRROR
+"""What it makes of an axis of rotation's."""
+FAR = 0.12  # share of the height; hinges farther from their mirror image are no pair
+ASKEW = np.cos(np.radians(35.0))
+NAME_BONUS = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """What each of n hinges becomes when left and right are exchanged."""
+
+    index: np.ndarray
+    """Hinge that takes each one's place, (n,); itself in the middle."""
+    sign: Array
+    """Sign of its angle there, (n,)."""
+    unpaired: tuple[int, ...]
+    """Hinges that have no counterpart, though they are not in the middle."""
+
+
+def find_mirror(
+    names: Sequence[str], anchors: Array, axes: Array, depths: Sequence[int], height: float
+) -> Mirror:
+    """Pair hinges by the positions and axes of their mirror images; names decide among equals.
+
+    Args:
+        names: Of the hinges.
+        anchors: Points on their axes [m], (n, 3): x forward, y left, the plane of symmetry y = 0.
+        axes: Unit vectors, (n, 3), in the same frame.
+        depths: Number of hinges above each.
+        height: Of the robot [m], by which distances are measured.
+    """
+    images, turned = anchors * MIRROR, axes * MIRROR_AXIS
+    apart = np.linalg.norm(images[:, None] - anchors[None], axis=-1) / height  # (n, n)
+    along = turned @ axes.T  # (n, n): cosine between an image's axis and another's
+    deeper = np.abs(np.subtract.outer(depths, depths))
+    cost = apart + 0.5 * (1.0 - np.abs(along)) + 0.02 * deeper
+    for j, name in enumerate(names):
+        for k, other in enumerate(names):
+            if j != k and swap_side(name) == other:
+                cost[j, k] -= NAME_BONUS
+    cost = cost + cost.T
+    index, unpaired = np.full(len(names), -1), []
+    for flat in np.argsort(cost, axis=None):
+        j, k = divmod(int(flat), len(names))
+        is_open = index[j] < 0 and index[k] < 0
+        named = swap_side(names[j]) == names[k]
+        if is_open and (named or (apart[j, k] < FAR and abs(along[j, k]) > ASKEW)):
+            index[j], index[k] = k, j
+    for j in np.flatnonzero(index < 0):
+        index[j] = j
+        unpaired.append(int(j))
+    sign = np.where(along[np.arange(len(names)), index] < 0.0, -1.0, 1.0)
+    return Mirror(index, sign, tuple(unpaired))

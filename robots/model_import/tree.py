@@ -1,0 +1,202 @@
+"""The kinematic tree of a model: its hinges where they are in one pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from robots.model_import.source import ImportFault, ModelSource
+from robots.quaternion import Array
+from robots.validation import shown
+
+HINGE = mujoco.mjtJoint.mjJNT_HINGE
+KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+SPANS = (0.1, 3.0)  # m from the lowest to the highest joint; others are of another unit
+MASSES = (0.1, 500.0)  # kg
+FREEDOMS_IN_SPACE = 6
+WORLD = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Hinge:
+    """A hinge in one pose of a model."""
+
+    id: int
+    name: str
+    body: int
+    """Body that it moves."""
+    anchor: Array
+    """A point on its axis, in the world [m], (3,)."""
+    axis: Array
+    """Unit vector in the world, (3,)."""
+    parent: int
+    """Place of the hinge above it in the tree's list; -1: the root."""
+
+
+class Tree:
+    """The part of a model that is the robot: a root body and all below it, in one pose."""
+
+    def __init__(self, model: mujoco.MjModel, root: int, qpos: Array) -> None:
+        self.model, self.root = model, root
+        self.data = mujoco.MjData(model)
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, self.data)
+        mujoco.mj_comPos(model, self.data)
+        self.bodies = _list_below(model, root)
+
+    @cached_property
+    def hinges(self) -> list[Hinge]:
+        """Return the hinges, parents before children."""
+        model, hinges = self.model, []
+        last: dict[int, int] = {}  # the last hinge at or above each body
+        for body in self.bodies:
+            parent = last.get(int(model.body_parentid[body]), -1) if body != self.root else -1
+            first = int(model.body_jntadr[body])
+            for joint in range(first, first + int(model.body_jntnum[body])):
+                if model.jnt_type[joint] != HINGE:
+                    continue
+                hinges.append(
+                    Hinge(
+                        id=joint,
+                        name=name_joint(model, joint),
+                        body=body,
+                        anchor=self.data.xanchor[joint].copy(),
+                        axis=self.data.xaxis[joint].copy(),
+                        parent=parent,
+                    )
+                )
+                parent = len(hinges) - 1
+            last[body] = parent
+        return hinges
+
+    def chain(self, hinge: int) -> list[int]:
+        """Return the places of the hinges from the root down to one of them."""
+        chain = [hinge]
+        while self.hinges[chain[0]].parent >= 0:
+            chain.insert(0, self.hinges[chain[0]].parent)
+        return chain
+
+    @cached_property
+    def leaves(self) -> list[int]:
+        """Return the places of the hinges that carry no other."""
+        parents = {hinge.parent for hinge in self.hinges}
+        return [k for k in range(len(self.hinges)) if k not in parents]
+
+    def link(self, hinge: int) -> list[int]:
+        """Return the bodies that one hinge moves and no hinge below it."""
+        own = self.hinges[hinge].body
+        others = {h.body for h in self.hinges} - {own}
+        link = {own}
+        for body in _list_below(self.model, own):
+            if int(self.model.body_parentid[body]) in link and body not in others:
+                link.add(body)
+        return sorted(link)
+
+
+def name_joint(model: mujoco.MjModel, joint: int) -> str:
+    """Return the name of a joint; one without a name is called after its body."""
+    own = model.joint(joint).name
+    body = int(model.jnt_bodyid[joint])
+    if own:
+        return own
+    number = joint - int(model.body_jntadr[body])
+    return model.body(body).name + (f"_{number}" if number else "") or f"joint_{joint}"
+
+
+def find_tree(source: ModelSource, notes: list[str]) -> Tree:
+    """Find the robot in a model, in its stance where a keyframe holds one.
+
+    Args:
+        source: Model.
+        notes: Where is added what a user should know.
+
+    Raises:
+        ImportFault: if it holds no robot that stands on hinges.
+    """
+    model, path = source.model, source.path
+    tops = [body for body in range(1, model.nbody) if model.body_parentid[body] == WORLD]
+    count = {top: _count_hinges(model, top) for top in tops}
+    if not tops or max(count.values()) == 0:
+        raise ImportFault([f"{path}: it has no hinges, expected those of a humanoid"])
+    root = max(tops, key=lambda top: count[top])
+    while _is_frame(model, root):
+        root = next(b for b in range(root + 1, model.nbody) if model.body_parentid[b] == root)
+    problems = [*_find_joint_problems(source, root, notes), *_find_size_problems(source, root)]
+    if problems:
+        raise ImportFault(problems)
+    qpos = model.qpos0.copy()
+    for joint in range(model.njnt):
+        if model.jnt_type[joint] == HINGE and model.joint(joint).name in source.stance:
+            qpos[model.jnt_qposadr[joint]] = source.stance[model.joint(joint).name]
+    return Tree(model, root, qpos)
+
+
+def _list_below(model: mujoco.MjModel, root: int) -> list[int]:
+    inside = {root}
+    for body in range(root + 1, model.nbody):
+        if int(model.body_parentid[body]) in inside:
+            inside.add(body)
+    return sorted(inside)
+
+
+def _count_hinges(model: mujoco.MjModel, root: int) -> int:
+    below = _list_below(model, root)
+    return int(np.sum((model.jnt_type == HINGE) & np.isin(model.jnt_bodyid, below)))
+
+
+def _is_frame(model: mujoco.MjModel, body: int) -> bool:
+    """Tell whether a body without joints, shapes and mass only holds one other."""
+    children = np.flatnonzero(model.body_parentid == body)
+    is_empty = model.body_jntnum[body] == 0 and model.body_geomnum[body] == 0
+    return bool(is_empty and model.body_mass[body] == 0.0 and len(children) == 1)
+
+
+def _find_joint_problems(source: ModelSource, root: int, notes: list[str]) -> Iterator[str]:
+    model = source.model
+    own = [j for j in range(model.njnt) if model.jnt_bodyid[j] == root]
+    kinds = [KINDS[int(model.jnt_type[j])] for j in own]
+    is_floating = kinds == ["free"]
+    is_replaced = len(kinds) == FREEDOMS_IN_SPACE and kinds.count("slide") == 3
+    if is_replaced:
+        notes.append("the root's three slides and three hinges are replaced by a free joint")
+    elif not kinds:
+        notes.append(f"body {shown(model.body(root).name)} was fixed to the world: it floats now")
+    elif not is_floating:
+        held = ", ".join(
+            f"{KINDS[int(model.jnt_type[j])]} {shown(name_joint(model, j))}" for j in own
+        )
+        yield (
+            f"{source.path}: torso {shown(model.body(root).name)} hangs on the world by {held}, "
+            "expected a free joint or none"
+        )
+    for body in _list_below(model, root)[1:]:
+        for joint in range(model.njnt):
+            if model.jnt_bodyid[joint] == body and model.jnt_type[joint] != HINGE:
+                yield (
+                    f"{source.path}: joint {shown(name_joint(model, joint))} of body "
+                    f"{shown(model.body(body).name)} is a {KINDS[int(model.jnt_type[joint])]} "
+                    "joint, expected hinges: model it as hinges, or fix it"
+                )
+
+
+def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
+    model = source.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    bodies = _list_below(model, root)
+    span = float(np.ptp(data.xpos[bodies, 2]))
+    mass = float(model.body_mass[bodies].sum())
+    if not SPANS[0] <= span <= SPANS[1]:
+        yield (
+            f"{source.path}: its joints span {span:.3g} m of height, expected {SPANS[0]:g} to "
+            f"{SPANS[1]:g} m: lengths are in m, and z points up"
+        )
+    if not MASSES[0] <= mass <= MASSES[1]:
+        yield (
+            f"{source.path}: its mass is {mass:.3g} kg, expected {MASSES[0]:g} to {MASSES[1]:g} "
+            "kg: masses are in kg"
+        )

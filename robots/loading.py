@@ -52,7 +52,9 @@ def _load_original(name_or_folder: str | Path) -> Robot:
         except RobotError as error:
             problems.append(f"model {error}")
     if problems or model is None:
-        raise RobotError(f"{file}: {'; '.join(problems)}")
+        raise RobotError(
+            f"{file}: {'; '.join(problems)}", [f"{file}: {problem}" for problem in problems]
+        )
     try:
         robot = _build_robot(folder, table, model, servos)
         robot.spec().compile()

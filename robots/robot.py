@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -77,6 +78,11 @@ ROBOTS_FOLDER = Path(__file__).parent
 
 class RobotError(ValueError):
     """A robot is unknown or its description is wrong."""
+
+    def __init__(self, message: str, problems: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems) or (message,)
+        """What is wrong, one by one."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -60,7 +60,11 @@ def build(command: BuildMotions) -> int:
     for folder in (MOTION_FOLDER, UNFINISHED):
         if faults := find_folder_faults(robot.folder / folder, ()):
             raise BadInputError("; ".join(faults))
-    chosen = find_keyframes(robot, command.names)
+    return build_rest(robot, find_keyframes(robot, command.names), command)
+
+
+def build_rest(robot: Robot, chosen: list[Keyframes], command: BuildMotions) -> int:
+    """Build motions into the robot's folder; report those that do not end as they should."""
     done = _count_done(robot, chosen, command)
     try:
         failures = _build_all(robot, chosen, command, done)

@@ -46,6 +46,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "previewing.preview",
         "Draw the keys of a motion and play them once.",
     ),
+    "motions retarget": (
+        "motions.RetargetMotions",
+        "retarget.retarget",
+        "Take the keyframes of another robot.",
+    ),
     "motions show": ("motions.ShowMotion", "motions.show", "Draw a motion as a film strip."),
     "motions play": ("rise.Play", "rise.play", "Play a rising motion, as getup play does."),
     "bench": ("", "", "Run a benchmark on the twin or on the virtual bus."),
@@ -104,6 +109,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "robots.ImportRobot",
         "import_robot.import_robot",
         "Make a robot folder from an MJCF or URDF file.",
+    ),
+    "robots check": (
+        "robots.CheckRobot",
+        "check_robot.check_robot",
+        "Check a robot's description, and what its body can do.",
     ),
 }
 """Name: options, the function that runs them, summary. A group of commands has only a summary."""

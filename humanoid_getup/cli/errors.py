@@ -7,7 +7,12 @@ from contextlib import contextmanager
 
 
 class BadInputError(Exception):
-    """What the user gave cannot be used; the message names it and what is allowed."""
+    """What the user gave cannot be used; the message names it and what is expected."""
+
+    def __init__(self, *problems: str) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = problems
+        """Each is printed on a line of its own."""
 
 
 @contextmanager

@@ -28,6 +28,7 @@ from robots.kinematics import place
 from robots.quaternion import Array
 
 UNFINISHED = "unfinished"
+SOUND = 0.8  # share of disturbed worlds in which a motion should end as it should
 ENTRY_STRIDE = 12  # frames between the entries that are tried
 ENTRY_BATCH = 32
 
@@ -83,6 +84,30 @@ def build_motion(
         "prefer": prefer or "keyframes",
     }
     return _record(Trial.of(world, optimized, start), provenance)
+
+
+def build_unimproved(robot: Robot, keyframes: Keyframes, seed: int) -> Build:
+    """Record keyframes as they are.
+
+    It is a failure, too, if they do not end as they should in most disturbed worlds.
+    """
+    world = World(robot)
+    start = settle(world, keyframes)
+    trial = Trial.of(world, keyframes, start)
+    share = 0.0
+    if trial.succeeded:
+        share = TrajectoryOptimizer(world, start).judge(keyframes, seed)[1]
+    provenance: dict[str, str | float | int] = {
+        "program": "getup motions retarget",
+        "seed": seed,
+        "disturbed_success": share,
+        "torque_limit": keyframes.torque_limit,
+    }
+    build = _record(trial, provenance)
+    if build.failure or share >= SOUND:
+        return build
+    failure = f"motion '{keyframes.name}' stands, but in {share:.0%} of disturbed worlds alone"
+    return replace(build, failure=failure)
 
 
 def _record(trial: Trial, provenance: dict[str, str | float | int]) -> Build:

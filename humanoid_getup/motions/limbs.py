@@ -162,7 +162,7 @@ class Limbs:
         leg = self.all["left_leg"]
         self._look(self.robot.standing.joint_pos)
         ends = [leg.start, leg.middle] + ([] if leg.end is None else [leg.end])
-        points = np.array([self._anchor(k) for k in ends])
+        points = np.array([self.anchor(k) for k in ends])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
     def _list_pitch_joints(self, limb: Limb) -> list[int]:
@@ -206,22 +206,23 @@ class Limbs:
         mujoco.mj_comPos(self.model, data)
 
     def _measure(self, limb: Limb) -> LimbPose:
-        middle = self._anchor(limb.middle)
-        upper = _unit(middle - self._anchor(limb.start))
-        lower = _unit(self._end(limb) - middle)
+        middle = self.anchor(limb.middle)
+        upper = _unit(middle - self.anchor(limb.start))
+        lower = _unit(self.end(limb) - middle)
         if limb.sole is None:
             return LimbPose(upper, lower)
         return LimbPose(upper, lower, self.data.site_xmat[limb.sole].reshape(3, 3).copy())
 
-    def _anchor(self, joint: int) -> Array:
+    def anchor(self, joint: int) -> Array:
+        """Return a point on a joint's axis in the torso's frame, at the angles measured last."""
         return self.data.xanchor[self._ids[joint]]
 
-    def _end(self, limb: Limb) -> Array:
-        """Return where a limb's lower part ends, (3,)."""
+    def end(self, limb: Limb) -> Array:
+        """Return where a limb's lower part ends, at the angles measured last, (3,) [m]."""
         if limb.end is not None:
-            return self._anchor(limb.end)
+            return self.anchor(limb.end)
         # An arm ends about as far beyond its mass center as its last joint is before it.
-        return 2.0 * self.data.subtree_com[limb.body] - self._anchor(limb.middle)
+        return 2.0 * self.data.subtree_com[limb.body] - self.anchor(limb.middle)
 
     def _list_limbs(self) -> list[Limb]:
         robot = self.robot
@@ -241,7 +242,7 @@ class Limbs:
         joints = self._list_joints(first)
         if len(joints) < 2:
             return None
-        anchors = {k: self._anchor(k).copy() for k in joints}
+        anchors = {k: self.anchor(k).copy() for k in joints}
         body = int(self.model.jnt_bodyid[self._ids[joints[-1]]])
         sole = self._find_sole(body) if kind == "leg" else None
         side = "left" if anchors[joints[0]][1] > 0.0 else "right"
@@ -288,7 +289,7 @@ class Limbs:
     def _tip(self, body: int, joints: list[int], sole: int | None) -> Array:
         if sole is not None:
             return self.data.site_xpos[sole].copy()
-        return 2.0 * self.data.subtree_com[body] - self._anchor(joints[-1])
+        return 2.0 * self.data.subtree_com[body] - self.anchor(joints[-1])
 
     def _twists(self, joint: int, way: Array) -> bool:
         axis = self.data.xaxis[self._ids[joint]]

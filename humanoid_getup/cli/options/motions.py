@@ -87,6 +87,17 @@ class BuildMotions(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RetargetMotions(BuildMotions):
+    """Take the keyframes of another robot: point the limbs the same way, keep the motions that
+    stand so, and improve the others as `getup motions build` does."""
+
+    source: Annotated[str, arg(name="from", metavar="NAME|DIR")] = "op3"
+    """Robot whose keyframes are taken."""
+    improve: bool = True
+    """Improve the motions that do not stand as they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShowMotion(RobotOption):
     """Draw a rising motion as a film strip."""
 

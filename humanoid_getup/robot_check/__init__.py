@@ -1,0 +1,1 @@
+"""Robot check: is a robot's description sound, and is its body able to get up?"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -60,6 +61,7 @@ class BusSettings:
     board: BoardSettings | None = None
 
 
+LONGEST_TIMESTEP = 0.002  # s; contacts and servos need no shorter step, and bear no longer one
 ROBOTS_FOLDER = Path(__file__).parent
 
 
@@ -221,12 +223,22 @@ class Robot:
     def spec(self) -> mujoco.MjSpec:
         """Build the robot's model with one position servo a joint, in joint order."""
         spec = mujoco.MjSpec.from_file(str(self.model_file))
-        spec.option.timestep = min(spec.option.timestep, 0.002)
+        spec.option.timestep = self.choose_timestep(min(spec.option.timestep, LONGEST_TIMESTEP))
         if not self.body.is_original:
             reshape_model(spec, self, self.body)
         for joint in self.joints:
             _add_servo(spec, joint)
         return spec
+
+    def choose_timestep(self, longest: float) -> float:
+        """Choose the longest physics step that divides the control period [s].
+
+        Args:
+            longest: Step that it must not exceed [s].
+        """
+        steps = math.ceil(self.control_period / longest - 1e-9)
+        fits = abs(steps * longest - self.control_period) < 1e-9
+        return longest if fits else self.control_period / steps
 
     def layout(self, model: mujoco.MjModel) -> Layout:
         """Find the addresses of this robot's root and joints in a compiled model."""

@@ -166,6 +166,7 @@ def _build_joint(row: JointRow, model: mujoco.MjModel, motor: ServoModel) -> Joi
             sign=row.sign,
             zero_ticks=row.zero_ticks,
             own_p_gain=row.p_gain,
+            gear=row.gear,
         ),
         segment=row.segment,
     )

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from robots.robot import BusSettings
 from robots.servo import MAX_TICKS, PGain, ServoModel
-from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole
+from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole, within
 
 MAIN_PORT = "main"  # name of the port when all joints share one
 MAX_CONTROL_PERIOD = 1.0  # s; slower than any robot can rise: the period was meant in ms
@@ -38,6 +38,8 @@ class JointRow:
     segment: Segment
     p_gain: PGain | None = None
     """Position P gain; that of the servo type if left out."""
+    gear: Annotated[float, within(0.01, 100.0)] = 1.0
+    """Turns of the servo per turn of the joint."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -140,6 +140,8 @@ class Robot:
     """One joint of each mirrored pair that a learned rise moves."""
     spreading_joints: tuple[str, ...] = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
+    passive_joints: tuple[str, ...] = ()
+    """Hinges of its model without servo; see `robots.passive_joints`."""
     limit_by: LimitMode = "pwm"
     """What a torque limit acts on, if nothing else is asked for: ``"current"`` or ``"pwm"``."""
     body: Body = ORIGINAL

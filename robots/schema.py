@@ -66,6 +66,8 @@ class RobotTable:
     """One joint of each mirrored pair that a learned rise moves; those of all limbs if left out."""
     spreading_joints: Names = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
+    passive_joints: Names = ()
+    """Hinges of the model without servo: springs, or coupled to others by equalities."""
     limit_by: Literal["current", "pwm"] | None = None
     """What a torque limit acts on; if left out the current, where all servos sense it."""
 

@@ -38,7 +38,7 @@ class GuardLimits:
     max_velocity: Array
     """Fastest change of targets [rad/s], shape (n,)."""
     torque_limit: Array
-    """Highest torque limit of each servo [N·m], shape (n,)."""
+    """Highest torque limit of each servo, at its joint [N·m], shape (n,)."""
     max_temperature: Array | float
     """Highest temperature of each servo [°C], shape (n,), or of all; infinity for any."""
     derate_temperature: Array | float
@@ -66,7 +66,7 @@ class GuardLimits:
     def of(robot: Robot, torque_limit: float | None = None) -> GuardLimits:
         """Build the limits of a robot's joints and servos.
 
-        ``torque_limit`` holds for every servo [N·m] whose own is not lower.
+        ``torque_limit`` holds at every servo [N·m] whose own is not lower.
         """
         if torque_limit is not None and not 0.0 <= torque_limit < np.inf:
             raise ValueError(f"torque limit is {torque_limit} N·m, expected a finite number >= 0")
@@ -75,7 +75,7 @@ class GuardLimits:
             lower=robot.lower,
             upper=robot.upper,
             max_velocity=robot.max_velocity,
-            torque_limit=np.minimum(robot.max_torque, cap),
+            torque_limit=np.minimum(robot.max_torque, robot.transmission.torque_at_joint(cap)),
             max_temperature=find_max_temperature(robot),
             derate_temperature=find_derate_temperature(robot),
             min_voltage=robot.supply_range[0],

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.state import Integers
 from robots import Joint, Robot
 from robots.quaternion import Array
-from robots.servo import RAD_PER_TICK, TICKS_PER_TURN
+from robots.servo import TICKS_PER_TURN
 
 
 def tick_range(joint: Joint) -> tuple[int, int]:
@@ -28,22 +28,29 @@ class ServoUnits:
         servos = [joint.servo for joint in robot.joints]
         self._sign = np.array([float(servo.sign) for servo in servos])
         self._zero = np.array([servo.zero_ticks for servo in servos])
+        self._rad_per_tick = np.array([servo.rad_per_tick for servo in servos])
         self._lower, self._upper = robot.lower, robot.upper
         # Whole ticks of the joint's own direction inside its range.
-        self._first = np.ceil(robot.lower / RAD_PER_TICK)
-        self._last = np.floor(robot.upper / RAD_PER_TICK)
+        self._first = np.ceil(robot.lower / self._rad_per_tick)
+        self._last = np.floor(robot.upper / self._rad_per_tick)
 
     def to_rad(self, ticks: Integers) -> Array:
         """Convert encoder ticks to joint angles [rad], (..., n)."""
-        return np.asarray(self._sign * (ticks - self._zero) * RAD_PER_TICK, dtype=float)
+        return np.asarray(self._sign * (ticks - self._zero) * self._rad_per_tick, dtype=float)
 
     def to_ticks(self, joint_pos: Array) -> Integers:
         """Convert joint angles [rad] to the nearest encoder ticks, (..., n)."""
-        return np.rint(self._sign * joint_pos / RAD_PER_TICK).astype(int) + self._zero
+        return np.rint(self._sign * joint_pos / self._rad_per_tick).astype(int) + self._zero
+
+    def to_fractional_ticks(self, joint_pos: Array) -> Array:
+        """Convert joint angles [rad] to where the encoders are between their ticks, (..., n)."""
+        return np.asarray(self._zero + self._sign * joint_pos / self._rad_per_tick, dtype=float)
 
     def quantize(self, joint_pos: Array) -> Array:
         """Round joint angles [rad] to the encoders' resolution, (..., n)."""
-        return self._sign * np.rint(self._sign * joint_pos / RAD_PER_TICK) * RAD_PER_TICK
+        return (
+            self._sign * np.rint(self._sign * joint_pos / self._rad_per_tick) * self._rad_per_tick
+        )
 
     def round_goal(self, joint_pos: Array) -> Array:
         """Round target angles [rad] to whole ticks, (..., n).
@@ -51,7 +58,7 @@ class ServoUnits:
         A target inside its joint's range stays inside: at the ends it is rounded inwards. A
         target outside, on its way back, is rounded to the nearest.
         """
-        ticks = self._sign * np.rint(self._sign * joint_pos / RAD_PER_TICK)
+        ticks = self._sign * np.rint(self._sign * joint_pos / self._rad_per_tick)
         ticks = np.where(joint_pos >= self._lower, np.maximum(ticks, self._first), ticks)
         ticks = np.where(joint_pos <= self._upper, np.minimum(ticks, self._last), ticks)
-        return ticks * RAD_PER_TICK
+        return ticks * self._rad_per_tick

@@ -61,7 +61,7 @@ class Drive:
         damping = robot.current_damping if self.damping is None else self.damping
         gains = np.zeros((*voltage.shape[:-1], robot.n, GAIN_COLUMNS))
         gains[..., RESISTANCE] = [m.resistance for m in models]
-        gains[..., MOTOR_CONSTANT] = [m.motor_constant for m in models]
+        gains[..., MOTOR_CONSTANT] = robot.motor_constant
         stiffness = robot.position_gain * self.gain_scale
         gains[..., KP] = stiffness * np.where(self.by_current, 1.0, voltage / robot.nominal_voltage)
         gains[..., KD] = np.where(self.by_current, damping, robot.torque_speed_slope)

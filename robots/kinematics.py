@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from robots import Posture, Robot, quaternion
+from robots.passive_joints import couple_passive_joints, rest_passive_joints
 from robots.quaternion import Array
 
 
@@ -120,7 +121,8 @@ def place_postures(
 
     Args:
         robot: Robot.
-        model: Its compiled world, whose other bodies are placed as in ``qpos0``.
+        model: Its compiled world, whose other bodies are placed as in ``qpos0``; passive joints
+            rest.
         position: Root positions in the world [m], (..., 3).
         orientation: Root orientations in the world, (..., 4).
         joint_pos: Joint angles [rad], (..., n).
@@ -131,6 +133,7 @@ def place_postures(
     qpos[..., layout.root_position] = position
     qpos[..., layout.root_orientation] = orientation
     qpos[..., layout.qpos] = joint_pos
+    rest_passive_joints(model, robot.passive_joints, qpos)
     return qpos
 
 
@@ -165,6 +168,7 @@ def mirror_positions(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
     mirrored[..., layout.root_qpos + 1] *= -1.0
     mirrored[..., layout.root_orientation] = quaternion.mirror(qpos[..., layout.root_orientation])
     mirrored[..., layout.qpos] = robot.mirror_joints(qpos[..., layout.qpos])
+    couple_passive_joints(model, robot.passive_joints, mirrored)
     return mirrored
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.model_checks import find_model_problems
+from robots.passive_joints import rest_passive_joints
 from robots.posture import Posture
 from robots.reshaping.body import ORIGINAL, Body, BodyError
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
@@ -87,6 +88,7 @@ def reshape(robot: Robot, body: Body) -> Robot:
         robot.torso,
         robot.neck_site,
         robot.sole_sites,
+        robot.passive_joints,
         dict(zip(robot.joint_names, robot.standing.joint_pos.tolist(), strict=True)),
     )
     return replace(reshaped, standing=standing, standing_neck_height=neck_height)
@@ -126,7 +128,7 @@ def _build_robot(
     rows, names = table.joints, [row.name for row in table.joints]
     angles = {name: table.standing.get(name, 0.0) for name in names}
     standing, neck_height = _compute_stance(
-        model, table.torso, table.neck_site, table.sole_sites, angles
+        model, table.torso, table.neck_site, table.sole_sites, table.passive_joints, angles
     )
     return Robot(
         name=table.name,
@@ -147,6 +149,7 @@ def _build_robot(
         imu=table.imu,
         rising_joints=table.rising_joints or (),
         spreading_joints=table.spreading_joints,
+        passive_joints=table.passive_joints,
         limit_by=table.limit_by or _choose_limit_mode(servos[row.servo] for row in rows),
     )
 
@@ -169,6 +172,7 @@ def _build_joint(row: JointRow, model: mujoco.MjModel, motor: ServoModel) -> Joi
             sign=row.sign,
             zero_ticks=row.zero_ticks,
             own_p_gain=row.p_gain,
+            gear=row.gear,
         ),
         segment=row.segment,
     )
@@ -179,6 +183,7 @@ def _compute_stance(
     torso: str,
     neck_site: str,
     sole_sites: Sequence[str],
+    passive_joints: Sequence[str],
     angles: Mapping[str, float],
 ) -> tuple[Posture, float]:
     """Place the soles flat on the ground; return the posture and the height of the neck [m].
@@ -188,6 +193,7 @@ def _compute_stance(
     data = mujoco.MjData(model)
     for name, angle in angles.items():
         data.joint(name).qpos[0] = angle
+    rest_passive_joints(model, passive_joints, data.qpos)
     mujoco.mj_kinematics(model, data)
     torso_from_sole = np.mean([data.site(sole).xmat.reshape(3, 3) for sole in sole_sites], axis=0)
     u, _, v = np.linalg.svd(torso_from_sole)

@@ -18,6 +18,7 @@ def find_model_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
         *_torso_problems(table, model),
         *_site_problems(table, model),
         *_joint_problems(table, model),
+        *_passive_problems(table, model),
         *_undescribed_problems(table, model),
         *_standing_problems(table, model),
         *_actuator_problems(table, model),
@@ -70,9 +71,25 @@ def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     return problems
 
 
-def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
-    """Find joints that would move without a servo; only the torso's free joint may."""
+def _passive_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+    """Find passive joints that are none of the model's hinges, or that have a servo."""
     described = {row.name for row in table.joints}
+    problems = []
+    for name in table.passive_joints:
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        if name in described:
+            problems.append(f"passive_joints: {shown(name)} has a row in joints, expected none")
+        elif joint < 0:
+            problems.append(f"passive_joints: {shown(name)} is not in {table.model}")
+        elif model.jnt_type[joint] != HINGE:
+            kind = JOINT_KINDS[int(model.jnt_type[joint])]
+            problems.append(f"passive_joints: {shown(name)} is a {kind} joint, expected a hinge")
+    return problems
+
+
+def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+    """Find joints that would move without a servo, and are neither passive nor the torso's."""
+    described = {row.name for row in table.joints} | set(table.passive_joints)
     torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, table.torso)
     problems = []
     for joint in range(model.njnt):
@@ -82,7 +99,8 @@ def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]
         if model.jnt_type[joint] != FREE:
             problems.append(
                 f"{JOINT_KINDS[int(model.jnt_type[joint])]} joint {shown(view.name)} of body "
-                f"{shown(body.name)} in {table.model} has no row in joints, expected one each"
+                f"{shown(body.name)} in {table.model} has no row in joints, expected one each, "
+                "or its name in passive_joints if it has no servo"
             )
         elif torso >= 0 and body.id != torso:
             problems.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,6 +19,7 @@ from robots.quaternion import Array
 from robots.reshaping.body import ORIGINAL, Body
 from robots.reshaping.reshape_model import reshape_model
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
+from robots.transmission import Transmission
 from robots.validation import Names, positive, whole
 
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
@@ -73,6 +75,7 @@ class BusSettings:
     board: BoardSettings | None = None
 
 
+LONGEST_TIMESTEP = 0.002  # s; contacts and servos need no shorter step, and bear no longer one
 ROBOTS_FOLDER = Path(__file__).parent
 
 
@@ -157,6 +160,8 @@ class Robot:
     """One joint of each mirrored pair that a learned rise moves."""
     spreading_joints: tuple[str, ...] = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
+    passive_joints: tuple[str, ...] = ()
+    """Hinges of its model without servo; see `robots.passive_joints`."""
     limit_by: LimitMode = "pwm"
     """What a torque limit acts on, if nothing else is asked for: ``"current"`` or ``"pwm"``."""
     body: Body = ORIGINAL
@@ -180,6 +185,11 @@ class Robot:
         return tuple(joint.name for joint in self.joints)
 
     @cached_property
+    def transmission(self) -> Transmission:
+        """Return the gears between the servos and the joints."""
+        return Transmission(np.array([joint.servo.gear for joint in self.joints]))
+
+    @cached_property
     def lower(self) -> Array:
         """Return the lower joint limits [rad], (n,)."""
         return np.array([joint.lower for joint in self.joints])
@@ -191,18 +201,21 @@ class Robot:
 
     @cached_property
     def max_torque(self) -> Array:
-        """Return the servos' stall torques at their nominal voltage [N·m], (n,)."""
-        return np.array([joint.servo.model.stall_torque for joint in self.joints])
+        """Return the servos' stall torques at the joints, at nominal voltage [N·m], (n,)."""
+        stall = np.array([joint.servo.model.stall_torque for joint in self.joints])
+        return self.transmission.torque_at_joint(stall)
 
     @cached_property
     def max_velocity(self) -> Array:
-        """Return the servos' no-load speeds at their nominal voltage [rad/s], (n,)."""
-        return np.array([joint.servo.model.no_load_speed for joint in self.joints])
+        """Return the joints' no-load speeds at the servos' nominal voltage [rad/s], (n,)."""
+        speed = np.array([joint.servo.model.no_load_speed for joint in self.joints])
+        return self.transmission.to_joint(speed)
 
     @cached_property
     def position_gain(self) -> Array:
-        """Return the position-mode stiffness at nominal voltage [N·m/rad], (n,)."""
-        return np.array([joint.servo.position_gain for joint in self.joints])
+        """Return the joints' position-mode stiffness at nominal voltage [N·m/rad], (n,)."""
+        gain = np.array([joint.servo.position_gain for joint in self.joints])
+        return self.transmission.gain_at_joint(gain)
 
     @cached_property
     def p_gain(self) -> Array:
@@ -223,18 +236,27 @@ class Robot:
     @cached_property
     def torque_speed_slope(self) -> Array:
         """Return the torque lost to back-EMF per speed [N·m·s/rad], (n,)."""
-        return np.array([joint.servo.model.torque_speed_slope for joint in self.joints])
+        slope = np.array([joint.servo.model.torque_speed_slope for joint in self.joints])
+        return self.transmission.gain_at_joint(slope)
 
     @cached_property
     def current_damping(self) -> Array:
         """Return the damping of current-based position mode [N·m·s/rad], (n,)."""
         models = [joint.servo.model for joint in self.joints]
-        return np.array([m.damping_gain(m.d_gain) for m in models])
+        damping = np.array([m.damping_gain(m.d_gain) for m in models])
+        return self.transmission.gain_at_joint(damping)
 
     @cached_property
     def torque_per_ampere(self) -> Array:
-        """Return the torque per motor current at the servos' stall points [N·m/A], (n,)."""
-        return np.array([joint.servo.model.torque_per_ampere for joint in self.joints])
+        """Return the joint torque per current at the servos' stall points [N·m/A], (n,)."""
+        torque = np.array([joint.servo.model.torque_per_ampere for joint in self.joints])
+        return self.transmission.torque_at_joint(torque)
+
+    @cached_property
+    def motor_constant(self) -> Array:
+        """Return the volts per speed of the joints [V·s/rad], which is N·m/A as well, (n,)."""
+        constant = np.array([joint.servo.model.motor_constant for joint in self.joints])
+        return self.transmission.torque_at_joint(constant)
 
     @cached_property
     def current_step(self) -> Array:
@@ -248,12 +270,52 @@ class Robot:
     def spec(self) -> mujoco.MjSpec:
         """Build the robot's model with one position servo a joint, in joint order."""
         spec = mujoco.MjSpec.from_file(str(self.model_file))
-        spec.option.timestep = min(spec.option.timestep, 0.002)
+        spec.option.timestep = self.choose_timestep(min(spec.option.timestep, LONGEST_TIMESTEP))
         if not self.body.is_original:
             reshape_model(spec, self, self.body)
-        for joint in self.joints:
-            _add_servo(spec, joint)
+        for i in range(self.n):
+            self._add_servo(spec, i)
         return spec
+
+    def _add_servo(self, spec: mujoco.MjSpec, i: int) -> None:
+        """Add a joint's servo: its friction and rotor, and a motor in position mode.
+
+        All figures are those at the joint. The servo drives voltage from the position error
+        without compensating its back-EMF. A ``dcmotor`` compensates it, so a derivative gain of
+        K²/R takes the compensation out again.
+        """
+        joint = self.joints[i]
+        motor, constant = joint.servo.model, float(self.motor_constant[i])
+        gear = joint.servo.gear
+        element = spec.joint(joint.name)
+        element.armature = motor.armature * gear**2
+        element.frictionloss = motor.friction * gear
+        actuator = spec.add_actuator(name=joint.name, target=joint.name)
+        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        actuator.set_to_dcmotor(
+            motorconst=[constant, constant],
+            resistance=motor.resistance,
+            saturation=[float(self.max_torque[i]), 0.0, 0.0],
+            controller=[
+                float(self.position_gain[i]),
+                0,
+                float(self.torque_speed_slope[i]),
+                0,
+                0,
+                motor.nominal_voltage,
+            ],
+            ctrlspec=mujoco.mjtCtrlInput.mjINPUT_POS,
+        )
+
+    def choose_timestep(self, longest: float) -> float:
+        """Choose the longest physics step that divides the control period [s].
+
+        Args:
+            longest: Step that it must not exceed [s].
+        """
+        steps = math.ceil(self.control_period / longest - 1e-9)
+        fits = abs(steps * longest - self.control_period) < 1e-9
+        return longest if fits else self.control_period / steps
 
     def layout(self, model: mujoco.MjModel) -> Layout:
         """Find the addresses of this robot's root and joints in a compiled model."""
@@ -288,35 +350,6 @@ class Robot:
                     f"torque limit is by 'current', expected 'pwm': the {model.name} of joint "
                     f"'{joint.name}' has no current sensor"
                 )
-
-
-def _add_servo(spec: mujoco.MjSpec, joint: Joint) -> None:
-    """Add a joint's servo: its friction and rotor, and a motor in position mode.
-
-    The servo drives voltage from the position error without compensating its
-    back-EMF. A ``dcmotor`` compensates it, so a derivative gain of K²/R takes the
-    compensation out again.
-    """
-    motor = joint.servo.model
-    element = spec.joint(joint.name)
-    element.armature = motor.armature
-    element.frictionloss = motor.friction
-    actuator = spec.add_actuator(name=joint.name, target=joint.name)
-    actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
-    actuator.set_to_dcmotor(
-        motorconst=[motor.motor_constant, motor.motor_constant],
-        resistance=motor.resistance,
-        saturation=[motor.stall_torque, 0.0, 0.0],
-        controller=[
-            joint.servo.position_gain,
-            0,
-            motor.torque_speed_slope,
-            0,
-            0,
-            motor.nominal_voltage,
-        ],
-        ctrlspec=mujoco.mjtCtrlInput.mjINPUT_POS,
-    )
 
 
 def list_robots() -> list[str]:

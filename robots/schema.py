@@ -13,7 +13,7 @@ from msgspec import Meta
 from robots.imu import IMU_PORT, ImuSettings, find_axes_problems, find_imu_problems
 from robots.robot import BoardSettings, BusSettings
 from robots.servo import MAX_TICKS, PGain, ServoModel
-from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole
+from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole, within
 
 MAIN_PORT = "main"  # name of the port when all joints share one
 BOARD_REGISTERS = ("gyro_address", "accelerometer_address", "gyro_scale", "accelerometer_scale")
@@ -41,6 +41,8 @@ class JointRow:
     segment: Segment
     p_gain: PGain | None = None
     """Position P gain; that of the servo type if left out."""
+    gear: Annotated[float, within(0.01, 100.0)] = 1.0
+    """Turns of the servo per turn of the joint."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +70,8 @@ class RobotTable:
     """One joint of each mirrored pair that a learned rise moves; those of all limbs if left out."""
     spreading_joints: Names = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
+    passive_joints: Names = ()
+    """Hinges of the model without servo: springs, or coupled to others by equalities."""
     limit_by: Literal["current", "pwm"] | None = None
     """What a torque limit acts on; if left out the current, where all servos sense it."""
 

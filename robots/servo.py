@@ -135,6 +135,14 @@ class Servo:
     own_p_gain: int | None = None
     """Position P gain on this joint; None for the one that its type is shipped with."""
 
+    gear: float = 1.0
+    """Turns of the servo per turn of the joint, above 0."""
+
+    @property
+    def rad_per_tick(self) -> float:
+        """Return the angle by which a tick turns the joint [rad]."""
+        return RAD_PER_TICK / self.gear
+
     @property
     def p_gain(self) -> int:
         """Return the position P gain at full gain scale."""
@@ -142,22 +150,24 @@ class Servo:
 
     @property
     def position_gain(self) -> float:
-        """Return the stiffness of position mode at nominal voltage [N·m/rad]."""
+        """Return the stiffness of position mode at the horn, at nominal voltage [N·m/rad]."""
         return self.model.position_gain(self.p_gain)
 
     def __post_init__(self) -> None:
         if self.sign not in (-1, 1):
             raise ValueError(f"servo {self.id}: sign is {self.sign}, expected -1 or 1")
+        if not 0.0 < self.gear < math.inf:
+            raise ValueError(f"servo {self.id}: gear is {self.gear:g}, expected above 0")
         if not 0 <= self.id <= 252:
             raise ValueError(f"servo id is {self.id}, expected 0 to 252")
 
     def to_rad(self, ticks: int) -> float:
         """Convert encoder ticks to the joint angle [rad]."""
-        return self.sign * (ticks - self.zero_ticks) * RAD_PER_TICK
+        return self.sign * (ticks - self.zero_ticks) * self.rad_per_tick
 
     def to_ticks(self, angle: float) -> int:
         """Convert a joint angle [rad] to the nearest encoder tick."""
-        return round(self.sign * angle / RAD_PER_TICK) + self.zero_ticks
+        return round(self.sign * angle / self.rad_per_tick) + self.zero_ticks
 
 
 def count_pwm(share: Array | float) -> Array:

@@ -1,6 +1,7 @@
 import contextlib
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,14 @@ def op3() -> Robot:
 @pytest.fixture(scope="session")
 def tiny() -> Robot:
     return load_robot(TINY)
+
+
+@pytest.fixture(scope="session")
+def geared(tiny: Robot) -> Robot:
+    """The tiny robot with a gear on each hip: one servo turns faster than its joint, one slower."""
+    pairs = zip(tiny.joints, (1.2, 10 / 11), strict=True)
+    joints = [replace(joint, servo=replace(joint.servo, gear=gear)) for joint, gear in pairs]
+    return replace(tiny, joints=tuple(joints))
 
 
 @pytest.fixture(scope="session")

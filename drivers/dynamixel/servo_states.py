@@ -21,7 +21,7 @@ ERROR = "hardware_error_status"
 """Items of the background read; that of the supply ends with the temperature."""
 TRIPPED = 0xFF  # Bus Watchdog register: -1, the servo has stopped by itself
 LEAP = 30  # ticks that a position may jump at any time: noise, and the clock's jitter
-FASTEST = 20.0 / RAD_PER_TICK  # ticks/s; four times the no-load speed of the servos known here
+FASTEST = 20.0  # rad/s, or four times the no-load speed of a servo where that is more
 MISSED = 2.5  # periods of silence in which a servo may have restarted
 
 
@@ -40,8 +40,10 @@ class ServoStates:
         self._row[[joint.servo.id for joint in robot.joints]] = np.arange(n)
         sign = np.array([float(joint.servo.sign) for joint in robot.joints])
         velocity = [table["present_velocity"].scale for table in self._tables]
-        self._velocity_scale = sign * np.array(velocity)
+        self._velocity_scale = sign * robot.transmission.to_joint(np.array(velocity))
         self._current_scale = sign * _current_scales(robot)
+        speed = [4.0 * joint.servo.model.no_load_speed for joint in robot.joints]
+        self._fastest = np.maximum(FASTEST, speed) / RAD_PER_TICK  # ticks/s, (n,)
         self.ticks = np.zeros(n, dtype=int)
         """Present positions [ticks]; not measured before ``stamp`` is finite."""
         self._doubtful_ticks = np.zeros(n, dtype=int)
@@ -90,9 +92,11 @@ class ServoStates:
         read confirms it: a 16-bit CRC lets one damaged reply in 65536 through.
         """
         rows, ticks = self._row[replies.devices], replies.column(POSITION, "<i4")
-        leaps = np.abs(ticks - self.ticks[rows]) > LEAP + FASTEST * (now - self.stamp[rows])
+        leaps = np.abs(ticks - self.ticks[rows]) > LEAP + self._fastest[rows] * (
+            now - self.stamp[rows]
+        )
         if leaps.any():
-            reach = LEAP + FASTEST * self._period
+            reach = LEAP + self._fastest[rows] * self._period
             is_confirmed = np.abs(ticks - self._doubtful_ticks[rows]) <= reach
             self._doubtful_ticks[rows[leaps]] = ticks[leaps]
             accepted = ~leaps | is_confirmed

@@ -23,7 +23,7 @@ from robots import Joint, Robot
 from robots.calibration import Calibration, JointCalibration
 from robots.kinematics import place
 from robots.quaternion import Array
-from robots.servo import RAD_PER_TICK, TICKS_PER_TURN
+from robots.servo import TICKS_PER_TURN
 from robots.validation import Sign
 
 READS = 20  # per joint; the median counts
@@ -97,8 +97,9 @@ class JointMeasurement:
 
     @property
     def shift(self) -> float:
-        """Return how far the zero moves [degrees]."""
-        return (self.zero_ticks - self.joint.servo.zero_ticks) * DEG_PER_TICK
+        """Return how far the zero of the joint moves [degrees]."""
+        turn = (self.zero_ticks - self.joint.servo.zero_ticks) * DEG_PER_TICK
+        return turn / self.joint.servo.gear
 
     @property
     def is_reversed(self) -> bool:
@@ -165,7 +166,7 @@ class Calibrator:
         ticks = measure_ticks(self._bus, [m.joint for m in self.measured])
         for name, measured in self._measured.items():
             angle = float(joint_pos[self._robot.joint_names.index(name)])
-            zero = ticks[name] - round(measured.sign * angle / RAD_PER_TICK)
+            zero = ticks[name] - round(measured.sign * angle / measured.joint.servo.rad_per_tick)
             self._measured[name] = replace(measured, zero_ticks=zero)
 
     def check_signs(self, prompt: Prompt) -> None:

@@ -60,6 +60,8 @@ class Twin(Backend):
         self.model, self.data = self.simulation.model, self.simulation.data
         self.truth = self.simulation.truth
         self._units = ServoUnits(self.robot)
+        steps = np.full(self.robot.n, VELOCITY_STEP)
+        self._velocity_step = self.robot.transmission.to_joint(steps)
         self.limit_by: LimitMode = limit_by or self.robot.limit_by
         self._filter = OrientationFilter(self.period)
         self._connected = False
@@ -90,7 +92,7 @@ class Twin(Backend):
         return State(
             time=body.time,
             joint_pos=self._units.quantize(body.joint_pos),
-            joint_vel=quantize(body.joint_vel, VELOCITY_STEP),
+            joint_vel=quantize(body.joint_vel, self._velocity_step),
             joint_current=quantize(body.joint_current, CURRENT_STEP),
             gyro=body.imu.gyro,
             orientation=self._filter.orientation,

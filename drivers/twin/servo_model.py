@@ -43,7 +43,7 @@ class Windings:
     def __init__(self, robot: Robot) -> None:
         models = [joint.servo.model for joint in robot.joints]
         self._torque_per_ampere = robot.torque_per_ampere
-        self._motor_constant = np.array([m.motor_constant for m in models])
+        self._motor_constant = robot.motor_constant
         self._volts_per_torque = np.array([m.resistance for m in models]) / self._motor_constant
         self._resistance = np.array([m.nominal_voltage / m.stall_current for m in models])
         mass = np.array([m.mass for m in models])
@@ -76,6 +76,6 @@ class Windings:
         self.temperature += (loss - cooling) * (duration / self.heat_capacity)
 
 
-def quantize(value: Array, step: float) -> Array:
+def quantize(value: Array, step: Array | float) -> Array:
     """Round to whole steps of a sensor's resolution."""
     return np.rint(value / step) * step

@@ -19,8 +19,8 @@ from robots.drive import Drive
 from robots.ground import GROUND_FRICTION, add_ground
 from robots.kinematics import place
 from robots.quaternion import Array
+from robots.robot import LONGEST_TIMESTEP
 
-LONGEST_STEP = 0.002  # s
 # MuJoCo's dry friction is soft: loaded joints without torque creep at up to 0.03 rad/s. Once they
 # have been that slow for a while, its noslip solver holds them, as the friction of gears does.
 REST_SPEED, REST_TIME, NOSLIP_ITERATIONS = 0.05, 1.0, 5  # rad/s and m/s; s
@@ -216,8 +216,8 @@ def _count_steps(period: float, timestep: float) -> int:
         raise ModelError(
             f"period {period:g} s is not a multiple of the physics step {timestep:g} s"
         )
-    if timestep > LONGEST_STEP + 1e-12:
-        raise ModelError(f"physics step is {timestep:g} s, expected at most {LONGEST_STEP:g} s")
+    if timestep > LONGEST_TIMESTEP + 1e-12:
+        raise ModelError(f"physics step is {timestep:g} s, expected at most {LONGEST_TIMESTEP:g} s")
     return steps
 
 

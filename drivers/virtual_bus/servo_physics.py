@@ -17,7 +17,7 @@ from drivers.virtual_bus.devices.servo import MotorCommand, VirtualServo
 from robots import Posture
 from robots.drive import Drive
 from robots.quaternion import Array
-from robots.servo import PWM_FULL_SCALE, RAD_PER_TICK
+from robots.servo import PWM_FULL_SCALE
 
 BY_CURRENT = OperatingMode.CURRENT_BASED_POSITION
 CONTROL_RATE = 1000.0  # Hz, of a servo's integrators; not published
@@ -48,7 +48,6 @@ class ServoPhysics:
         joints = robot.joints
         self._units = ServoUnits(robot)
         self._sign = np.array([float(joint.servo.sign) for joint in joints])
-        self._zero = np.array([joint.servo.zero_ticks for joint in joints])
         self._models = [joint.servo.model for joint in joints]
         self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
@@ -139,7 +138,7 @@ class ServoPhysics:
             pwm=np.array([d.pwm_limit for d in commands]),
             gain_scale=gain,
             by_current=by_current,
-            damping=np.array(damping),
+            damping=robot.transmission.gain_at_joint(np.array(damping)),
         )
 
     def _find_target(self, i: int, command: MotorCommand, step: float) -> float:
@@ -163,7 +162,8 @@ class ServoPhysics:
         self, i: int, command: MotorCommand, velocity: float, step: float
     ) -> float:
         """Compute the share of the supply that the velocity loop applies."""
-        error = (command.goal_velocity * self._sign[i] - velocity) / VELOCITY_STEP  # counts
+        at_servo = velocity * self.simulation.robot.joints[i].servo.gear
+        error = (command.goal_velocity * self._sign[i] - at_servo) / VELOCITY_STEP  # counts
         self._integral[i] += command.velocity_i_gain / 65536 * error * step * CONTROL_RATE
         self._integral[i] = float(np.clip(self._integral[i], -PWM_FULL_SCALE, PWM_FULL_SCALE))
         counts = command.velocity_p_gain / 128 * error + self._integral[i]
@@ -172,8 +172,8 @@ class ServoPhysics:
     def _sense(self) -> None:
         """Update the sensors of the servos and the board."""
         simulation = self.simulation
-        ticks = self._zero + self._sign * simulation.joint_pos / RAD_PER_TICK
-        velocity = self._sign * simulation.joint_vel
+        ticks = self._units.to_fractional_ticks(simulation.joint_pos)
+        velocity = self._sign * simulation.robot.transmission.to_servo(simulation.joint_vel)
         current = self._sign * simulation.joint_current
         share = self._sign * simulation.pwm_share
         columns = (ticks, velocity, current, share, simulation.temperature)

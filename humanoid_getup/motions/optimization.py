@@ -118,7 +118,7 @@ class TrajectoryOptimizer:
         wants_margin = preference is not None and preference.wants_margin
         self._randomization = MARGIN if wants_margin else RolloutRandomization()
         coarse = World(world.robot, world.scene, model=copy.copy(world.model))
-        coarse.model.opt.timestep = _coarse_step(world)
+        coarse.model.opt.timestep = world.robot.choose_timestep(SEARCH_TIMESTEP)
         self._search = Rollout(coarse, POPULATION * SCENARIOS, threads=threads)
         self._final = Rollout(world, FINAL_SCENARIOS, threads=threads)
 
@@ -251,10 +251,3 @@ def make_scenarios(
     parameters.friction[1] = parameters.friction[0]
     parameters.voltage[1] = parameters.voltage[0]
     return starts, parameters
-
-
-def _coarse_step(world: World) -> float:
-    """Return the search's physics step [s]: 4 ms, or the model's where that does not fit."""
-    cycles = world.robot.control_period / SEARCH_TIMESTEP
-    fits = abs(cycles - round(cycles)) < 1e-9
-    return SEARCH_TIMESTEP if fits else float(world.model.opt.timestep)

@@ -1,11 +1,15 @@
 """Loading robots: by name and from a folder."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from spoiling import spoil
 
+from drivers import Command, Twin
 from robots import RobotError, list_robots, load_robot
 from robots.drive import KP
 
@@ -56,6 +60,35 @@ def test_a_joint_may_have_a_gain_of_its_own(own_robot, tiny):
     assert robot.position_gain == pytest.approx(tiny.position_gain * [1.0, 0.5])
     gains = robot.spec().compile().actuator_gainprm
     assert gains[:, KP] == pytest.approx(robot.position_gain)
+
+
+@given(period=st.floats(0.0005, 0.05), longest=st.sampled_from([0.001, 0.002, 0.004]))
+def test_the_physics_step_is_the_longest_that_divides_the_control_period(tiny, period, longest):
+    step = replace(tiny, control_period=period).choose_timestep(longest)
+    steps = round(period / step)
+    assert steps * step == pytest.approx(period, abs=1e-9)
+    assert step <= longest + 1e-9
+    assert steps == 1 or period / (steps - 1) > longest
+
+
+@pytest.mark.parametrize(
+    ("period", "step"), [(0.008, 0.002), (0.0125, 0.0125 / 7), (0.02, 0.002), (0.001, 0.001)]
+)
+def test_a_robot_may_have_any_control_period(own_robot, period, step):
+    spoil(own_robot, "control_period = 0.008", f"control_period = {period}")
+    robot = load_robot(own_robot)
+    assert robot.spec().compile().opt.timestep == step
+    with Twin(robot) as twin:
+        twin.read()
+        twin.write(Command.position(robot, np.zeros(2)))
+        assert twin.read().time == pytest.approx(period)
+
+
+def test_a_models_own_step_is_kept_where_it_is_shorter(own_robot):
+    spoil(own_robot, 'timestep="0.002"', 'timestep="0.001"', "model.xml")
+    assert load_robot(own_robot).spec().compile().opt.timestep == 0.001
+    spoil(own_robot, "control_period = 0.008", "control_period = 0.0125")
+    assert load_robot(own_robot).spec().compile().opt.timestep == 0.0125 / 13
 
 
 @pytest.mark.parametrize("name", ["nao", "", "../..", "/nowhere/at/all", "a\nb"])

@@ -58,6 +58,16 @@ def test_servos_of_other_types_with_gains_of_their_own_take_one_path_too(own_rob
     assert_one_path(robot, "current", None)
 
 
+@pytest.mark.parametrize("limit_by", ["current", "pwm"])
+def test_joints_behind_gears_take_one_path_too(geared: Robot, limit_by: LimitMode):
+    assert_one_path(geared, limit_by, 1.0)
+
+
+def test_a_control_period_that_2_ms_do_not_divide_gives_one_path_too(own_robot: Path):
+    spoil(own_robot, "control_period = 0.008", "control_period = 0.0125")
+    assert_one_path(load_robot(own_robot), "current", None)
+
+
 def assert_one_path(robot: Robot, limit_by: LimitMode, torque_limit: float | None) -> None:
     """Swing a robot's joints on its twin and on a virtual bus: both measure the same."""
     twin = Twin(robot, limit_by=limit_by)

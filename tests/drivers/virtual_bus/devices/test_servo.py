@@ -9,7 +9,6 @@ from drivers.dynamixel.control_table import OperatingMode, known_models, table_n
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset
 from drivers.virtual_bus.devices.device import Addressing
 from drivers.virtual_bus.devices.maintenance import CLEAR_TURNS, RESTORE_BACKUP, STORE_BACKUP
-from drivers.virtual_bus.devices.protection import STALL_CURRENTS
 from drivers.virtual_bus.devices.quirks import Quirks, UndefinedRegisters
 from drivers.virtual_bus.devices.servo import VirtualServo
 
@@ -57,7 +56,6 @@ def test_a_new_servo_has_no_hardware_error(model: str):
     servo = VirtualServo(1, model)
     servo.advance(1.0)
     assert read(servo, "hardware_error_status") == 0
-    assert model in STALL_CURRENTS
 
 
 def test_a_ping_tells_model_and_firmware_at_every_return_level():

@@ -1,0 +1,89 @@
+"""Robots with hinges that have no servo: a spring, and an output that gears drive."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from spoiling import complaint, spoil
+
+from drivers import Command, Twin
+from robots import Posture, Robot, load_robot
+from robots.kinematics import mirror_positions, place, read_posture
+
+TOE = """<site name="l_sole" pos="0 0 -0.1"/>
+        <body pos="0 0 -0.1">
+          <joint name="l_toe" axis="0 1 0" stiffness="2" springref="10" damping="0.01"/>
+          <geom type="sphere" size="0.01" mass="0.01"/>
+        </body>"""
+FIN = """<site name="r_sole" pos="0 0 -0.1"/>
+        <body pos="0 0.1 0">
+          <joint name="r_fin" axis="0 1 0" damping="0.01" armature="0.001"/>
+          <geom type="sphere" size="0.01" mass="0.01"/>
+        </body>"""
+GEARS = """</worldbody>
+  <equality><joint joint1="r_fin" joint2="r_hip" polycoef="0.1 -0.857 0.2 0 0"/></equality>"""
+
+
+def follow(hip):
+    return 0.1 - 0.857 * hip + 0.2 * hip**2
+
+
+@pytest.fixture(scope="module")
+def sprung(tmp_path_factory: pytest.TempPathFactory, tiny: Robot) -> Robot:
+    """The tiny robot with a sprung toe, and a fin that gears drive from its hip."""
+    folder = tmp_path_factory.mktemp("sprung")
+    for file in ("robot.toml", "model.xml"):
+        (folder / file).write_text((tiny.folder / file).read_text("utf-8"), "utf-8")
+    spoil(folder, '<site name="l_sole" pos="0 0 -0.1"/>', TOE, "model.xml")
+    spoil(folder, '<site name="r_sole" pos="0 0 -0.1"/>', FIN, "model.xml")
+    spoil(folder, "</worldbody>", GEARS, "model.xml")
+    spoil(folder, 'name = "tiny"', 'name = "sprung"\npassive_joints = ["l_toe", "r_fin"]')
+    return load_robot(folder)
+
+
+@given(hips=st.tuples(st.floats(-1.5, 1.0), st.floats(-1.5, 1.0)).map(np.array))
+def test_passive_joints_are_placed_where_they_rest(sprung: Robot, hips):
+    model = sprung.spec().compile()
+    posture = Posture(position=np.zeros(3), orientation=np.eye(4)[0], joint_pos=hips)
+    qpos = place(sprung, model, posture)
+    assert qpos[model.joint("l_toe").qposadr] == pytest.approx(np.radians(10.0))
+    assert qpos[model.joint("r_fin").qposadr] == pytest.approx(follow(hips[1]))
+    assert read_posture(sprung, model, qpos).joint_pos == pytest.approx(hips)
+    mirrored = mirror_positions(sprung, model, qpos)
+    assert mirrored[model.joint("r_fin").qposadr] == pytest.approx(follow(hips[0]))
+    # The independent judge: MuJoCo finds nothing to correct.
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    is_equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    assert np.abs(data.efc_pos[is_equality]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_coupled_joint_follows_its_servo_on_the_twin(sprung: Robot):
+    with Twin(sprung) as twin:
+        for _ in range(60):
+            twin.read()
+            twin.write(Command.position(sprung, np.array([0.2, -0.3])))
+        hip = float(twin.read().joint_pos[1])
+        fin = twin.truth.data.joint("r_fin").qpos[0]
+    assert hip == pytest.approx(-0.3, abs=0.05)
+    assert fin == pytest.approx(follow(hip), abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ('"l_toe"', "one each, or its name in passive_joints if it has no servo"),
+        ('"l_toe", "r_fin", "l_hip"', "passive_joints: 'l_hip' has a row in joints, expected none"),
+        ('"l_toe", "r_fin", "tail"', "passive_joints: 'tail' is not in model.xml"),
+        ('"l_toe", "r_fin", "root"', "passive_joints: 'root' is a free joint, expected a hinge"),
+    ],
+)
+def test_a_wrong_passive_joint_is_told(sprung: Robot, tmp_path: Path, names, words):
+    for file in sprung.folder.iterdir():
+        (tmp_path / file.name).write_text(file.read_text("utf-8"), "utf-8")
+    spoil(tmp_path, '"l_toe", "r_fin"', names)
+    assert words in complaint(tmp_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
+from enum import Enum
 
 import numpy as np
 
@@ -34,6 +35,14 @@ ACCELEROMETER_STEP = 0.01  # m/s² a count
 BLANK = bytes(6)  # what the registers hold before the first measurement
 
 
+class Asked(Enum):
+    """What the last request was about."""
+
+    SETTING = "the next step of the setup"
+    MODE = "the operating mode"
+    DATA = "ids and data"
+
+
 class Bno055:
     """A BNO055 that is asked for one sample a cycle.
 
@@ -50,7 +59,8 @@ class Bno055:
         self._steps: deque[tuple[int, int, float]] = deque()
         self._ready_at = self._asked_at = 0.0
         self._set_up_in = -1  # connection in which the chip was configured
-        self._writing = False
+        self._asked = Asked.DATA
+        self._is_in_doubt = self._may_be_blank = False
         self._rejected = 0
 
     @property
@@ -87,11 +97,16 @@ class Bno055:
             return
         if self._set_up_in != line.connections:
             self._set_up_in, self._steps = line.connections, deque(SETUP)
-        self._asked_at, self._writing = now, bool(self._steps)
+        self._asked_at = now
         if self._steps:
+            self._asked = Asked.SETTING
             register, value, _ = self._steps[0]
             line.write(register, value)
+        elif self._is_in_doubt:
+            self._asked = Asked.MODE
+            line.read(OPR_MODE, 1)
         else:
+            self._asked = Asked.DATA
             line.read(CHIP_IDS, DATA_END)
 
     def poll(self, now: float) -> ImuSample | None:
@@ -99,13 +114,14 @@ class Bno055:
         reply = self._line.take()
         if reply is None:
             return None
-        if self._writing:
-            if self._steps:
-                _, _, wait = self._steps.popleft()
-                self._ready_at = time.monotonic() + wait
-            self._writing = False
-            return None
-        return self._decode(reply, now - self._asked_at)
+        if self._asked is Asked.SETTING:
+            _, _, wait = self._steps.popleft()
+            self._ready_at = time.monotonic() + wait
+        elif self._asked is Asked.MODE:
+            self._check_mode(reply[0])
+        else:
+            return self._decode(reply, now - self._asked_at)
+        return None
 
     def measure(self) -> ImuSample | None:
         """Wait for a sample."""
@@ -116,8 +132,10 @@ class Bno055:
         if len(data) != DATA_END or data[:4] != IDS or data[PAGE_ID] != 0:
             self._rejected += 1
             return None
-        if gyro == BLANK and accelerometer == BLANK:  # in configuration mode: it has restarted
-            self._set_up_in = -1
+        is_blank = gyro == BLANK and accelerometer == BLANK
+        self._is_in_doubt = is_blank and not self._may_be_blank
+        self._may_be_blank &= is_blank
+        if self._is_in_doubt:
             return None
         return ImuSample(
             gyro=self._axes.to_site(np.frombuffer(gyro, "<i2")) * GYRO_STEP,
@@ -126,6 +144,12 @@ class Bno055:
             counts=accelerometer + gyro,
             age=age,
         )
+
+    def _check_mode(self, mode: int) -> None:
+        """Find out whether zeros are a free fall, or those of a chip that has restarted."""
+        self._is_in_doubt, self._may_be_blank = False, mode & 0x0F == ACCGYRO_MODE
+        if not self._may_be_blank:
+            self._set_up_in = -1
 
     def _read_ids(self) -> bytes | None:
         """Read the chip's ids, waiting for a chip that boots; None if it is silent."""

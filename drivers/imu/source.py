@@ -65,9 +65,9 @@ class ImuSource(Protocol):
         ...
 
 
-def await_sample(source: ImuSource, duration: float = FIRST_SAMPLE) -> ImuSample | None:
-    """Wait for a sample for at most some seconds."""
-    until = time.monotonic() + duration
+def await_sample(source: ImuSource) -> ImuSample | None:
+    """Wait for a sample, but not for ever."""
+    until = time.monotonic() + FIRST_SAMPLE
     while True:
         now = time.monotonic()
         source.request(now)

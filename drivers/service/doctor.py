@@ -25,6 +25,7 @@ from drivers.dynamixel.diagnostics import (
 from drivers.dynamixel.port import read_latency_timer
 from drivers.dynamixel.requests import Request
 from drivers.imu.sample import ImuSample
+from drivers.imu.source import POLL_STEP, ImuSource
 from drivers.orientation_filter import GRAVITY
 from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
 from drivers.service.session import BusPort, RobotBus
@@ -35,6 +36,8 @@ from robots.servo import LimitMode
 ROUNDS = 50  # reads that are timed
 BEST_TIMER = 1  # ms, the least that an adapter's latency timer can be
 REQUESTS = 2  # of a cycle that wait for replies
+RATE_TIME = 0.5  # s over which an IMU's samples are counted
+LEAST_RATE = 0.5  # samples a control cycle that a rise needs at least
 LEAST_FORCE, MOST_FORCE = 0.8 * GRAVITY, 1.2 * GRAVITY  # m/s², of a body at rest
 
 
@@ -86,6 +89,12 @@ class HealthCheck:
     """Errors first."""
     ports: tuple[PortReport, ...]
     imu: ImuSample | None
+    imu_name: str
+    """Name of the IMU in messages; empty if there is none."""
+    imu_note: str
+    """What is special about its samples, in words; empty for nothing."""
+    imu_rate: float | None
+    """Samples that it delivers [Hz]; None for a board, which is read with the servos."""
     torque: tuple[Joint, ...]
     """Joints that have torque."""
     written: tuple[str, ...]
@@ -112,9 +121,11 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     servos = tuple(sorted(diagnostics.servos, key=lambda servo: place[servo.joint.name]))
     ports = [_examine_port(bus, port, servos, rounds) for port in bus.ports]
     imu = bus.imu.measure() if bus.imu else None
+    rate = measure_rate(bus.imu) if bus.imu and bus.imu is not bus.board and imu else None
     findings = [*diagnostics.findings, *_check_torque(torque), *_check_heat(servos)]
     findings += [f for port in ports for f in _check_port(port, robot.control_period)]
-    findings += [*_check_imu(imu), *_check_settings(servos, robot.limit_by)]
+    findings += [*_check_imu(bus.imu, imu), *_check_rate(bus.imu, rate, robot.control_period)]
+    findings += [*_check_settings(servos, robot.limit_by)]
     is_calibrated = (robot.folder / CALIBRATION_FILE).exists()
     if not is_calibrated:
         text = "no calibration: zeros and signs are those of the description"
@@ -126,6 +137,9 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
         findings=tuple(sorted(findings, key=lambda f: list(Severity).index(f.severity))),
         ports=tuple(ports),
         imu=imu,
+        imu_name=bus.imu.name if bus.imu else "",
+        imu_note=bus.imu.note if bus.imu else "",
+        imu_rate=rate,
         torque=torque,
         written=tuple(bus.written),
         is_calibrated=is_calibrated,
@@ -241,9 +255,36 @@ def _describe_setting(name: str, value: int) -> str:
     return f"{text}, {2 * value} µs before each reply" if name == "return_delay_time" else text
 
 
-def _check_imu(sample: ImuSample | None) -> list[Finding]:
-    if sample is None:
+def measure_rate(imu: ImuSource) -> float:
+    """Count the samples of an IMU on its own line [Hz]."""
+    count, until = 0, time.monotonic() + RATE_TIME
+    while (now := time.monotonic()) < until:
+        imu.request(now)
+        count += imu.poll(now) is not None
+        time.sleep(POLL_STEP)
+    return count / RATE_TIME
+
+
+def _check_rate(imu: ImuSource | None, rate: float | None, period: float) -> list[Finding]:
+    if imu is None or rate is None:
         return []
+    findings, least = [], LEAST_RATE / period
+    if rate < least:
+        text = f"delivers {rate:.0f} samples a second, expected at least {least:.0f}"
+        remedy = "raise its rate or its baud rate"
+        findings.append(Finding(Severity.WARNING, imu.name, text, remedy))
+    if imu.damaged:
+        text, remedy = f"{imu.damaged} damaged messages", "check its cable and its baud rate"
+        findings.append(Finding(Severity.WARNING, imu.name, text, remedy))
+    return findings
+
+
+def _check_imu(imu: ImuSource | None, sample: ImuSample | None) -> list[Finding]:
+    if imu is None:
+        return []
+    if sample is None:
+        remedy = "check its power, its cable, and how robot.toml describes it"
+        return [Finding.error(imu.name, "sends no samples", remedy)]
     force = float(np.linalg.norm(sample.accelerometer))
     if LEAST_FORCE <= force <= MOST_FORCE:
         return []

@@ -62,6 +62,7 @@ def open_backend(
             clock=None if realtime else CycleClock(),
             answer_margin=ANSWER_MARGIN if realtime else LOCK_STEP_MARGIN,
             limit_by=limit_by,
+            imu=served.imu,
         )
         with driver:  # switches servo power on, as on a robot that was used before
             pass

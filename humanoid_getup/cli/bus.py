@@ -48,6 +48,12 @@ def serve_bus(command: ServeBus) -> int:
 def describe(robot: VirtualRobot) -> str:
     """Compose the banner: rate, and how the servos get power."""
     text = f"getup: {robot.robot.name} on a virtual bus at {robot.bus.baud} bit/s, Ctrl-C ends it"
+    imu = robot.robot.imu
+    if robot.imu is not None and imu is not None and not imu.is_serial:
+        text += (
+            "\ngetup: its IMU is on I2C, which no other program can reach: "
+            "--backend virtual without --port has it"
+        )
     board = robot.board
     if board is None or all(servo.powered for servo in robot.servos):
         return text

@@ -60,6 +60,8 @@ def to_record(health: HealthCheck) -> dict[str, Any]:
         "ports": [asdict(port) for port in health.ports],
         "accelerometer_m_s2": health.imu and health.imu.accelerometer,
         "gyro_rad_s": health.imu and health.imu.gyro,
+        "imu": health.imu_name,
+        "imu_rate_hz": health.imu_rate,
         "joints": {servo.joint.name: _record_servo(servo) for servo in health.servos},
     }
 
@@ -102,7 +104,12 @@ def print_health(health: HealthCheck, console: Console) -> None:
         _print_port(port, health, console)
     if health.imu is not None:
         x, y, z = health.imu.accelerometer
-        console.print(f"[bold]IMU[/]: up is ({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s² in its axes")
+        rate = "" if health.imu_rate is None else f", {health.imu_rate:.0f} samples a second"
+        note = f", {health.imu_note}" if health.imu_note else ""
+        console.print(
+            f"[bold]IMU[/]: up is ({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s² in its axes, "
+            f"{escape(health.imu_name)}{rate}{note}"
+        )
     mode = _name_mode(OPERATING_MODES[health.robot.limit_by])
     console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
     calibrated = "present" if health.is_calibrated else "none: getup calibrate"

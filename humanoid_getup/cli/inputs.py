@@ -23,6 +23,7 @@ from humanoid_getup.simulation.standing_places import check_standing_place
 from humanoid_getup.simulation.world import World
 from robots import Body, Robot, TorqueLimit, load_posture
 from robots import load_robot as load_robot_by_name
+from robots.imu import IMU_PORT
 
 
 def load_robot(options: RobotOption) -> Robot:
@@ -91,15 +92,18 @@ def find_motion(robot: Robot, name: str) -> Motion:
 def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
     """Map the names of a robot's ports to their paths.
 
+    That of an IMU with a serial port of its own may be given too, as ``imu``.
+
     Raises:
         BadInputError: naming the ports that the robot has.
     """
     wanted = list(robot.bus.ports) if robot.bus else []
+    own = [IMU_PORT] if robot.imu is not None and robot.imu.is_serial else []
     if len(wanted) == 1 and len(ports) == 1 and "=" not in ports[0]:
         return {wanted[0]: ports[0]}
     named = dict(port.split("=", 1) for port in ports if "=" in port)
-    if len(named) != len(ports) or sorted(named) != sorted(wanted):
-        expected = " ".join(f"--port {name}=PATH" for name in wanted)
+    if len(named) != len(ports) or sorted(set(named) - set(own)) != sorted(wanted):
+        expected = " ".join(f"--port {name}=PATH" for name in [*wanted, *own])
         expected = expected or "none, it has no servo bus"
         raise BadInputError(
             f"--port is {', '.join(ports)}, expected for robot '{robot.name}': {expected}"

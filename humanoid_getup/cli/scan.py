@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.dynamixel.port import PortError, SerialPort
+from drivers.service.imu_scan import FoundImu, find_imus, list_i2c_buses
 from drivers.service.scan import (
     COMMON_RATES,
     FoundDevice,
@@ -42,15 +43,19 @@ def scan(command: Scan) -> int:
     ports = list_serial_ports()
     with phase("scanning") as report:
         scans = _scan_all(command.port, ports, rates, report)
+        imus = find_imus(list_i2c_buses()) if command.port is None else []
     found = [device for scan in scans for device in scan.found]
     advice = _advise(scans, found)
     record = {
         "ports": [asdict(port) for port in ports],
         "scans": [asdict(scan) for scan in scans],
+        "imus": [asdict(imu) for imu in imus],
         "advice": advice,
     }
     write_json(to_json(record), command.json)
-    _print(ports if command.port is None else (), scans, advice, console_for(command.json))
+    console = console_for(command.json)
+    _print(ports if command.port is None else (), scans, advice, console)
+    _print_imus(imus, console)
     return DID_IT if found else HARDWARE_FAULT
 
 
@@ -117,6 +122,11 @@ def _print(
                 )
     if advice:
         console.print(f"[bold]{advice}")
+
+
+def _print_imus(imus: Sequence[FoundImu], console: Console) -> None:
+    for imu in imus:
+        console.print(f"[bold]{escape(imu.path)}[/]: IMU {imu.model}, describe it in \\[imu]")
 
 
 def _count(found: Sequence[FoundDevice]) -> str:

@@ -34,6 +34,7 @@ class VirtualBno055:
 
     def __init__(self) -> None:
         self.alive, self.frozen = True, False
+        self._reading: ImuReading | None = None
         self.restart()
 
     def restart(self) -> None:
@@ -54,13 +55,13 @@ class VirtualBno055:
             self._measure()
 
     def _measure(self) -> None:
-        registers = self.pages[0]
-        on = self.mode == ACCGYRO_MODE
-        for at, value, step in (
-            (GYR_DATA, self._reading.gyro, GYRO_STEP),
-            (ACC_DATA, self._reading.accelerometer, ACCELEROMETER_STEP),
-        ):
-            registers[at : at + 6] = _to_counts(value, step) if on else bytes(6)
+        registers, reading = self.pages[0], self._reading
+        gyro = accelerometer = bytes(6)
+        if reading is not None and self.mode == ACCGYRO_MODE:
+            gyro = _to_counts(reading.gyro, GYRO_STEP)
+            accelerometer = _to_counts(reading.accelerometer, ACCELEROMETER_STEP)
+        registers[GYR_DATA : GYR_DATA + 6] = gyro
+        registers[ACC_DATA : ACC_DATA + 6] = accelerometer
 
     # Registers ------------------------------------------------------------------------------
 

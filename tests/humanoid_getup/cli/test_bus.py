@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.cli.bus import describe
 from humanoid_getup.cli.main import main
-from robots import Robot
+from robots import ImuSettings, Robot
 
 COMMAND = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--robot", str(TINY)]
 
@@ -24,6 +25,13 @@ def test_the_banner_says_how_servos_get_power(op3: Robot):
     assert "register 24 of the board, id 200" in text
     assert "--powered" in text
     assert "power" not in describe(VirtualRobot(Simulation(op3), powered=True))
+
+
+def test_the_banner_says_that_an_imu_on_i2c_is_not_served(tiny):
+    on_i2c = replace(tiny, imu=ImuSettings(kind="bno055", connection="i2c"))
+    assert "its IMU is on I2C" in describe(VirtualRobot(Simulation(on_i2c)))
+    on_uart = replace(tiny, imu=ImuSettings(kind="bno055"))
+    assert "I2C" not in describe(VirtualRobot(Simulation(on_uart)))
 
 
 def test_a_powered_bus_answers_any_client_and_leaves_no_link(tmp_path: Path, tiny: Robot):

@@ -1,0 +1,141 @@
+"""A robot with each kind of IMU on the virtual bus, through the driver of real robots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bus_stories import run_json
+from imu_bench import KINDS
+
+from drivers import Command, SafetyGuard, State
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.diagnostics import DiagnosticsError
+from drivers.errors import SetupError
+from drivers.safety_guard import FaultKind
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.cli.main import main
+from robots import BoardSettings, Posture, Robot, load_robot, quaternion
+from robots.kinematics import torso_orientation
+
+BY_ADDRESS = BoardSettings(
+    id=100,
+    imu_axes=("y", "-x", "z"),
+    gyro_address=64,
+    accelerometer_address=52,
+    gyro_scale=0.001,
+    accelerometer_scale=0.01,
+    port="main",
+)
+TOPPLING = Posture(
+    position=np.array([0.0, 0.0, 0.4]),
+    orientation=quaternion.normalize(np.array([0.9, 0.3, 0.3, 0.1])),
+    joint_pos=np.zeros(2),
+)
+
+
+def with_imu(robot: Robot, kind: str) -> Robot:
+    """Give a robot an IMU of a kind; its board goes, unless the IMU is on it."""
+    assert robot.bus is not None
+    if kind == "board by its addresses":
+        return replace(robot, bus=replace(robot.bus, board=BY_ADDRESS))
+    return replace(robot, imu=KINDS[kind], bus=replace(robot.bus, board=None))
+
+
+@contextmanager
+def driving(robot: Robot) -> Iterator[tuple[VirtualRobot, VirtualPorts, DynamixelBackend]]:
+    virtual = VirtualRobot(Simulation(robot), powered=True)
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        driver = DynamixelBackend(
+            robot, ports.paths, clock=CycleClock(), answer_margin=0.2, imu=ports.imu
+        )
+        yield virtual, ports, driver
+
+
+def run(driver: DynamixelBackend | SafetyGuard, cycles: int) -> State:
+    for _ in range(cycles):
+        state = driver.read()
+        driver.write(Command.limp(driver.robot.n))
+    return state
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "board by its addresses"])
+def test_the_orientation_follows_a_robot_that_topples(tiny: Robot, kind: str):
+    robot = with_imu(tiny, kind)
+    with driving(robot) as (virtual, ports, driver):
+        ports.main.call(lambda: virtual.place(TOPPLING))
+        with driver:
+            for _ in range(2):  # falls, then rests
+                state = run(driver, 200)
+                model, truth = virtual.simulation.model, virtual.simulation.truth.posture
+                told = torso_orientation(robot, model, state.orientation)
+                gravity = replace(TOPPLING, orientation=told).gravity_b
+                assert gravity == pytest.approx(truth.gravity_b, abs=0.06)
+            assert state.imu_age <= 2 * robot.control_period
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_guard_switches_torque_off_when_the_imu_falls_silent(tiny: Robot, kind: str):
+    with driving(with_imu(tiny, kind)) as (virtual, ports, driver), SafetyGuard(driver) as guard:
+        run(guard, 10)
+        assert guard.fault is None and virtual.imu is not None
+        ports.main.call(lambda: setattr(virtual.imu, "alive", False))
+        run(guard, 60)
+        assert guard.fault is not None and guard.fault.kind is FaultKind.LOST_IMU
+
+
+def test_an_imu_that_is_silent_from_the_start_is_named(tiny: Robot, monkeypatch):
+    monkeypatch.setattr("drivers.imu.source.FIRST_SAMPLE", 0.05)
+    with driving(with_imu(tiny, "serial line")) as (virtual, _, driver):
+        assert virtual.imu is not None
+        virtual.imu.alive = False
+        with pytest.raises(DiagnosticsError, match=r"IMU \(serial line\) on .*: its IMU cannot be"):
+            driver.connect()
+
+
+def test_a_board_may_power_the_servos_of_a_robot_whose_imu_is_elsewhere(tiny: Robot):
+    robot = replace(tiny, imu=KINDS["BNO08x on I2C"])
+    virtual = VirtualRobot(Simulation(robot))
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        clock = CycleClock()
+        driver = DynamixelBackend(robot, ports.paths, clock=clock, answer_margin=0.2, imu=ports.imu)
+        with driver:
+            assert all(servo.powered for servo in virtual.servos)
+            ports.main.call(lambda: setattr(virtual.board, "alive", False))
+            assert run(driver, 30).imu_age == 0.0
+
+
+def test_a_serial_imu_without_a_port_is_refused(tiny: Robot):
+    with pytest.raises(SetupError, match=r"its serial port is not named; set imu[.]port"):
+        DynamixelBackend(with_imu(tiny, "serial line"), {"main": "p"})
+
+
+def test_a_robot_without_an_imu_is_refused_in_one_line(own_robot, capsys):
+    file = own_robot / "robot.toml"
+    file.write_text(file.read_text().split("[bus.board]")[0])
+    assert main(("hold", "--robot", str(own_robot), "--backend", "virtual")) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert len(told) == 1 and "robot 'tiny' has no IMU: add an [imu] table" in told[0]
+
+
+def test_the_doctor_names_the_imu_and_counts_its_samples(own_robot, capsys):
+    file = own_robot / "robot.toml"
+    file.write_text(file.read_text() + '\n[imu]\nkind = "bno055"\n')
+    virtual = VirtualRobot(Simulation(load_robot(own_robot)), powered=True)
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        given = [f"{name}={path}" for name, path in ports.paths.items()]
+        arguments = ("doctor", "--robot", str(own_robot), "--port", *given)
+        code, told = run_json(*arguments, capsys=capsys)
+        assert code == 0 and told["imu"].startswith("IMU BNO055 on ")
+        assert told["imu_rate_hz"] > 10.0
+        assert told["accelerometer_m_s2"][2] == pytest.approx(9.81, abs=0.05)
+        ports.main.call(lambda: setattr(virtual.imu, "alive", False))
+        code, told = run_json(*arguments, capsys=capsys)
+    assert code == 3
+    assert any(f["device"].startswith("IMU BNO055") for f in told["findings"])

@@ -1,0 +1,96 @@
+"""The IMU of a robot.toml."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from spoiling import complaint, spoil
+
+from robots import load_robot
+from robots.imu import SensorAxes
+
+AXES = st.permutations("xyz").flatmap(
+    lambda names: st.tuples(*(st.sampled_from([name, f"-{name}"]) for name in names))
+)
+VECTORS = st.tuples(*3 * [st.floats(-10.0, 10.0)]).map(np.array)
+BOARD = '[bus.board]\nmodel = "OpenCR"\n'
+BY_ADDRESS = """[bus.board]
+gyro_address = 60
+accelerometer_address = 66
+gyro_scale = 0.001
+accelerometer_scale = 0.01
+"""
+
+
+@given(names=AXES, vector=VECTORS)
+def test_axes_are_a_signed_permutation_and_lead_back(names, vector):
+    axes = SensorAxes.of(names)
+    assert axes.to_sensor(axes.to_site(vector)) == pytest.approx(vector, abs=0.0)
+    assert axes.matrix @ vector == pytest.approx(axes.to_site(vector), abs=0.0)
+    assert abs(np.linalg.det(axes.matrix)) == pytest.approx(1.0)
+
+
+@given(vector=VECTORS)
+def test_three_signs_mean_what_they_always_did(vector):
+    assert SensorAxes.of((-1, -1, 1)).to_site(vector) == pytest.approx(vector * [-1, -1, 1], abs=0)
+
+
+def test_a_named_axis_is_that_of_the_sensor():
+    """The site's x axis is the sensor's -y: what the sensor feels along y is felt along -x."""
+    assert SensorAxes.of(("-y", "x", "z")).to_site(np.array([1.0, 2.0, 3.0])) == pytest.approx(
+        [-2.0, 1.0, 3.0]
+    )
+
+
+def describe(robot: Path, table: str) -> None:
+    """Append an [imu] table to a robot.toml."""
+    file = robot / "robot.toml"
+    file.write_text(f"{file.read_text()}\n[imu]\n{table}\n")
+
+
+def test_a_board_on_the_bus_is_the_imu_unless_another_is_described(own_robot):
+    assert load_robot(own_robot).imu_kind == "board"
+    describe(own_robot, 'kind = "bno08x"\naxes = ["-y", "x", "z"]')
+    robot = load_robot(own_robot)
+    assert robot.imu_kind == "bno08x" and robot.imu is not None and robot.imu.is_serial
+    assert robot.imu.address == 0x4A
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('kind = "mpu6050"', "imu.kind is 'mpu6050', expected board, bno055, bno08x, serial_line"),
+        ('kind = "bno055"\naxes = ["x", "y"]', "expected three signs (-1 or 1), or three signed"),
+        ('kind = "bno055"\naxes = ["x", "y", "y"]', "expected each of x, y and z once"),
+        ('kind = "bno055"\naxes = ["x", "y", "-z"]', "expected right-handed axes: turn the sign"),
+        ('kind = "bno055"\naxes = [1, "y", "z"]', "expected three signs or three axes, not both"),
+        ('kind = "bno055"\ni2c_address = 300', "imu.i2c_address is 300, expected an integer from"),
+        (
+            'kind = "serial_line"\nformat = "gx gy gz ax ay"',
+            "imu.format is 'gx gy gz ax ay', expected gx gy gz ax ay az once each, in any order",
+        ),
+        ('kind = "serial_line"\ngyro_unit = "rpm"', "imu.gyro_unit is 'rpm', expected rad/s, deg/"),
+    ],
+)
+def test_a_wrong_imu_is_told_with_what_is_expected(own_robot, table, words):
+    describe(own_robot, table)
+    assert words in complaint(own_robot)
+
+
+def test_a_board_needs_a_model_or_the_addresses_and_scales_of_its_imu(own_robot):
+    spoil(own_robot, BOARD, "[bus.board]\n")
+    told = complaint(own_robot)
+    assert "bus.board.model is missing, expected a model, or gyro_address, accelero" in told
+    assert "powers_servos is true, expected a model whose switch is known" in told
+
+
+def test_a_board_by_its_addresses_is_accepted_and_overlaps_are_told(own_robot):
+    spoil(own_robot, BOARD, BY_ADDRESS)
+    spoil(own_robot, "powers_servos = true", "powers_servos = false")
+    assert load_robot(own_robot).imu_kind == "board"
+    spoil(own_robot, "accelerometer_address = 66", "accelerometer_address = 64")
+    assert "gyro_address is 60 and accelerometer_address 64, expected 6 bytes" in complaint(
+        own_robot
+    )

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from rich.markup import escape
+
 from drivers import SafetyGuard
 from drivers.control_loop import Ending, RunReport, run
 from humanoid_getup.cli.backends import open_backend
@@ -41,18 +43,18 @@ def record(command: RecordMotion) -> int:
         console.print(f"the robot is limp: support it. {KEYS}")
         recorder = HandRecorder(robot, presses, lambda count: console.print(f"{count} keys"))
         report = _run(recorder, command, world)
-    if report.ending is Ending.FAULT:
-        console.print(f"[red]{report.reason}[/]: nothing is saved")
-        return HARDWARE_FAULT
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt("nothing is saved")
-    if not recorder.is_kept or not recorder.done or not recorder.keys:
+    is_fault = report.ending is Ending.FAULT  # what was taken until then is as good as ever
+    if is_fault:
+        console.print(f"[red]{escape(report.reason)}")
+    if not recorder.keys or not (is_fault or (recorder.done and recorder.is_kept)):
         console.print("no keys: nothing is saved")
-        return DID_NOT_STAND
+        return HARDWARE_FAULT if is_fault else DID_NOT_STAND
     with refusing():
         adoption = adopt(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
     add([adoption], robot, command, path)
-    return DID_IT
+    return HARDWARE_FAULT if is_fault else DID_IT
 
 
 @contextmanager

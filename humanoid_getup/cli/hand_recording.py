@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from drivers import SafetyGuard
 from drivers.control_loop import Ending, RunReport, run
+from drivers.safety_limits import GuardLimits
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
@@ -27,6 +28,7 @@ from robots import FULL_TORQUE, Robot
 from robots.quaternion import Array
 
 LONGEST = 3600.0  # s
+PATIENCE = 3.0  # s of silence of a servo, of the IMU or of all
 KEYS = "Enter takes the posture, backspace drops the last one, q finishes"
 
 
@@ -85,8 +87,15 @@ def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunRepo
     """Keep the robot limp until the person has finished; a simulated one waits in real time."""
     limit = FULL_TORQUE.on(world.robot)
     with open_backend(replace(command, realtime=True), world, limit) as choice:
-        guard = SafetyGuard(choice.backend)
+        guard = SafetyGuard(choice.backend, _be_patient(world.robot))
         return run(recorder, guard, max_time=LONGEST, realtime=choice.realtime)
+
+
+def _be_patient(robot: Robot) -> GuardLimits:
+    """Let a robot be silent for longer: without torque no harm comes of it."""
+    cycles = round(PATIENCE / robot.control_period)
+    limits = GuardLimits.of(robot)
+    return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=PATIENCE)
 
 
 def _check_name(name: str) -> None:

@@ -4,9 +4,11 @@ import os
 import select
 import time
 from collections import deque
+from dataclasses import replace
 
+import numpy as np
 import pytest
-from recording_backend import RecordingBackend
+from recording_backend import RecordingBackend, still_state
 
 from drivers import Ending, SafetyGuard, run
 from humanoid_getup.execution.hand_recorder import HandRecorder, Press, TerminalPresses
@@ -49,6 +51,14 @@ def test_the_robot_stays_limp_throughout(tiny):
     run(HandRecorder(tiny, Script(TAKE)), SafetyGuard(backend), max_time=0.1)
     assert len(backend.received) > 5
     assert all(command.is_limp for command in backend.received)
+
+
+def test_a_key_waits_for_a_fresh_measurement(tiny):
+    recorder, fresh = HandRecorder(tiny, Script(TAKE)), still_state(tiny)
+    recorder.step(replace(fresh, joint_age=np.array([0.0, 0.2])))
+    assert recorder.keys == []
+    recorder.step(fresh)
+    assert len(recorder.keys) == 1
 
 
 def await_press(presses: TerminalPresses) -> Press:

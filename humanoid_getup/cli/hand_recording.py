@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from rich.markup import escape
+
 from drivers import SafetyGuard
 from drivers.control_loop import Ending, RunReport, run
+from drivers.safety_limits import GuardLimits
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
@@ -25,6 +28,7 @@ from robots import FULL_TORQUE, Robot
 from robots.quaternion import Array
 
 LONGEST = 3600.0  # s
+PATIENCE = 3.0  # s of silence of a servo, of the IMU or of all
 KEYS = "Enter takes the posture, backspace drops the last one, q finishes"
 
 
@@ -41,18 +45,18 @@ def record(command: RecordMotion) -> int:
         console.print(f"the robot is limp: support it. {KEYS}")
         recorder = HandRecorder(robot, presses, lambda count: console.print(f"{count} keys"))
         report = _run(recorder, command, world)
-    if report.ending is Ending.FAULT:
-        console.print(f"[red]{report.reason}[/]: nothing is saved")
-        return HARDWARE_FAULT
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt("nothing is saved")
-    if not recorder.is_kept or not recorder.done or not recorder.keys:
+    is_fault = report.ending is Ending.FAULT  # what was taken until then is as good as ever
+    if is_fault:
+        console.print(f"[red]{escape(report.reason)}")
+    if not recorder.keys or not (is_fault or (recorder.done and recorder.is_kept)):
         console.print("no keys: nothing is saved")
-        return DID_NOT_STAND
+        return HARDWARE_FAULT if is_fault else DID_NOT_STAND
     with refusing():
         adoption = adopt(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
     add([adoption], robot, command, path)
-    return DID_IT
+    return HARDWARE_FAULT if is_fault else DID_IT
 
 
 @contextmanager
@@ -83,8 +87,15 @@ def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunRepo
     """Keep the robot limp until the person has finished; a simulated one waits in real time."""
     limit = FULL_TORQUE.on(world.robot)
     with open_backend(replace(command, realtime=True), world, limit) as choice:
-        guard = SafetyGuard(choice.backend)
+        guard = SafetyGuard(choice.backend, _be_patient(world.robot))
         return run(recorder, guard, max_time=LONGEST, realtime=choice.realtime)
+
+
+def _be_patient(robot: Robot) -> GuardLimits:
+    """Let a robot be silent for longer: without torque no harm comes of it."""
+    cycles = round(PATIENCE / robot.control_period)
+    limits = GuardLimits.of(robot)
+    return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=PATIENCE)
 
 
 def _check_name(name: str) -> None:

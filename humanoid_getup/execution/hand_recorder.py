@@ -12,6 +12,8 @@ from drivers.terminal_keys import TerminalKeys
 from robots import Robot
 from robots.quaternion import Array
 
+FRESH = 0.1  # s; angles that are older may be those of another posture
+
 
 class Press(Enum):
     """What a person asks for by a key."""
@@ -84,8 +86,12 @@ class HandRecorder:
         self.done, self.is_kept = False, True
 
     def step(self, state: State) -> Command:
-        """Do what was asked for since the last measurement; keep every joint limp."""
-        while not self.done and (press := self._presses.poll()) is not None:
+        """Do what was asked for since the last measurement; keep every joint limp.
+
+        While the angles are old, what is asked for waits.
+        """
+        is_fresh = float(state.joint_age.max()) <= FRESH
+        while is_fresh and not self.done and (press := self._presses.poll()) is not None:
             if press is Press.TAKE:
                 self.keys.append(state.joint_pos.copy())
             elif press is Press.UNDO and self.keys:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from action_files import Slot, write_action_file
 from paths import REPOSITORY
 
 from humanoid_getup.motions.motion import Motion
@@ -468,6 +469,53 @@ GROUPS: dict[str, list[Case]] = {
         case("motions build --robot wrong_keyframes", "wrong_keyframes/keyframes.toml"),
         case("motions build --robot no_keyframes", "no_keyframes/keyframes.toml"),
     ],
+    "keys": [
+        case("motions import none.csv", "none.csv: No such file or directory"),
+        case("motions import folder", "folder: a file of another kind, expected an action file"),
+        case("motions import text.txt", "text.txt: a file of another kind, expected an action"),
+        case("motions import text.csv", "text.csv: no keys, expected a header and one row or more"),
+        case("motions import tail.csv", "unknown joint 'l_tail', expected r_sho_pitch"),
+        case("motions import bent.csv", "joint 'l_knee' of key number 1 is +515.662 deg", "--clip"),
+        case("motions import empty.json", "empty.json: not JSON"),
+        case("motions import list.json", "list.json: expected an object with keyframes"),
+        case("motions import no_knee.json", "keyframes is missing, expected a list of tables"),
+        case("motions import short.bin", "short.bin: has 15 bytes, expected 131072"),
+        case("motions import actions.bin", "--page is missing, expected one of 3 wave, 5 wave"),
+        case("motions import actions.bin --page 9", "page 9 is empty, expected one with steps"),
+        case("motions import actions.bin --page 4", "page 4 is damaged: its bytes sum to"),
+        case("motions import actions.bin --page 5", "has id 2 at 5000 ticks, expected 0 to 4095"),
+        case("motions import actions.bin --page 300", "--page is 300, expected 1 to 255"),
+        case("motions import actions.bin --page 3 3", "--page has a page twice"),
+        case("motions import actions.bin --page 3 4 --name wave", "--name is given with 2 pages"),
+        case("motions import kick.csv --page 3", "--page is given, expected an action file"),
+        case("motions import kick.csv --name a/b", "name 'a/b': expected up to 100 letters"),
+        case("motions import kick.csv --start upside", "--start is 'upside', expected supine"),
+        case("motions import kick.csv --out folder", "output file folder: is a folder"),
+        case("motions import kick.csv --out wrong.toml", "wrong.toml: motions is missing"),
+        case(
+            f"motions import kick.csv --name {MOTION} --start supine --robot no_motions",
+            f"motion '{MOTION}' is there already, expected another name",
+        ),
+        case("motions import kick.csv --body arms=2", "keys are for the original body"),
+        case("motions preview moonwalk", "unknown motion 'moonwalk', expected squat_to_stand"),
+        case("motions preview wave --keyframes none.toml", "none.toml: No such file or directory"),
+        case("motions preview wave --keyframes wrong.toml", "wrong.toml: motions is missing"),
+        case(f"motions preview {MOTION} --out folder", "output file folder: is a folder"),
+        case("motions record wave --backend dynamixel", "--backend dynamixel requires --port"),
+        case("motions record a/b", "name 'a/b': expected up to 100 letters"),
+        case(f"motions record {MOTION}", f"motion '{MOTION}' is there already, expected another"),
+        case("motions record wave --out folder", "output file folder: is a folder"),
+        case(
+            "motions build --robot twice_keyframes",
+            "motion 'wave' is there twice",
+            "key number 1: both: unknown joint 'nee', expected sho_pitch",
+        ),
+        case("motions build --robot bent_keyframes", "joint 'l_knee' of key number 1 is +900.000"),
+        case(
+            f"motions build {MOTION} --resume --robot broken_search",
+            f"{MOTION}.json: not JSON",
+        ),
+    ],
     "policy files": [
         case("run none.onnx --from supine", "none.onnx", "No such file"),
         case("run empty.onnx --from supine", "policy file empty.onnx"),
@@ -574,6 +622,7 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "unreadable").chmod(0)
     _make_postures(folder, robot)
     _make_motions(folder, robot)
+    _make_keys(folder)
     _make_plans(folder, robot)
     _make_policies(folder, robot)
     _make_robots(folder, robot)
@@ -650,6 +699,20 @@ def _make_motions(folder: Path, robot: Robot) -> None:
     Motion(**{**fields, "name": "path", "end_class": "other"}).save(folder / "path.npz")
 
 
+def _make_keys(folder: Path) -> None:
+    (folder / "text.csv").write_text("no numbers here")
+    (folder / "tail.csv").write_text("time,l_tail\n0,1\n")
+    (folder / "bent.csv").write_text("time,l_knee\n0,9\n")
+    (folder / "kick.csv").write_text("time,l_knee\n0,1\n1,2\n")
+    (folder / "short.bin").write_text("no numbers here")
+    at_rest = dict.fromkeys(range(1, 21), 2048)
+    pages = {3: [Slot(at_rest)], 4: [Slot(at_rest)], 5: [Slot(at_rest | {2: 5000})]}
+    write_action_file(folder / "actions.bin", pages)
+    content = bytearray((folder / "actions.bin").read_bytes())
+    content[4 * 512 + 100] ^= 1
+    (folder / "actions.bin").write_bytes(content)
+
+
 def _make_plans(folder: Path, robot: Robot) -> None:
     motion, standing = Motion.load(robot.folder / "motions" / f"{MOTION}.npz"), robot.standing
     rise = SolvedRise(
@@ -700,6 +763,16 @@ def _make_robots(folder: Path, robot: Robot) -> None:
     copy("no_motions", "motions")
     copy("no_keyframes", "motions", "keyframes.toml")
     (copy("wrong_keyframes", "motions") / "keyframes.toml").write_text("motions = 3")
+    wave = (
+        "[[motions]]\nname = 'wave'\nstart = 'supine'\nstrategy = 'wave'\nstand_after = 1\n"
+        "torque_limit = 1\nkeys = [{ both = { knee = 900 } }]\n"
+    )
+    twice = 2 * wave.replace("knee", "nee")
+    (copy("twice_keyframes", "motions") / "keyframes.toml").write_text(twice)
+    (copy("bent_keyframes", "motions") / "keyframes.toml").write_text(wave)
+    search = copy("broken_search", "motions") / "unfinished"
+    search.mkdir()
+    (search / f"{MOTION}.json").write_text("{")
     (copy("not_toml", "motions") / "robot.toml").write_text("name = ")
     (copy("not_text", "motions") / "robot.toml").write_bytes(b"\xff\xfe")
     (copy("no_model", "motions") / "model.xml").unlink()

@@ -25,7 +25,9 @@ def load_key_table(path: Path, robot: Robot) -> KeySequence:
         ValueError: naming what is wrong with the file.
     """
     try:
-        header, rows = parse_file(path, "CSV", _read_rows)
+        header, *rows = parse_file(path, "CSV", _read_rows) or [[]]
+        if not rows:
+            raise ValueError("no keys, expected a header and one row or more")
         joints = _find_joints(header, robot)
         table = _read_numbers(header, rows)
     except ValueError as error:
@@ -38,15 +40,13 @@ def load_key_table(path: Path, robot: Robot) -> KeySequence:
     return collector.finish(path.stem, path.name)
 
 
-def _read_rows(text: str) -> tuple[list[str], list[list[str]]]:
-    """Read the names of the columns and the rows that are not blank."""
+def _read_rows(text: str) -> list[list[str]]:
+    """Read the rows that are not blank; the first has the names of the columns."""
     try:
-        rows = [row for row in csv.reader(io.StringIO(text), strict=True) if any(row)]
+        rows = csv.reader(io.StringIO(text), strict=True)
+        return [[cell.strip() for cell in row] for row in rows if any(row)]
     except csv.Error as error:
         raise ValueError(str(error)) from error
-    if len(rows) < 2:
-        raise ValueError("no keys, expected a header and one row or more")
-    return [name.strip() for name in rows[0]], rows[1:]
 
 
 def _find_joints(header: list[str], robot: Robot) -> dict[int, tuple[int, float]]:

@@ -25,8 +25,9 @@ class KeyTransfer:
 
     Every key is measured as the directions of upper and lower limbs and the attitude of the feet
     in the torso's frame; the target's limbs are pointed the same way, as near as their joints and
-    ranges allow. Times grow with the square root of the height, as those of a pendulum do. Joints
-    that are in no limb, like those of a head, stay in the target's stance.
+    ranges allow. Times grow with the square root of the height, as those of a pendulum do, and
+    costs of times and torques shrink as these grow. Joints that are in no limb, like those of a
+    head, stay in the target's stance.
     """
 
     source: Limbs
@@ -46,6 +47,14 @@ class KeyTransfer:
         """Return the target's time over the source's."""
         heights = [limbs.robot.standing_neck_height for limbs in (self.target, self.source)]
         return math.sqrt(heights[0] / heights[1])
+
+    @property
+    def torque_scale(self) -> float:
+        """Return what the target's joints carry over what the source's do: weight times height."""
+        loads = [
+            limbs.mass * limbs.robot.standing_neck_height for limbs in (self.target, self.source)
+        ]
+        return loads[0] / loads[1]
 
     def transfer(self, keyframes: Keyframes) -> Keyframes:
         """Transfer one motion."""
@@ -71,6 +80,8 @@ class KeyTransfer:
                 [is_symmetric and int(robot.mirror_index[k]) != k for k in free], dtype=bool
             ),
             torque_limit=round(share * float(robot.max_torque.max()), 2),
+            time_cost=round(keyframes.time_cost / self.time_scale, 3),
+            torque_cost=round(keyframes.torque_cost / self.torque_scale, 3),
         )
 
     def _transfer_key(self, key: Array, before: Array) -> Array:

@@ -156,6 +156,11 @@ class Limbs:
         way = (self.data.subtree_com[self._layout.torso] - middle) / self.leg_length
         return float(way @ axes[:, 0]), float(way @ axes[:, 2])
 
+    @property
+    def mass(self) -> float:
+        """Return the mass of the robot [kg]."""
+        return float(self.model.body_subtreemass[self._layout.torso])
+
     @cached_property
     def leg_length(self) -> float:
         """Return the length of thigh and shank [m]."""

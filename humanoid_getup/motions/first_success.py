@@ -1,0 +1,84 @@
+"""First success: keyframes that fail everywhere are changed until they succeed once, undisturbed.
+
+A search that wants robust motions learns nothing from candidates that all fail. This one is cheap:
+one rollout a candidate, at full torque in the nominal world, and it ends with the first success.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+
+import cma
+import numpy as np
+
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.scoring import (
+    ANGLE_STEP,
+    SEARCH_HOLD,
+    SEARCH_TIMESTEP,
+    SWAY_TIME,
+    TIME_STEP,
+    score,
+)
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.world import World
+from robots.quaternion import Array
+
+POPULATION = 24
+FIRST_STEP = 1.5  # of the first step sizes of the search for robust motions
+
+
+class FirstSuccess:
+    """Searches from keyframes for some that end as they should, once."""
+
+    def __init__(self, world: World, start: Array) -> None:
+        """Prepare to search from MuJoCo positions (nq,)."""
+        self._start = start
+        self._world = World(world.robot, world.scene, model=copy.copy(world.model))
+        self._world.model.opt.timestep = world.robot.choose_timestep(SEARCH_TIMESTEP)
+        self._rollout = Rollout(self._world, POPULATION)
+        self._nominal = DomainParameters.nominal(self._world, 1)
+
+    def succeeds(self, keyframes: Keyframes) -> bool:
+        """Return whether keyframes succeed as they are."""
+        return bool(self._play([keyframes])[1][0])
+
+    def find(
+        self,
+        keyframes: Keyframes,
+        generations: int,
+        seed: int,
+        report: Callable[[int, float, float], None] = lambda *_: None,
+    ) -> Keyframes | None:
+        """Find keyframes that succeed; None if there are none within so many generations.
+
+        After each generation its number, best cost and share of successes are reported.
+        """
+        robot = self._world.robot
+        scale = np.full(len(keyframes.genes), ANGLE_STEP)
+        scale[: len(keyframes.duration)] = TIME_STEP
+        options = {"popsize": POPULATION, "seed": seed + 1, "verbose": -9}
+        search = cma.CMAEvolutionStrategy(keyframes.genes / scale, FIRST_STEP, options)
+        for generation in range(generations):
+            genes = search.ask()
+            candidates = [keyframes.with_genes(g * scale, robot) for g in genes]
+            cost, succeeded = self._play(candidates)
+            report(generation, float(cost.min()), float(succeeded.mean()))
+            if succeeded.any():
+                return candidates[int(np.argmin(np.where(succeeded, cost, np.inf)))]
+            search.tell(genes, cost.tolist())
+        return None
+
+    def _play(self, candidates: list[Keyframes]) -> tuple[Array, np.ndarray]:
+        """Roll candidates out once; return their costs and whether they succeeded, (C,)."""
+        plays = [c.targets(self._world.robot, SEARCH_HOLD + SWAY_TIME) for c in candidates]
+        length = max(len(play) for play in plays)
+        targets = np.array([hold_last(play, length) for play in plays])
+        count = len(candidates)
+        starts = np.tile(self._start, (count, 1))
+        trace = self._rollout.play(starts, targets, self._nominal.tile(count))
+        durations = np.array([c.duration.sum() for c in candidates])
+        return score(trace, self._world, candidates[0], SEARCH_HOLD, None, durations)

@@ -118,7 +118,9 @@ def evaluate_policy(
     if perturbation.backlash:
         variants.append(backlash(perturbation.backlash))
     delays = LONGEST_DELAY if perturbation.delay else 0.0
-    world = build_training_world(robot, scene, PHYSICS_STEP, delays, variants)
+    world = build_training_world(
+        robot, scene, robot.choose_timestep(PHYSICS_STEP), delays, variants
+    )
     rng = np.random.default_rng(seed)
     records = []
     for first in range(0, len(starts), CHUNK):

@@ -21,7 +21,7 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
-from humanoid_getup.cli.policies import load_policy
+from humanoid_getup.cli.policies import load_policy, name_robot
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_grounds
 from humanoid_getup.simulation.falls import CLASSES, FallSet, FallSetError, sample_fall_set
@@ -58,6 +58,7 @@ NEAREST = "nearest"
 
 def evaluate(command: Evaluate) -> int:
     """Sample falls in each scene, let the policy get up from each in each style, judge."""
+    command = name_robot(command, command.policy)
     names = command.scene.split(",")
     if len(set(names)) < len(names):
         raise BadInputError(f"--scene is {command.scene}, expected each scene once")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.simulation.standing_places import check_standing_place
 from humanoid_getup.simulation.world import World
-from robots import Body, Robot, TorqueLimit, load_posture
+from robots import Body, Robot, TorqueLimit, list_robots, load_posture
 from robots import load_robot as load_robot_by_name
 from robots.imu import IMU_PORT
 
@@ -30,6 +31,15 @@ def load_robot(options: RobotOption) -> Robot:
     """Load the robot of a command."""
     with refusing():
         return load_robot_by_name(options.robot, Body.parse(options.body))
+
+
+def load_robot_of(options: RobotOption, robot: str, owner: str) -> Robot:
+    """Load the robot of a command, or if it names none, the robot that something was made for."""
+    if options.robot:
+        return load_robot(options)
+    if robot not in list_robots():
+        raise BadInputError(f"{owner} is of robot '{robot}': give its folder with --robot")
+    return load_robot(replace(options, robot=robot))
 
 
 def load_world(options: SceneOptions) -> World:

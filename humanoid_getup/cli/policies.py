@@ -2,9 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
 from humanoid_getup.cli.errors import refusing
-from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, find_policy
+from humanoid_getup.cli.inputs import load_robot_of
+from humanoid_getup.cli.options.shared import RobotOption
+from humanoid_getup.policy.onnx_policy import (
+    LONGEST,
+    SUFFIX,
+    OnnxPolicy,
+    find_policy,
+    read_contract,
+)
 from robots import Robot
+
+DEFAULT_ROBOT = "op3"
+Options = TypeVar("Options", bound=RobotOption)
+
+
+def name_robot(options: Options, policy: str) -> Options:
+    """Return the options of a command with its robot: if it names none, the policy file's."""
+    if options.robot:
+        return options
+    if not policy.endswith(SUFFIX):
+        return replace(options, robot=DEFAULT_ROBOT)
+    with refusing():
+        made_for = read_contract(Path(policy)).robot
+    robot = load_robot_of(options, made_for, f"policy file {policy}")
+    return replace(options, robot=robot.name)
 
 
 def load_policy(

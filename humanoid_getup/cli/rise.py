@@ -22,7 +22,7 @@ from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.plan_cache import use_cache
-from humanoid_getup.cli.policies import load_policy
+from humanoid_getup.cli.policies import load_policy, name_robot
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over, reporting_hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager
@@ -73,6 +73,7 @@ def rise(command: Rise) -> int:
 
 def run_policy(command: RunPolicy) -> int:
     """Rise once by a policy; return the exit code."""
+    command = name_robot(command, command.policy)
     world = load_world(command)
     policy = load_policy(world.robot, command.policy, command.torque_limit, command.longest)
     name = Path(command.policy).stem

@@ -23,6 +23,7 @@ from humanoid_getup.cli.output import console_for, phase
 if TYPE_CHECKING:
     from sim2real.training.iteration_log import TrainReport
 
+LEARNED = 0.2  # share of falls that end standing, from which a body is learning
 RECENT = 20  # iterations whose falls are counted: enough for a steady share
 SPEED_WINDOW = 300.0  # s over which the speed is measured: several iterations
 
@@ -69,6 +70,12 @@ def train(command: Train) -> int:
         )
     if leads:
         console_for(None).print(f"{command.out}: {progress.summary}")
+        if progress.share < LEARNED:
+            console_for(None).print(
+                f"it has not learned to get up yet; `getup robots check {command.robot}` names "
+                "joints that are too weak, and the same command with more --iterations goes on",
+                markup=False,
+            )
     return DID_IT
 
 

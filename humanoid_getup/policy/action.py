@@ -17,7 +17,8 @@ from robots import Robot
 from robots.quaternion import Array
 from robots.validation import Names, on_axes, positive, whole
 
-CYCLES = 6  # control cycles a policy step: 48 ms, about 20 Hz, at the OP3's 8 ms
+STEP_TIME = 0.048  # s of a policy step, about; a slower rate explores, a faster one shakes
+CYCLES = 6  # control cycles of that time at a period of 8 ms
 SPEED_SHARE = 0.95  # of the servo's no-load speed, so that whole ticks stay within the guard's
 LEAD = 0.6  # rad; full voltage at the servo's position gain needs 0.22
 EAGERNESS = 2.0  # half an action already commands full speed, for bold exploration
@@ -151,7 +152,8 @@ def build_action_spec(
         other = int(robot.mirror_index[joint])
         row[joint] = share
         row[other] = share * sign * robot.mirror_sign[other]
-    reach = robot.max_velocity * robot.control_period * CYCLES * SPEED_SHARE
+    cycles = choose_cycles(robot)
+    reach = robot.max_velocity * robot.control_period * cycles * SPEED_SHARE
     held = np.any(directions != 0.0, axis=0)
     for name in homing:
         joint = robot.joint_names.index(name)
@@ -167,12 +169,14 @@ def build_action_spec(
         home=robot.standing.joint_pos,
         homing=np.where(held, 0.0, HOMING_SHARE * reach),
         calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
+        cycles=cycles,
     )
 
 
 def build_posture_spec(robot: Robot, pwm_limit: float = 1.0) -> ActionSpec:
     """Build actions that are postures: each joint's angle from home, as a share of its range."""
-    reach = robot.max_velocity * robot.control_period * CYCLES * SPEED_SHARE
+    cycles = choose_cycles(robot)
+    reach = robot.max_velocity * robot.control_period * cycles * SPEED_SHARE
     home = robot.standing.joint_pos
     return ActionSpec(
         mode=ActionMode.ABSOLUTE,
@@ -185,7 +189,13 @@ def build_posture_spec(robot: Robot, pwm_limit: float = 1.0) -> ActionSpec:
         home=home,
         homing=np.zeros(robot.n),
         calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
+        cycles=cycles,
     )
+
+
+def choose_cycles(robot: Robot) -> int:
+    """Choose how many control cycles a policy step of a robot has: those nearest to 48 ms."""
+    return max(1, round(STEP_TIME / robot.control_period))
 
 
 def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSpec:

@@ -41,6 +41,19 @@ class PolicyError(ValueError):
         self.file, self.faults = file, tuple(faults)
 
 
+def read_contract(file: Path) -> PolicyContract:
+    """Read the contract of a policy file.
+
+    Raises:
+        OSError: if the file cannot be read.
+        PolicyError: if it holds no policy.
+    """
+    try:
+        return PolicyContract.from_json(OnnxNetwork(file).contract)
+    except (NetworkError, ContractError) as error:
+        raise PolicyError(file, [str(error)]) from error
+
+
 class OnnxPolicy:
     """Runs a trained policy with the same code as training: observation, action, interpolation.
 

@@ -29,7 +29,11 @@ from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.episodes import HELD, LONGEST, Episodes, Outcome
 from sim2real.environment.physics.assistive_force import AssistiveForce
 from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
+from sim2real.environment.physics.training_world import (
+    LONGEST_DELAY,
+    build_training_world,
+    fit_step,
+)
 from sim2real.environment.privileged_state import (
     list_critic_terms,
     observe_privileged,
@@ -79,7 +83,7 @@ class GetUpEnv(VectorEnv):
         world = build_training_world(
             robot,
             load_scene(scene, robot) if isinstance(scene, str) else scene,
-            options.physics_step,
+            fit_step(options.physics_step, robot.control_period * action.cycles),
             LONGEST_DELAY if has_delays else 0.0,
         )
         noise = randomization.noise if randomization else None

@@ -122,7 +122,9 @@ def load_policy(robot: Robot, name: str) -> OnnxPolicy:
 
 def roll_out(robot: Robot, name: str, policy: OnnxPolicy, count: int, seed: int) -> Iterator[Rise]:
     """Roll out a policy from settled falls; yield the rises that stood."""
-    world = build_training_world(robot, World(robot, "flat").scene, PHYSICS_STEP)
+    world = build_training_world(
+        robot, World(robot, "flat").scene, robot.choose_timestep(PHYSICS_STEP)
+    )
     action = policy.action
     sim = TrainingSim(world, count, cycles=action.cycles, pwm_limit=action.pwm_limit)
     rng = np.random.default_rng([seed, PRIOR_SEED, *name.encode()])

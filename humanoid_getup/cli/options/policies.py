@@ -57,6 +57,8 @@ class Export(RobotOption):
     """Folder of the training."""
     out: Annotated[Path, arg(metavar="FILE")]
     """ONNX file to write; an existing file is replaced."""
+    robot: str = ""
+    """Name of a robot, or a folder with a robot.toml; default: the training's."""
     only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
@@ -69,6 +71,8 @@ class Evaluate(TorqueOptions, WorldOptions):
     """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
 
     policy: Positional[PolicyName]
+    robot: str = ""
+    """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
     scene: Annotated[str, arg(metavar="SCENE,...")] = "flat"
     """Names of scenes, see `getup scenes`, or scene files (.toml), with commas between them."""
     style: Annotated[str | None, arg(metavar="STYLE,...")] = None

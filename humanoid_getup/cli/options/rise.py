@@ -80,6 +80,8 @@ class RunPolicy(RunOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
     policy: Positional[PolicyName]
+    robot: str = ""
+    """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
     style: StyleOption = None
     longest: Annotated[float | None, positive("s"), arg(metavar="S")] = None
     """Time after which the run ends, standing or not [s]; default: 12."""

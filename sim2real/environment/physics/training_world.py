@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import mujoco
@@ -12,6 +13,7 @@ from humanoid_getup.simulation.world import World, add_contact_sensor, add_stanc
 from robots import Robot
 from sim2real.environment.physics.model_variants import ModelVariant
 
+WHOLE = 1e-9  # of a step, within which a quotient counts as whole
 LONGEST_DELAY = 0.064  # s that the delay buffers hold
 
 
@@ -58,6 +60,12 @@ def build_training_world(
 
 def _list_head_joints(robot: Robot) -> list[str]:
     return [joint.name for joint in robot.joints if joint.segment == "head"]
+
+
+def fit_step(longest: float, step_time: float) -> float:
+    """Return the longest physics step up to ``longest`` that divides a policy step [s]."""
+    count = step_time / longest
+    return longest if abs(count - round(count)) < WHOLE else step_time / math.ceil(count)
 
 
 class SensorAddresses:

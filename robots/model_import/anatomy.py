@@ -16,10 +16,13 @@ from robots.side_names import side_of
 from robots.validation import shown
 
 LEVEL = 0.1  # share of the height by which the lowest ends of two legs may differ
+PARALLEL = 0.02  # share of the heaviest end's mass below which a limb is a rod beside a leg
+LEAST_WIDTH = 0.02  # share of the height from which two feet are apart
 LEAST_LEG = 3  # hinges of a leg that can squat: hip, knee, ankle
 NEAR_AXIS = np.cos(np.radians(10.0))
 ALONG = 0.7  # cosine from which an axis counts as parallel to a direction
 LEAST_TOE = 0.01  # share of the height by which a sole is longer in front of the ankle
+LEAST_BEND = 0.5  # rad by which a knee turns farther backwards
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -130,6 +133,7 @@ def _pair(tree: Tree, axes: Array, middle: Array, height: float) -> Mirror:
         [hinge.name for hinge in tree.hinges],
         (anchors - middle) @ axes,
         turns @ axes,
+        (tree.data.subtree_com[[hinge.body for hinge in tree.hinges]] - middle) @ axes,
         [len(tree.chain(k)) for k in range(len(tree.hinges))],
         height,
     )
@@ -153,14 +157,17 @@ def _measure_ends(tree: Tree) -> tuple[Array, Array]:
 
 def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, int]:
     """Find the two ends of limbs that are lowest, and apart from each other."""
-    ends = sorted((k for k in tree.leaves if len(tree.chain(k)) >= LEAST_LEG), key=lambda k: low[k])
+    mass = {k: tree.model.body_subtreemass[tree.hinges[k].body] for k in tree.leaves}
+    heavy = [k for k in tree.leaves if mass[k] > PARALLEL * max(mass.values())]
+    ends = sorted((k for k in heavy if len(tree.chain(k)) >= LEAST_LEG), key=lambda k: low[k])
     if not ends:
         raise ImportFault([f"{path}: it has no limb of {LEAST_LEG} hinges, expected two legs"])
     first = ends[0]
     for second in ends[1:]:
         shared = set(tree.chain(first)) & set(tree.chain(second))
         own = min(len(tree.chain(first)), len(tree.chain(second))) - len(shared)
-        if own >= LEAST_LEG:
+        apart = tree.hinges[first].anchor - tree.hinges[second].anchor
+        if own >= LEAST_LEG and np.hypot(*apart[:2]) > LEAST_WIDTH * height:
             if low[second] - low[first] > LEVEL * height:
                 break
             return first, second
@@ -194,6 +201,8 @@ def _turn_forward(
 ) -> tuple[int, int, Array]:
     """Tell left from right by names, else by the feet, which are longer in front of the ankle.
 
+    Feet as long behind it leave the knees, which bend so that the shanks go backwards.
+
     Args:
         lateral: Unit vector from ``other`` to ``one``, level, (3,).
 
@@ -204,14 +213,31 @@ def _turn_forward(
     forward = np.cross(lateral, UP)  # if `one` is the left
     toe = np.mean([_measure_toe(tree, k, forward) for k in (one, other)])
     by_toes = np.sign(toe) if abs(toe) > LEAST_TOE * height else 0.0
-    sign = np.sign(named) or by_toes or 1.0
+    legs = (_leg(tree, one, other), _leg(tree, other, one))
+    by_knees = np.sign(sum(_measure_bend(tree, leg, lateral) for leg in legs))
+    sign = np.sign(named) or by_toes or by_knees or 1.0
     if named and by_toes and np.sign(named) != by_toes:
         notes.append("names say left where the feet say right: names are believed")
-    if not named and not by_toes:
-        notes.append("neither names nor feet say where the front is: x is taken")
+    if not named and not by_toes and not by_knees:
+        notes.append("neither names nor feet nor knees say where the front is: x is taken")
         sign = 1.0 if forward[0] >= 0.0 else -1.0
     left, right = (one, other) if sign > 0.0 else (other, one)
     return left, right, np.column_stack([sign * forward, sign * lateral, UP])
+
+
+def _measure_bend(tree: Tree, leg: tuple[int, ...], lateral: Array) -> float:
+    """Measure how much farther a knee turns one way about an axis than the other [rad].
+
+    It is positive if ``lateral`` points left.
+    """
+    across = [k for k in leg if abs(tree.hinges[k].axis @ lateral) > ALONG]
+    if len(across) < LEAST_LEG:
+        return 0.0
+    knee = tree.hinges[across[len(across) // 2]]
+    if not tree.model.jnt_limited[knee.id]:
+        return 0.0
+    way = float(np.sign(knee.axis @ lateral) * tree.model.jnt_range[knee.id].sum())
+    return way if abs(way) > LEAST_BEND else 0.0
 
 
 def _measure_toe(tree: Tree, hinge: int, forward: Array) -> float:

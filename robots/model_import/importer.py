@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
@@ -11,10 +11,12 @@ import numpy as np
 
 from robots.model_import.anatomy import Anatomy, find_anatomy
 from robots.model_import.contacts import find_brackets, find_overlaps
+from robots.model_import.couplings import reduce_couplings
+from robots.model_import.reading import read_model
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.servo_choice import ServoChoice, choose_servos
-from robots.model_import.soles import Sole, add_sole_site, find_sole
-from robots.model_import.source import ImportFault, ModelSource, read_model
+from robots.model_import.soles import Sole, add_sole_site, find_lowest, find_sole
+from robots.model_import.source import ImportFault, ModelSource
 from robots.model_import.stance import SPREADS, Body, Stance, StanceSolver
 from robots.model_import.tree import find_tree
 from robots.quaternion import Array
@@ -25,6 +27,9 @@ NECK, IMU = "neck", "imu"
 MARK = [0.005, 0.0, 0.0]  # m, the size of a site
 EXTENSIONS = (0.94, 0.9, 0.86, 0.82, 0.78, 0.7)
 """Shares of the stretched leg that are tried for the stance, in turn."""
+LEAST_ROOM = 0.2  # share of a joint's range that the range of its mirror joint must leave
+LEAST_SOLE = 0.0025  # area of a sole over the height squared; OP3's is 0.037
+SAME_LEVEL = 0.03  # share of the height by which soles of one leg differ: foot and toes
 TWIST = 0.8  # cosine between a hinge and its limb from which it only twists it
 
 
@@ -71,17 +76,19 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     Raises:
         ImportFault: if there is none, naming all that is wrong.
     """
-    source, notes = read_model(path), []
+    source = read_model(path)
+    notes = list(source.notes)
     tree = find_tree(source, notes)
     anatomy = find_anatomy(tree, path, notes)
     unknown = [name for name in options.fixed if name not in [h.name for h in tree.hinges]]
     if unknown:
         listed = ", ".join(hinge.name for hinge in tree.hinges)
         raise ImportFault([f"--fix is {shown(name)}, expected one of {listed}" for name in unknown])
-    spec = Rebuilder(
-        anatomy, keep_hulls=options.keep_hulls, fixed=options.fixed, notes=notes
-    ).build(options.name)
-    return _Import(source, anatomy, spec, options, notes).finish()
+    reduction = reduce_couplings(source, tree, notes)
+    source = replace(source, actuators=reduction.actuators)
+    fixed = {*options.fixed, *reduction.motors}
+    builder = Rebuilder(anatomy, keep_hulls=options.keep_hulls, fixed=fixed, notes=notes)
+    return _Import(source, anatomy, builder, options, fixed, notes).finish()
 
 
 class _Import:
@@ -91,15 +98,15 @@ class _Import:
         self,
         source: ModelSource,
         anatomy: Anatomy,
-        spec: mujoco.MjSpec,
+        builder: Rebuilder,
         options: ImportOptions,
+        fixed: Collection[str],
         notes: list[str],
     ) -> None:
-        self._source, self._anatomy, self._spec = source, anatomy, spec
+        self._source, self._anatomy, self._builder = source, anatomy, builder
+        self._spec = builder.build(options.name)
         self._options, self._notes, self._guesses = options, notes, []
-        self._kept = [
-            k for k, hinge in enumerate(anatomy.tree.hinges) if hinge.name not in options.fixed
-        ]
+        self._kept = [k for k, hinge in enumerate(anatomy.tree.hinges) if hinge.name not in fixed]
         self._model = self._compile()
 
     def finish(self) -> ImportedRobot:
@@ -108,6 +115,7 @@ class _Import:
         self._add_sites(start)
         self._model = self._compile()
         body = self._describe_body()
+        self._report_contradictions(body)
         stance = self._find_stance(body, start)
         self._exclude_brackets(stance)
         self._report_touching(stance)
@@ -184,6 +192,20 @@ class _Import:
             soles=SOLES,
         )
 
+    def _report_contradictions(self, body: Body) -> None:
+        """Report pairs of which one can only turn to where the other cannot."""
+        for k, other in enumerate(body.mirror.index):
+            images = body.mirror.sign[k] * np.array([body.lower[other], body.upper[other]])
+            room = min(body.upper[k], images.max()) - max(body.lower[k], images.min())
+            widest = min(body.upper[k] - body.lower[k], np.ptp(images))
+            if k < other and room < LEAST_ROOM * widest:
+                one, two = self._hinge_name(k), self._hinge_name(int(other))
+                self._notes.append(
+                    f"joints {one} and {two} mirror each other, but not their ranges, "
+                    f"{_range(body, k)} and {_range(body, int(other))}: the model has a wrong axis "
+                    "or range there; correct it"
+                )
+
     def _look(self, angles: Array) -> mujoco.MjData:
         data = mujoco.MjData(self._model)
         data.qpos[7:] = angles
@@ -207,42 +229,55 @@ class _Import:
     def _add_imu(self) -> None:
         """Add the IMU's site: where the model has one on the torso, else at its origin."""
         tree, torso = self._anatomy.tree, self._spec.body(self._model.body(1).name)
-        for site in range(tree.model.nsite):
-            name = tree.model.site(site).name
-            if tree.model.site_bodyid[site] == tree.root and _names_an_imu(name):
-                position = tree.data.site_xpos[site] - tree.data.xpos[tree.root]
-                axes = self._anatomy.axes.T @ tree.data.site_xmat[site].reshape(3, 3)
-                orientation = np.zeros(4)
-                mujoco.mju_mat2Quat(orientation, axes.ravel())
-                position = self._anatomy.axes.T @ position
-                torso.add_site(
-                    name=IMU, pos=position.tolist(), quat=orientation.tolist(), size=MARK
-                )
-                self._guesses.append(f"site {IMU}: the model's site {name}")
-                return
+        for name, position, frame in self._list_imus():
+            axes = self._anatomy.axes.T @ frame
+            orientation = np.zeros(4)
+            mujoco.mju_mat2Quat(orientation, axes.ravel())
+            position = self._anatomy.axes.T @ (position - tree.data.xpos[tree.root])
+            torso.add_site(name=IMU, pos=position.tolist(), quat=orientation.tolist(), size=MARK)
+            self._guesses.append(f"site {IMU}: the model's {name}")
+            return
         torso.add_site(name=IMU, size=MARK)
         self._guesses.append(
             f"site {IMU}: at the origin of {torso.name}, its axes those of the torso; place it in "
             "model.xml"
         )
 
+    def _body_of(self, hinge: int) -> int:
+        """Return the body, in the rebuilt model, that a hinge of the tree moves."""
+        body = self._builder.holder(self._anatomy.tree.hinges[hinge].body)
+        return int(self._model.body(self._builder.name(body)).id)
+
+    def _list_imus(self) -> Iterator[tuple[str, Array, Array]]:
+        """List what the torso holds that is named as an IMU: its place and axes in the world."""
+        tree = self._anatomy.tree
+        model, data = tree.model, tree.data
+        for site in range(model.nsite):
+            body, name = int(model.site_bodyid[site]), model.site(site).name
+            is_held = body in tree.bodies and self._builder.holder(body) == tree.root
+            if is_held and _names_an_imu(name):
+                yield f"site {name}", data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
+        for body in tree.bodies[1:]:
+            name = model.body(body).name
+            if self._builder.holder(body) == tree.root and _names_an_imu(name):
+                yield f"link {name}", data.xpos[body], data.xmat[body].reshape(3, 3)
+
     def _find_sole(self, leg: Sequence[int], data: mujoco.MjData) -> Sole:
-        hinges = self._anatomy.tree.hinges
-        for hinge in reversed(leg):  # a toe that is smaller than the foot is no sole
-            names = [
-                self._anatomy.tree.model.body(b).name or f"body_{b}"
-                for b in self._anatomy.tree.link(hinge)
-            ]
-            bodies = [self._model.body(name).id for name in names]
-            sole = find_sole(self._model, data, bodies)
-            if sole is not None:
-                return sole
-        raise ImportFault(
-            [
-                f"{self._source.path}: the leg that ends in joint "
-                f"{shown(hinges[leg[-1]].name)} has no flat face that looks down, expected a sole"
-            ]
-        )
+        """Find the largest sole among the last links of a leg: of foot and toes, the foot's."""
+        tree, height = self._anatomy.tree, self._anatomy.height
+        bodies = [self._body_of(hinge) for hinge in leg[-2:]]
+        lowest = min(find_lowest(self._model, data, body) for body in bodies)
+        found = [find_sole(self._model, data, body, LEAST_SOLE * height**2) for body in bodies]
+        soles = [s for s in found if s is not None and s.height < lowest + SAME_LEVEL * height]
+        if not soles:
+            raise ImportFault(
+                [
+                    f"{self._source.path}: the leg that ends in joint "
+                    f"{shown(tree.hinges[leg[-1]].name)} has no flat face that looks down, "
+                    "expected a sole: feet that are points or lines cannot stand"
+                ]
+            )
+        return max(soles, key=lambda sole: sole.area)
 
     def _find_neck(self, data: mujoco.MjData) -> tuple[Array, str]:
         """Return the place of the neck in the torso's frame, and what it is."""
@@ -278,20 +313,15 @@ class _Import:
         return best
 
     def _free_arms(self, solver: StanceSolver, stance: Stance, extension: float) -> Stance:
-        """Spread the arms until they touch nothing that is far from them."""
+        """Spread the arms until they touch nothing but what they always touch."""
+        always = {*find_brackets(self._model, stance.joint_pos, np.random.default_rng(0))}
+        arms = {self._body_of(k) for pair in self._anatomy.arms for limb in pair for k in limb[1:]}
         for spread in SPREADS:
             tried = solver.solve(extension, spread)
-            arms = self._arm_bodies()
-            overlaps = find_overlaps(self._model, tried.joint_pos)
-            if tried.is_solved and not any(set(pair) & arms for pair in overlaps):
+            touching = find_overlaps(self._model, tried.joint_pos).keys() - always
+            if tried.is_solved and not any(set(pair) & arms for pair in touching):
                 return tried
         return stance
-
-    def _arm_bodies(self) -> set[int]:
-        links = [k for pair in self._anatomy.arms for limb in pair for k in limb[1:]]
-        names = [h for k in links for h in self._anatomy.tree.link(k)]
-        model = self._anatomy.tree.model
-        return {self._model.body(model.body(b).name or f"body_{b}").id for b in names}
 
     def _exclude_brackets(self, stance: Stance) -> None:
         pairs = find_brackets(self._model, stance.joint_pos, np.random.default_rng(0))
@@ -348,15 +378,17 @@ class _Import:
         return bool(abs(way @ data.xaxis[hinge + 1]) > TWIST * np.linalg.norm(way))
 
     def _list_spreading(self, body: Body, stance: Stance) -> tuple[str, ...]:
-        data = self._look(stance.joint_pos)
-        across = [k for k in body.legs[0] if abs(data.xaxis[k + 1][1]) > TWIST]
-        knee = across[len(across) // 2] if across else body.legs[0][-1]
-        rolls = [
-            k
-            for k in body.legs[0]
-            if k < knee and abs(data.xaxis[k + 1][0]) > TWIST and body.mirror.index[k] != k
-        ]
-        return tuple(self._hinge_name(k) for k in rolls[:1])
+        """List the hinge of the leg above the knee that rolls it most."""
+        data, leg = self._look(stance.joint_pos), body.legs[0]
+        across = [k for k in leg if abs(data.xaxis[k + 1][1]) > TWIST]
+        knee = across[len(across) // 2] if across else leg[-1]
+        hip = [k for k in leg if k < knee and k not in across] or [leg[0]]
+        return (self._hinge_name(max(hip, key=lambda k: abs(data.xaxis[k + 1][0]))),)
+
+
+def _range(body: Body, hinge: int) -> str:
+    lower, upper = np.degrees([body.lower[hinge], body.upper[hinge]])
+    return f"{lower:.0f} to {upper:.0f} deg"
 
 
 def _names_an_imu(name: str) -> bool:

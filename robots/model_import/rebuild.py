@@ -40,6 +40,7 @@ class Rebuilder:
         self._tree: Tree = anatomy.tree
         self._model = anatomy.tree.model
         self._keep_hulls, self._fixed, self._notes = keep_hulls, set(fixed), notes
+        self._boundless: list[str] = []
         root = self._tree.data.xmat[self._tree.root].reshape(3, 3)
         self._turn = np.zeros(4)
         mujoco.mju_mat2Quat(self._turn, (anatomy.axes.T @ root).ravel())
@@ -59,37 +60,64 @@ class Rebuilder:
         spec.default.geom.solref = np.array(STIFF_CONTACT)
         built: dict[int, mujoco.MjsBody] = {}
         for body in self._tree.bodies:
+            holder = self.holder(body)
             if body == self._tree.root:
-                built[body] = spec.worldbody.add_body(name=self._name(body))
+                built[body] = spec.worldbody.add_body(name=self.name(body))
                 built[body].add_freejoint(name="root")
-            else:
-                parent = int(self._model.body_parentid[body])
-                built[body] = built[parent].add_body(name=self._name(body))
-                self._place(built[body], body, parent)
+            elif holder == body:
+                above = int(self._model.body_parentid[body])
+                built[body] = built[self.holder(above)].add_body(name=self.name(body))
+                pose = self._place_in(above, *self._pose(body))
+                built[body].pos, built[body].quat = pose
                 self._add_joints(built[body], body)
-            self._add_mass(built[body], body)
-            self._add_shapes(spec, built[body], body)
+            self._add_shapes(spec, built[holder], body)
+        for body, target in built.items():
+            self._add_mass(target, body)
         self._copy_excludes(spec)
+        if self._boundless:
+            listed = ", ".join(self._boundless)
+            self._notes.append(f"-180 to 180 deg for joints without range: {listed}")
         return spec
 
-    def _name(self, body: int) -> str:
+    def name(self, body: int) -> str:
+        """Return the name of a body, which may have none in its model."""
         return self._model.body(body).name or f"body_{body}"
 
-    def _from_root(self, body: int, position: Array, orientation: Array) -> tuple[Array, Array]:
-        """Convert a pose in a body's old frame to its new one; only the root's is turned."""
-        if body != self._tree.root:
+    def holder(self, body: int) -> int:
+        """Return the body that holds another one rigidly, itself if it has hinges of its own."""
+        while body != self._tree.root and not self._free_hinges(body):
+            body = int(self._model.body_parentid[body])
+        return body
+
+    def _free_hinges(self, body: int) -> list[int]:
+        hinges = self._hinges(body)
+        return [j for j in hinges if name_joint(self._model, j) not in self._fixed]
+
+    def _pose(self, body: int) -> tuple[Array, Array]:
+        """Return the pose of a body in its parent, bent by the hinges that are fixed."""
+        position, orientation = self._model.body_pos[body], self._model.body_quat[body]
+        for joint in self._hinges(body):
+            if name_joint(self._model, joint) in self._fixed:
+                position, orientation = self._bend(joint, position, orientation)
+        return position, orientation
+
+    def _place_in(self, body: int, position: Array, orientation: Array) -> tuple[Array, Array]:
+        """Convert a pose in a body's old frame to the new one of the body that holds it.
+
+        Of those that remain only the root's frame is turned.
+        """
+        holder = self.holder(body)
+        while body != holder:
+            origin, turn = self._pose(body)
+            position = origin + quaternion.rotate(turn, position)
+            orientation = quaternion.multiply(turn, orientation)
+            body = int(self._model.body_parentid[body])
+        if holder != self._tree.root:
             return position, orientation
         return (
             quaternion.rotate(self._turn, position),
             quaternion.multiply(self._turn, orientation),
         )
-
-    def _place(self, target: mujoco.MjsBody, body: int, parent: int) -> None:
-        position, orientation = self._model.body_pos[body], self._model.body_quat[body]
-        for joint in self._hinges(body):
-            if name_joint(self._model, joint) in self._fixed:
-                position, orientation = self._bend(joint, position, orientation)
-        target.pos, target.quat = self._from_root(parent, position, orientation)
 
     def _bend(self, joint: int, position: Array, orientation: Array) -> tuple[Array, Array]:
         """Turn a body about a hinge that is fixed where it is in the tree's pose."""
@@ -118,7 +146,7 @@ class Rebuilder:
             lower, upper = model.jnt_range[joint]
             if not model.jnt_limited[joint] or lower >= upper:
                 lower, upper = -FULL_TURN, FULL_TURN
-                self._notes.append(f"joint '{name}' has no range: -180 to 180 deg")
+                self._boundless.append(name)
             target.add_joint(
                 name=name,
                 type=HINGE,
@@ -130,22 +158,33 @@ class Rebuilder:
             )
 
     def _add_mass(self, target: mujoco.MjsBody, body: int) -> None:
+        """Give a body the mass of all that it holds rigidly."""
         model = self._model
-        mass = float(model.body_mass[body])
-        if mass == 0.0 and not (self._hinges(body) or body == self._tree.root):
-            return
-        if mass < LEAST_MASS:
-            mass = LEAST_MASS
-        position, orientation = self._from_root(body, model.body_ipos[body], model.body_iquat[body])
+        held = [b for b in self._tree.bodies if self.holder(b) == body and model.body_mass[b] > 0.0]
+        mass = sum((float(model.body_mass[b]) for b in held), 0.0)
+        poses = [self._place_in(b, model.body_ipos[b], model.body_iquat[b]) for b in held]
+        shares = [float(model.body_mass[b]) / mass for b in held]
+        center = sum((s * pose[0] for s, pose in zip(shares, poses, strict=True)), np.zeros(3))
+        inertia = np.zeros((3, 3))
+        for b, (position, orientation) in zip(held, poses, strict=True):
+            axes = _axes(orientation)
+            inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
+            away = position - center
+            inertia += model.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
+        moments, axes = np.linalg.eigh(inertia)
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        orientation = np.zeros(4)
+        mujoco.mju_mat2Quat(orientation, axes.ravel())
         target.explicitinertial = True
-        target.mass, target.ipos, target.iquat = mass, position, orientation
-        target.inertia = np.maximum(model.body_inertia[body], LEAST_INERTIA)
+        target.mass, target.ipos, target.iquat = max(mass, LEAST_MASS), center, orientation
+        target.inertia = np.maximum(moments, LEAST_INERTIA)
 
     def _add_shapes(self, spec: mujoco.MjSpec, target: mujoco.MjsBody, body: int) -> None:
         shapes = read_shapes(self._model, body, keep_hulls=self._keep_hulls)
         for number, shape in enumerate(shapes):
-            name = target.name if len(shapes) == 1 else f"{target.name}_{number}"
-            position, orientation = self._from_root(body, shape.position, shape.orientation)
+            own = self.name(body)
+            name = own if len(shapes) == 1 else f"{own}_{number}"
+            position, orientation = self._place_in(body, shape.position, shape.orientation)
             geom = target.add_geom(
                 name=name,
                 type=shape.kind,
@@ -161,6 +200,12 @@ class Rebuilder:
     def _copy_excludes(self, spec: mujoco.MjSpec) -> None:
         model, inside = self._model, set(self._tree.bodies)
         for signature in model.exclude_signature:
-            first, second = int(signature) >> 16, int(signature) & 0xFFFF
-            if {first, second} <= inside:
-                spec.add_exclude(bodyname1=self._name(first), bodyname2=self._name(second))
+            pair = {int(signature) >> 16, int(signature) & 0xFFFF}
+            names = sorted({self.name(self.holder(body)) for body in pair if body in inside})
+            if len(names) == 2:
+                spec.add_exclude(bodyname1=names[0], bodyname2=names[1])
+
+
+def _axes(orientation: Array) -> Array:
+    """Return the axes of a frame in columns, (3, 3)."""
+    return np.column_stack([quaternion.rotate(orientation, axis) for axis in np.eye(3)])

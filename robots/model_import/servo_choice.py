@@ -19,9 +19,14 @@ SPEED_WEIGHT = 0.5
 SQUAT_SHARE = 0.25  # of weight times leg length: about the knee's torque in a deep squat
 RESERVE = 2.0  # times that torque a servo should have at standstill
 WILD = 20.0  # times that torque: a limit of a simulation, not of a motor
+ENDLESS = 1000.0  # N·m, which models state of motors that they know nothing of
 GRAVITY = 9.81
+OWN_P_GAIN = 1600  # twice a Dynamixel's: the stiffness that keeps a robot up grows with its height
 OWN_SPEED = 8.0  # rad/s of a motor whose speed no one states
-OWN_VOLTAGE = 24.0  # V
+OWN_VOLTAGE, HIGH_VOLTAGE = 24.0, 48.0  # V
+HIGH_TORQUE = 100.0  # N·m from which the currents of a motor require the higher one
+MOST_TORQUE = 200.0  # N·m that a servo type may have
+MOST_STEP = 0.1  # A, of the current that it measures
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,17 +62,19 @@ def choose_servos(
         leg_length: [m].
 
     Raises:
-        ImportFault: if a type that the user named is unknown, or matches no joint.
+        ImportFault: if a type that the user named is unknown or matches no joint, or a joint is
+            stronger than servos are.
     """
     named = _read_wishes(joints, asked)
     need = SQUAT_SHARE * weight * GRAVITY * leg_length
     stated = {
         name: figures
         for name, figures in actuators.items()
-        if figures.effort is not None and figures.effort < WILD * need
+        if figures.effort is not None and figures.effort < min(WILD * need, ENDLESS)
     }
+    _check_torques(joints, stated, named)
     guesses: list[str] = []
-    supply = _choose_supply(joints, stated, named)
+    supply = _choose_supply(joints, stated, named, RESERVE * need)
     types, own = [], {}
     by_weight = _choose_by_weight(need, supply)
     for joint in joints:
@@ -77,6 +84,8 @@ def choose_servos(
             types.append(_match(stated[joint], supply, own))
         else:
             types.append(by_weight)
+            if by_weight not in servo_models():
+                own[by_weight] = describe_motor(_round(RESERVE * need), OWN_SPEED, supply)
     silent = [joint for joint in joints if joint not in stated and joint not in named]
     if silent:
         guesses.append(
@@ -91,6 +100,21 @@ def choose_servos(
             "and speed; set others with --servo TYPE=PATTERN"
         )
     return ServoChoice(types=tuple(types), supply=supply, own=own, guesses=tuple(guesses))
+
+
+def _check_torques(
+    joints: Sequence[str], stated: Mapping[str, ActuatorFigures], named: Mapping[str, str]
+) -> None:
+    """Raise ImportFault if joints are stronger than any servo."""
+    strong = [j for j in joints if j in stated and j not in named]
+    problems = [
+        f"joint {shown(joint)} has a torque limit of {effort:g} N·m, expected at most "
+        f"{MOST_TORQUE:g} N·m, of servos: set its type with --servo TYPE={joint}"
+        for joint in strong
+        if (effort := stated[joint].effort or 0.0) > MOST_TORQUE
+    ]
+    if problems:
+        raise ImportFault(problems)
 
 
 def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
@@ -116,9 +140,15 @@ def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
 
 
 def _choose_supply(
-    joints: Sequence[str], stated: Mapping[str, ActuatorFigures], named: Mapping[str, str]
+    joints: Sequence[str],
+    stated: Mapping[str, ActuatorFigures],
+    named: Mapping[str, str],
+    needed: float,
 ) -> float:
-    """Choose the supply at which known types fit best what the model states, or were asked for."""
+    """Choose the supply at which known types fit best what the model states, or were asked for.
+
+    Robots that no known type can lift have motors of a higher supply.
+    """
     read = [stated[joint] for joint in joints if joint in stated and joint not in named]
     usable = [
         supply
@@ -126,15 +156,18 @@ def _choose_supply(
         if all(servo_models()[kind].accepts_supply(supply) for kind in set(named.values()))
     ]
     usable = usable or [servo_models()[next(iter(named.values()))].nominal_voltage]
+    strongest = max([figures.effort or 0.0 for figures in read] or [needed])
+    own = HIGH_VOLTAGE if strongest > HIGH_TORQUE else OWN_VOLTAGE
     if not read:
-        return usable[0]
+        is_known = any(m.stall_torque >= needed for m in servo_models().values())
+        return usable[0] if is_known or named else own
     cost = {
         supply: sum(min(_distance(f, m, supply) for m in servo_models().values()) for f in read)
         for supply in usable
     }
     best = min(usable, key=lambda supply: cost[supply])
-    known = sum(_nearest(figures, best)[1] <= CLOSE for figures in read)
-    return best if known or named else OWN_VOLTAGE
+    is_known = sum(_nearest(figures, best)[1] <= CLOSE for figures in read) >= len(read) / 2
+    return best if is_known or named else own
 
 
 def _distance(figures: ActuatorFigures, model: ServoModel, supply: float) -> float:
@@ -161,7 +194,7 @@ def _match(figures: ActuatorFigures, supply: float, own: dict[str, dict[str, flo
         return name
     effort = float(figures.effort or 0.0)
     speed = OWN_SPEED if figures.speed is None else figures.speed
-    title = f"motor-{effort:g}-Nm"
+    title = _name_motor(effort)
     own[title] = describe_motor(effort, speed, supply)
     return title
 
@@ -169,33 +202,43 @@ def _match(figures: ActuatorFigures, supply: float, own: dict[str, dict[str, flo
 def describe_motor(effort: float, speed: float, supply: float) -> dict[str, float]:
     """Derive the figures of a motor that is no Dynamixel from its torque [N·m] and speed [rad/s].
 
-    Rotor, friction, current and mass scale with the torque as those of the XM540-W270 do.
+    Rotor, friction and mass scale with the torque as those of the XM540-W270 do, current with
+    torque over voltage.
     """
     like = servo_models()["XM540-W270"]
     scale = effort / like.stall_torque
     return {
         "nominal_voltage": supply,
         "stall_torque": effort,
-        "stall_current": round(like.stall_current * scale, 3),
+        "stall_current": round(like.stall_current * scale * like.nominal_voltage / supply, 3),
         "no_load_speed": speed,
         "armature": round(like.armature * scale, 6),
         "friction": round(like.friction * scale, 4),
-        "current_step": round(like.current_step * max(scale, 1.0), 5),
+        "current_step": round(min(like.current_step * max(scale, 1.0), MOST_STEP), 5),
         "max_voltage": round(1.25 * supply, 1),
         "min_voltage": round(0.75 * supply, 1),
         "mass": round(min(like.mass * scale, 4.0), 3),
         "temperature_limit": like.temperature_limit,
+        "p_gain": OWN_P_GAIN,
     }
 
 
 def _choose_by_weight(need: float, supply: float) -> str:
-    """Choose the weakest type with enough torque; the strongest if none has."""
+    """Choose the weakest type with enough torque; name a motor of that torque if none has."""
     usable = {n: m for n, m in servo_models().items() if m.accepts_supply(supply)}
     torque = {n: m.stall_torque * supply / m.nominal_voltage for n, m in usable.items()}
     enough = [name for name in torque if torque[name] >= RESERVE * need]
     if enough:
         return min(enough, key=lambda name: torque[name])
-    return max(torque, key=lambda name: torque[name])
+    return _name_motor(_round(RESERVE * need))
+
+
+def _round(torque: float) -> float:
+    return float(f"{min(torque, MOST_TORQUE):.2g}")
+
+
+def _name_motor(effort: float) -> str:
+    return f"motor-{effort:g}-Nm"
 
 
 def _few(names: Sequence[str]) -> str:

@@ -160,8 +160,9 @@ def _capsule(points: Array, box: Shape) -> Shape | None:
     if np.linalg.det(frame) < 0.0:
         frame[:, 0] *= -1.0
     own = (points - box.position) @ frame
-    radius = float(np.linalg.norm(own[:, :2], axis=1).max())
-    half = float(np.max(np.abs(own[:, 2]) - np.sqrt(radius**2 - np.sum(own[:, :2] ** 2, axis=1))))
+    off_axis = np.linalg.norm(own[:, :2], axis=1)
+    radius = max(float(off_axis.max()), LEAST_SIZE)
+    half = float(np.max(np.abs(own[:, 2]) - np.sqrt(np.maximum(radius**2 - off_axis**2, 0.0))))
     half = max(half, LEAST_SIZE)
     volume = np.pi * radius**2 * (2.0 * half + 4.0 / 3.0 * radius)
     if volume > ROUND * 8.0 * np.prod(box.size):

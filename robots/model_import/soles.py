@@ -14,7 +14,6 @@ from robots.quaternion import Array
 
 FLAT = 0.0025  # m off a plane that still belong to a sole: treads and studs
 STEEP = np.cos(np.radians(50.0))
-LEAST_AREA = 1e-5  # m²
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,29 +27,42 @@ class Sole:
     """Forward, left and up of the face, in columns, (3, 3)."""
     corners: Array
     """Of the face [m], (p, 3)."""
+    area: float
+    """[m²]"""
+    height: float
+    """Of its middle in the world, in the pose in which it was found [m]."""
 
 
-def find_sole(model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> Sole | None:
-    """Find the largest flat face that looks down, of the bodies of a foot.
+def find_sole(
+    model: mujoco.MjModel, data: mujoco.MjData, body: int, least_area: float
+) -> Sole | None:
+    """Find the largest flat face of a body that looks down.
 
     Args:
         model: Rebuilt model: x forward, z up.
         data: Its kinematics in a pose in which the soles look down, more or less.
-        bodies: Of one rigid link.
+        body: Of a foot.
+        least_area: Below which a face is no sole [m²].
     """
     best: Sole | None = None
-    largest = LEAST_AREA
-    for body in bodies:
-        rotation = data.xmat[body].reshape(3, 3)
-        shapes = read_shapes(model, body, keep_hulls=True)
-        if not shapes:
-            continue
-        points = np.concatenate([shape.sample() for shape in shapes])
-        for face in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
-            area = _measure_area(face)
-            if area > largest:
-                largest, best = area, _describe(body, points, face, rotation)
+    rotation = data.xmat[body].reshape(3, 3)
+    shapes = read_shapes(model, body, keep_hulls=True)
+    if not shapes:
+        return None
+    points = np.concatenate([shape.sample() for shape in shapes])
+    for face in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
+        area = _measure_area(face)
+        if area > (best.area if best else least_area):
+            best = _describe(body, points, face, data, area)
     return best
+
+
+def find_lowest(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
+    """Return the height of the lowest point of a body's shapes [m]; infinite without shapes."""
+    up = data.xmat[body].reshape(3, 3)[2]
+    shapes = read_shapes(model, body, keep_hulls=True)
+    heights = [float(np.min(shape.sample() @ up)) for shape in shapes]
+    return float(data.xpos[body, 2]) + min(heights, default=np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +99,9 @@ def _plane(normal: Array) -> Array:
     return np.linalg.svd(normal[None])[2][1:].T
 
 
-def _describe(body: int, points: Array, face: _Face, rotation: Array) -> Sole:
-    up = -face.normal
+def _describe(body: int, points: Array, face: _Face, data: mujoco.MjData, area: float) -> Sole:
+    up: Array = -face.normal
+    rotation: Array = data.xmat[body].reshape(3, 3)
     forward = rotation.T @ np.array([1.0, 0.0, 0.0])
     forward = forward - up * (forward @ up)
     forward /= np.linalg.norm(forward)
@@ -96,7 +109,9 @@ def _describe(body: int, points: Array, face: _Face, rotation: Array) -> Sole:
     own = face.points @ axes
     middle = (own.min(axis=0) + own.max(axis=0)) / 2.0
     middle[2] = np.min(points @ up)  # where the lowest point touches the ground
-    return Sole(body, axes @ middle, axes, face.points)
+    position = axes @ middle
+    height = float(data.xpos[body, 2] + rotation[2] @ position)
+    return Sole(body, position, axes, face.points, area, height)
 
 
 def add_sole_site(spec: mujoco.MjSpec, body: str, sole: Sole, name: str) -> None:

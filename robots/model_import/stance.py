@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -18,11 +19,13 @@ BEND = 0.6  # rad by which knees are bent before the search
 CLOSE, LOOSE, HABIT, LEAN = 5.0, 0.3, 0.02, 0.2
 """Weights: of the feet's place, of the arms' direction, of the angles' distance from before, and of
 a torso that may lean."""
+EASY = 0.2  # weight of the feet's distance from each other
 FOOT_ERRORS = 6
 SPREADS = (0.1, 0.25, 0.4, 0.6, 0.8, 1.0)
 """Slopes at which arms hang outwards, tried in turn until they are free."""
+LONG_PART = 0.2  # share of an arm from which it has a direction of its own
 MARGIN = 0.02  # rad from the end of a joint's range
-SOLVED = 0.02  # largest residual of a stance, in leg lengths and unit vectors
+SOLVED = 0.03  # largest residual of a stance, in leg lengths and unit vectors
 ROOT = 7  # positions of a free joint
 EVALUATIONS = 200
 
@@ -73,11 +76,13 @@ class StanceSolver:
         """Prepare to search from joint angles (n,), which must be within the limits."""
         self._body, self._model = body, body.model
         self._data = mujoco.MjData(body.model)
-        self._before = np.clip(before, body.lower + MARGIN, body.upper - MARGIN)
+        self._lower, self._upper = _narrow(body)
+        self._before = np.clip(before, self._lower, self._upper)
         self._soles = [body.model.site(name).id for name in body.soles]
         self._left_leg, self._left_arms = list(body.legs[0]), [pair[0] for pair in body.arms]
         self._free = self._left_leg + [k for arm in self._left_arms for k in arm]
         self._look(self._before)
+        self._arm_parts = [self._list_arm_parts(arm) for arm in self._left_arms]
         self._leg_width = float(abs(self._data.site_xpos[self._soles[0], 1] - self._hip()[1]))
         self._side = float(self._hip()[1])
         self.leg_length = self._measure_leg_length()
@@ -108,8 +113,8 @@ class StanceSolver:
         return bends
 
     def _solve_from(self, start: Array, extension: float, spread: float, leaning: bool) -> Stance:
-        body, free = self._body, self._free
-        bounds = (body.lower[free] + MARGIN, body.upper[free] - MARGIN)
+        free = self._free
+        bounds = (self._lower[free], self._upper[free])
         reach = extension * self.leg_length
         weights = np.full(FOOT_ERRORS, CLOSE)
         weights[0] = LEAN if leaning else CLOSE
@@ -141,18 +146,29 @@ class StanceSolver:
         axes = data.site_xmat[sole].reshape(3, 3)
         position = data.site_xpos[sole]
         balance = (data.subtree_com[1] - position) @ axes[:, 0] / self.leg_length
-        width = (position[1] - self._side - self._leg_width) / self.leg_length
+        # Legs without roll at the ankle have flat soles at one width alone, whatever is wished.
+        width = EASY * (position[1] - self._side - self._leg_width) / self.leg_length
         length = ((self._hip() - position) @ axes[:, 2] - reach) / self.leg_length
         return np.array([axes[0, 2], axes[1, 2], axes[1, 0], balance, width, length])
 
     def _arm_errors(self, spread: float) -> Array:
-        """Compute how far each left arm is from hanging down and out, (3 a,)."""
+        """Compute how far each part of the left arms is from hanging down and out, (3 p,)."""
         wanted = np.array([0.1, spread, -1.0]) / np.hypot(np.hypot(0.1, spread), 1.0)
-        errors = [
-            _unit(self._end(arm) - self._data.xanchor[arm[0] + 1]) - wanted
-            for arm in self._left_arms
-        ]
+        errors = []
+        for arm, parts in zip(self._left_arms, self._arm_parts, strict=True):
+            points = [*(self._data.xanchor[k + 1] for k in parts), self._end(arm)]
+            errors += [_unit(b - a) - wanted for a, b in pairwise(points)]
         return np.concatenate([np.zeros(0), *errors])
+
+    def _list_arm_parts(self, arm: Sequence[int]) -> list[int]:
+        """List the hinges of an arm at which a new part of it begins: shoulder, elbow, wrist."""
+        whole = float(np.linalg.norm(self._end(arm) - self._data.xanchor[arm[0] + 1]))
+        parts = [arm[0]]
+        for k in arm[1:]:
+            way = self._data.xanchor[k + 1] - self._data.xanchor[parts[-1] + 1]
+            if np.linalg.norm(way) > LONG_PART * whole:
+                parts.append(k)
+        return parts
 
     def _end(self, arm: Sequence[int]) -> Array:
         """Return twice the way from the last joint of a limb to the middle of what it moves."""
@@ -170,7 +186,7 @@ class StanceSolver:
         mirror, out = self._body.mirror, angles.copy()
         for k in self._free:
             out[mirror.index[k]] = mirror.sign[k] * angles[k]
-        return out
+        return np.clip(out, self._body.lower, self._body.upper)
 
     def _hip(self) -> Array:
         return self._data.xanchor[self._left_leg[0] + 1]
@@ -194,6 +210,17 @@ class StanceSolver:
         points = [self._hip(), *points, self._data.site_xpos[self._soles[0]]]
         flat = np.array(points)[:, [0, 2]]
         return float(np.linalg.norm(np.diff(flat, axis=0), axis=1).sum())
+
+
+def _narrow(body: Body) -> tuple[Array, Array]:
+    """Return joint limits [rad], (n,) each, that hold for both sides, and a margin from them."""
+    index, sign = body.mirror.index, body.mirror.sign
+    other = sign * np.stack([body.lower, body.upper])[:, index]  # (2, n): the mirror joints' limits
+    lower, upper = np.maximum(body.lower, other.min(axis=0)), np.minimum(body.upper, other.max(0))
+    apart = upper <= lower  # limits that exclude each other are those of a mistaken model
+    lower, upper = np.where(apart, body.lower, lower), np.where(apart, body.upper, upper)
+    margin = np.minimum(MARGIN, 0.45 * (upper - lower))
+    return lower + margin, upper - margin
 
 
 def _unit(vector: Array) -> Array:

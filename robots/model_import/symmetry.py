@@ -32,7 +32,12 @@ class Mirror:
 
 
 def find_mirror(
-    names: Sequence[str], anchors: Array, axes: Array, depths: Sequence[int], height: float
+    names: Sequence[str],
+    anchors: Array,
+    axes: Array,
+    centers: Array,
+    depths: Sequence[int],
+    height: float,
 ) -> Mirror:
     """Pair hinges by the positions and axes of their mirror images; names decide among equals.
 
@@ -40,11 +45,13 @@ def find_mirror(
         names: Of the hinges.
         anchors: Points on their axes [m], (n, 3): x forward, y left, the plane of symmetry y = 0.
         axes: Unit vectors, (n, 3), in the same frame.
+        centers: Centers of mass of all that each hinge moves [m], (n, 3), in the same frame; they
+            tell hinges at one place apart, such as those of neck and clavicles.
         depths: Number of hinges above each.
         height: Of the robot [m], by which distances are measured.
     """
-    images, turned = anchors * MIRROR, axes * MIRROR_AXIS
-    apart = np.linalg.norm(images[:, None] - anchors[None], axis=-1) / height  # (n, n)
+    turned = axes * MIRROR_AXIS
+    apart = np.maximum(_part(anchors), 0.5 * _part(centers)) / height  # (n, n)
     along = turned @ axes.T  # (n, n): cosine between an image's axis and another's
     deeper = np.abs(np.subtract.outer(depths, depths))
     cost = apart + 0.5 * (1.0 - np.abs(along)) + 0.02 * deeper
@@ -65,3 +72,8 @@ def find_mirror(
         unpaired.append(int(j))
     sign = np.where(along[np.arange(len(names)), index] < 0.0, -1.0, 1.0)
     return Mirror(index, sign, tuple(unpaired))
+
+
+def _part(points: Array) -> Array:
+    """Measure how far the mirror image of each point is from each other one [m], (n, n)."""
+    return np.linalg.norm((points * MIRROR)[:, None] - points[None], axis=-1)

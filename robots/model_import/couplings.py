@@ -1,0 +1,86 @@
+"""Gears and linkages between joints: the motors' hinges are welded, the outputs' stay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robots.model_import.source import ActuatorFigures, Coupling, ModelSource
+from robots.model_import.tree import Tree
+
+LIGHT = 0.1  # share of what the output moves, below which a hinge is only its motor's
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """Joints that remain of those that are coupled."""
+
+    motors: tuple[str, ...]
+    """Joints that only turn a motor's shaft, to be welded."""
+    actuators: dict[str, ActuatorFigures]
+    """What actuators can do at the joints that remain, by name."""
+
+
+def reduce_couplings(source: ModelSource, tree: Tree, notes: list[str]) -> Reduction:
+    """Choose the output of each coupling, with its motors' torque and speed there."""
+    hinges = {hinge.name: hinge for hinge in tree.hinges}
+    motors: list[str] = []
+    actuators = dict(source.actuators)
+    loops = [loop for bodies in source.loops if (loop := _open_loop(tree, bodies, notes))]
+    for coupling in (*source.couplings, *loops):
+        if not set(coupling.joints) <= hinges.keys():
+            continue
+        mass = [float(tree.model.body_subtreemass[hinges[j].body]) for j in coupling.joints]
+        output = max(range(len(mass)), key=mass.__getitem__)
+        drives = [k for k in range(len(mass)) if mass[k] < LIGHT * mass[output]]
+        _describe(coupling, output, drives, notes)
+        motors += [coupling.joints[k] for k in drives]
+        name = coupling.joints[output]
+        if name not in source.actuators:
+            known = [k for k in drives if coupling.joints[k] in source.actuators]
+            if known:
+                actuators[name] = _combine(coupling, output, known, source)
+    return Reduction(tuple(dict.fromkeys(motors)), actuators)
+
+
+def _open_loop(tree: Tree, bodies: tuple[int, int], notes: list[str]) -> Coupling | None:
+    """Open a closed loop: its hinges are taken for those of a parallelogram."""
+    ways = [set(_hinges_above(tree, body)) for body in bodies]
+    loop = ways[0] ^ ways[1]
+    names = [tree.model.body(body).name for body in bodies]
+    notes.append(f"the closed loop that joins {names[0]} and {names[1]} is open, its gear 1 to 1")
+    return Coupling(tuple(sorted(loop)), (1.0,) * len(loop)) if len(loop) > 1 else None
+
+
+def _hinges_above(tree: Tree, body: int) -> list[str]:
+    found = []
+    while body != tree.root and body > 0:
+        found += [hinge.name for hinge in tree.hinges if hinge.body == body]
+        body = int(tree.model.body_parentid[body])
+    return found
+
+
+def _describe(coupling: Coupling, output: int, drives: Sequence[int], notes: list[str]) -> None:
+    name = coupling.joints[output]
+    if drives:
+        driven = ", ".join(
+            f"{coupling.joints[k]} ({abs(coupling.shares[output] / coupling.shares[k]):.3g} turns "
+            "to one)"
+            for k in drives
+        )
+        notes.append(f"joint {name} is driven by {driven}, welded here: its servo turns the output")
+    else:
+        others = ", ".join(joint for joint in coupling.joints if joint != name)
+        notes.append(f"joints {name} and {others} are coupled in the model, and separate here")
+
+
+def _combine(
+    coupling: Coupling, output: int, drives: Sequence[int], source: ModelSource
+) -> ActuatorFigures:
+    """Convert what motors can do to the output: the weakest one limits it."""
+    gears = [abs(coupling.shares[output] / coupling.shares[k]) for k in drives]
+    figures = [source.actuators[coupling.joints[k]] for k in drives]
+    rows = list(zip(figures, gears, strict=True))
+    efforts = [f.effort * gear for f, gear in rows if f.effort is not None]
+    speeds = [f.speed / gear for f, gear in rows if f.speed is not None]
+    return ActuatorFigures(effort=min(efforts, default=None), speed=min(speeds, default=None))

@@ -1,0 +1,152 @@
+"""Mesh files that MuJoCo does not read, as convex hulls: COLLADA and text STL."""
+
+from __future__ import annotations
+
+import re
+import struct
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from robots.files import read_bounded
+from robots.quaternion import Array
+
+MAX_MESH = 256 * 2**20  # bytes
+READ_BY_MUJOCO = (".stl", ".obj", ".msh")
+MESH_KINDS = (*READ_BY_MUJOCO, ".dae")
+MAX_FACES = 200_000  # that MuJoCo reads from an STL file
+FACE = 50  # bytes of a face of a binary STL file, after a head of HEAD
+HEAD = 84
+VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+THIN = 1e-4  # m; points within a plane are given that thickness
+
+
+def is_readable(path: Path) -> bool:
+    """Tell whether MuJoCo reads a mesh file itself."""
+    if path.suffix.lower() != ".stl":
+        return path.suffix.lower() in READ_BY_MUJOCO
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if len(head) < HEAD:
+        return False
+    count = struct.unpack("<I", head[80:HEAD])[0]
+    return path.stat().st_size == HEAD + FACE * count and 0 < count <= MAX_FACES
+
+
+def read_hull(path: Path) -> bytes:
+    """Read a mesh file; return its convex hull as a binary STL file.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it holds no points.
+    """
+    content = read_bounded(path, MAX_MESH)
+    points = _read_collada(content) if path.suffix.lower() == ".dae" else _read_stl(content)
+    if len(points) < 4 or not np.all(np.isfinite(points)):
+        raise ValueError("it holds no solid")
+    return _write_stl(points)
+
+
+def _read_stl(content: bytes) -> Array:
+    found = VERTEX.findall(content)
+    if found:
+        return np.array(found, dtype=float).reshape(-1, 3)
+    faces = np.frombuffer(content[HEAD : HEAD + (len(content) - HEAD) // FACE * FACE], np.uint8)
+    corners = faces.reshape(-1, FACE)[:, 12:48].copy().view("<f4")  # after each face's normal
+    return corners.reshape(-1, 3).astype(float)
+
+
+def _read_collada(content: bytes) -> Array:
+    """Read the points of a COLLADA scene in meters, its axes as they are, as viewers of URDF do."""
+    try:
+        root = ET.fromstring(content)
+    except ET.ParseError as error:
+        raise ValueError(f"not XML ({error})") from error
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    unit = root.find("asset/unit")
+    scale = 1.0 if unit is None else float(unit.get("meter", "1"))
+    shapes = {
+        geometry.get("id", ""): _read_positions(geometry)
+        for geometry in root.findall("library_geometries/geometry")
+    }
+    points = [
+        part
+        for scene in root.findall("library_visual_scenes/visual_scene")
+        for node in scene.findall("node")
+        for part in _walk(node, np.eye(4), shapes)
+    ]
+    parts = points or list(shapes.values())
+    return scale * np.concatenate([np.zeros((0, 3)), *parts])
+
+
+def _read_positions(geometry: ET.Element) -> Array:
+    """Read the positions of a geometry's vertices, (p, 3)."""
+    names = {
+        i.get("source", "")[1:] for i in geometry.iter("input") if i.get("semantic") == "POSITION"
+    }
+    arrays = [
+        np.array((source.findtext("float_array") or "").split(), dtype=float)
+        for source in geometry.iter("source")
+        if source.get("id") in names
+    ]
+    return np.concatenate([np.zeros(0), *arrays]).reshape(-1, 3)
+
+
+def _walk(node: ET.Element, above: Array, shapes: dict[str, Array]) -> list[Array]:
+    """Collect the points of a node and those below it, in the scene's frame."""
+    pose = above @ _read_pose(node)
+    found = [
+        shapes[name] @ pose[:3, :3].T + pose[:3, 3]
+        for instance in node.findall("instance_geometry")
+        if (name := instance.get("url", "")[1:]) in shapes
+    ]
+    for child in node.findall("node"):
+        found += _walk(child, pose, shapes)
+    return found
+
+
+def _read_pose(node: ET.Element) -> Array:
+    pose = np.eye(4)
+    for element in node:
+        step = np.eye(4)
+        if element.tag not in ("matrix", "translate", "scale", "rotate"):
+            continue
+        values = np.array((element.text or "").split(), dtype=float)
+        if element.tag == "matrix":
+            step = values.reshape(4, 4)
+        elif element.tag == "translate":
+            step[:3, 3] = values
+        elif element.tag == "scale":
+            step[:3, :3] = np.diag(values)
+        else:
+            step[:3, :3] = _turn(values[:3], np.radians(values[3]))
+        pose = pose @ step
+    return pose
+
+
+def _turn(axis: Array, angle: float) -> Array:
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def _write_stl(points: Array) -> bytes:
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        hull = ConvexHull(_thicken(points))
+    faces = hull.points[hull.simplices]  # (f, 3, 3)
+    inwards = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    flipped = np.sum(inwards * hull.equations[:, :3], axis=1) < 0.0
+    faces[flipped] = faces[flipped][:, ::-1]
+    rows = np.zeros((len(faces), FACE), dtype=np.uint8)
+    rows[:, 12:48] = faces.reshape(-1, 9).astype("<f4").view(np.uint8)
+    return bytes(HEAD - 4) + struct.pack("<I", len(faces)) + rows.tobytes()
+
+
+def _thicken(points: Array) -> Array:
+    normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
+    return np.concatenate([points - THIN * normal, points + THIN * normal])

@@ -1,0 +1,126 @@
+"""MJCF files: a model, what its actuators can do, what is coupled, and a keyframe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.model_import.source import ActuatorFigures, Coupling, ImportFault, ModelSource
+
+TIGHT = 0.1  # rad; a tendon with less room couples its joints
+
+
+def read_mjcf(path: Path) -> ModelSource:
+    """Read an MJCF file.
+
+    Raises:
+        ImportFault: if it does not compile.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compiler.fusestatic = False
+        _forget_scene(spec)
+        model = spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise ImportFault([f"{path}: {' '.join(str(error).split())}"]) from error
+    stance = {}
+    if model.nkey:
+        names = [model.key(k).name for k in range(model.nkey)]
+        key = next((k for k, name in enumerate(names) if _names_a_stance(name)), 0)
+        stance = {
+            model.joint(j).name: float(model.key_qpos[key, model.jnt_qposadr[j]])
+            for j in range(model.njnt)
+            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+        }
+    return ModelSource(
+        path=path,
+        model=model,
+        actuators=_list_actuators(model),
+        stance=stance,
+        couplings=(*_list_equalities(model), *_list_tendons(model)),
+        loops=tuple(_list_loops(model)),
+    )
+
+
+def _forget_scene(spec: mujoco.MjSpec) -> None:
+    """Remove what may refer to a scene that is in another file: contact pairs and sensors.
+
+    Shapes that collide by pairs alone do so by kind instead.
+    """
+    for pair in list(spec.pairs):
+        for name in (pair.geomname1, pair.geomname2):
+            if (geom := spec.geom(name)) is not None:
+                geom.contype = 1
+        spec.delete(pair)
+    for sensor in list(spec.sensors):
+        spec.delete(sensor)
+
+
+def _list_equalities(model: mujoco.MjModel) -> Iterator[Coupling]:
+    for k in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+        follower, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        ratio = float(model.eq_data[k, 1])
+        if leader >= 0 and ratio != 0.0:
+            yield Coupling((model.joint(follower).name, model.joint(leader).name), (1.0, -ratio))
+
+
+def _list_tendons(model: mujoco.MjModel) -> Iterator[Coupling]:
+    """List couplings by fixed tendons that can hardly move."""
+    for tendon in range(model.ntendon):
+        first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+        parts = range(first, first + count)
+        is_fixed = all(model.wrap_type[k] == mujoco.mjtWrap.mjWRAP_JOINT for k in parts)
+        is_tight = model.tendon_limited[tendon] and np.ptp(model.tendon_range[tendon]) < TIGHT
+        if count > 1 and is_fixed and is_tight:
+            joints = tuple(model.joint(int(model.wrap_objid[k])).name for k in parts)
+            yield Coupling(joints, tuple(float(model.wrap_prm[k]) for k in parts))
+
+
+def _list_loops(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
+    """List the bodies that closed loops join."""
+    for k in range(model.neq):
+        kind = mujoco.mjtEq(int(model.eq_type[k]))
+        is_loop = kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+        objects = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        if is_loop and model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_BODY:
+            yield objects
+        elif is_loop:  # between sites
+            yield int(model.site_bodyid[objects[0]]), int(model.site_bodyid[objects[1]])
+
+
+def _names_a_stance(name: str) -> bool:
+    return any(word in name.lower() for word in ("home", "stand", "ready", "init"))
+
+
+def _list_actuators(model: mujoco.MjModel) -> dict[str, ActuatorFigures]:
+    """Read the largest torques of joints from actuators on them, their ranges and gains."""
+    found: dict[str, ActuatorFigures] = {}
+    for i in range(model.nu):
+        if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        joint = int(model.actuator_trnid[i, 0])
+        bounds = [_actuator_effort(model, i)]
+        if model.jnt_actfrclimited[joint]:
+            bounds.append(float(np.abs(model.jnt_actfrcrange[joint]).max()))
+        known = [bound for bound in bounds if bound is not None]
+        effort = min(known) if known else None
+        found[model.joint(joint).name] = ActuatorFigures(effort=effort)
+    if not found:  # limits of joints alone, as a model without actuators may state them
+        for joint in np.flatnonzero(model.jnt_actfrclimited):
+            effort = float(np.abs(model.jnt_actfrcrange[joint]).max())
+            found[model.joint(joint).name] = ActuatorFigures(effort=effort)
+    return found
+
+
+def _actuator_effort(model: mujoco.MjModel, i: int) -> float | None:
+    gear = abs(float(model.actuator_gear[i, 0]))
+    if model.actuator_forcelimited[i]:
+        return gear * float(np.abs(model.actuator_forcerange[i]).max())
+    is_motor = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
+    if is_motor and model.actuator_ctrllimited[i]:
+        gain = abs(float(model.actuator_gainprm[i, 0]))
+        return gear * gain * float(np.abs(model.actuator_ctrlrange[i]).max())
+    return None

@@ -1,0 +1,109 @@
+"""Shapes of a URDF: meshes are found and converted; links without usable ones fall back."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from robots.model_import.mesh_files import MESH_KINDS, is_readable, read_hull
+from robots.validation import shown
+
+SIZES = ("radius", "length", "size")
+
+
+class UrdfShapes:
+    """Chooses and resolves the shapes of a URDF's links, in place."""
+
+    def __init__(self, path: Path, root: ET.Element, notes: list[str]) -> None:
+        self._path, self._root, self._notes = path, root, notes
+        self._converted: dict[Path, str] = {}
+        self.hulls: dict[str, bytes] = {}
+        """Files that are made of meshes which MuJoCo does not read, by name."""
+
+    def resolve(self) -> list[str]:
+        """Replace the file names of meshes by what MuJoCo reads; return problems.
+
+        The shapes of a link are those that collide; where it has none, or their meshes cannot be
+        read but those for the eye can, these.
+        """
+        problems: list[str] = []
+        for link in self._root.findall("link"):
+            self._drop_empty(link)
+            solid, seen = link.findall("collision"), link.findall("visual")
+            troubles = [*self._find_troubles(link, solid or seen)]
+            if troubles and solid and seen and not [*self._find_troubles(link, seen)]:
+                self._notes.append(
+                    f"link {link.get('name')}: its shapes are those for the eye, "
+                    f"as {troubles[0].partition(': ')[2]}"
+                )
+                solid, seen, troubles = seen, solid, []
+            for other in seen if solid else ():
+                link.remove(other)
+            problems += troubles
+            for mesh in () if troubles else link.iter("mesh"):
+                self._resolve(mesh)
+        return problems
+
+    def _drop_empty(self, link: ET.Element) -> None:
+        """Drop shapes without extent."""
+        for shape in [*link.findall("collision"), *link.findall("visual")]:
+            sizes = [
+                float(value)
+                for part in (*shape.iter("sphere"), *shape.iter("cylinder"), *shape.iter("box"))
+                for key in SIZES
+                for value in part.get(key, "").split()
+            ]
+            if any(size <= 0.0 for size in sizes):
+                link.remove(shape)
+                self._notes.append(f"link {link.get('name')}: a shape of size 0 is left out")
+
+    def _find_troubles(self, link: ET.Element, shapes: Iterable[ET.Element]) -> Iterator[str]:
+        for mesh in (mesh for shape in shapes for mesh in shape.iter("mesh")):
+            name = mesh.get("filename", "")
+            where = f"{self._path}: mesh {shown(name)} of link {shown(link.get('name'))}"
+            file = find_mesh(self._path, name)
+            if file is None:
+                yield f"{where} is not found, expected it beside the model, or in a folder above"
+            elif file.suffix.lower() not in MESH_KINDS:
+                yield f"{where} is of kind {shown(file.suffix)}, expected {', '.join(MESH_KINDS)}"
+            else:
+                try:
+                    self._convert(file)
+                except (OSError, ValueError) as error:
+                    yield f"{where} cannot be read ({error}), expected {', '.join(MESH_KINDS)}"
+
+    def _convert(self, file: Path) -> None:
+        if file not in self._converted:
+            name = str(file)
+            if not is_readable(file):
+                name = f"hull_{len(self.hulls)}.stl"
+                self.hulls[name] = read_hull(file)
+            self._converted[file] = name
+
+    def _resolve(self, mesh: ET.Element) -> None:
+        file = find_mesh(self._path, mesh.get("filename", ""))
+        if file is not None:
+            mesh.set("filename", self._converted[file])
+
+
+def find_mesh(path: Path, name: str) -> Path | None:
+    """Find a mesh by its name in a URDF: a path, file://..., or package://NAME/...
+
+    Folders above the model are searched, too, and a file whose name differs by case is taken.
+    """
+    plain = name.removeprefix("file://")
+    parts = Path(plain.removeprefix("package://")).parts
+    above = path.resolve().parents
+    places = [path.parent / plain, *(up.joinpath(*parts) for up in above)]
+    places += [up.joinpath(*parts[1:]) for up in above if len(parts) > 1]
+    found = next((place for place in places if place.is_file()), None)
+    found = found or next((f for place in places if (f := _ignore_case(place)) is not None), None)
+    return None if found is None else found.resolve()
+
+
+def _ignore_case(place: Path) -> Path | None:
+    if not place.parent.is_dir():
+        return None
+    name = place.name.lower()
+    return next((f for f in place.parent.iterdir() if f.name.lower() == name), None)

@@ -51,7 +51,7 @@ class Limb:
     middle: int
     """Joint at whose anchor the upper part ends and the lower one begins: elbow or knee."""
     end: int | None
-    """Joint at whose anchor the lower part ends: an ankle; None where the limb ends there."""
+    """Joint at whose anchor the lower part ends: ankle or wrist; None where the limb ends there."""
     body: int
     """Its last body."""
     sole: int | None
@@ -260,7 +260,7 @@ class Limbs:
             joints=tuple(joints),
             start=bends[-1] if bends else above[0],
             middle=middle,
-            end=ends[0] if sole is not None and ends else None,
+            end=ends[0] if ends else None,
             body=int(self.model.jnt_bodyid[self._ids[middle]]),
             sole=sole,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable
 
 import cma
@@ -254,7 +255,6 @@ def make_scenarios(
 
 
 def _coarse_step(world: World) -> float:
-    """Return the search's physics step [s]: 4 ms, or the model's where that does not fit."""
-    cycles = world.robot.control_period / SEARCH_TIMESTEP
-    fits = abs(cycles - round(cycles)) < 1e-9
-    return SEARCH_TIMESTEP if fits else float(world.model.opt.timestep)
+    """Return the search's physics step [s]: at most 4 ms, so that steps fill a control period."""
+    period = world.robot.control_period
+    return max(period / math.ceil(period / SEARCH_TIMESTEP - 1e-9), world.model.opt.timestep)

@@ -61,7 +61,7 @@ def test_a_joint_may_have_a_gain_of_its_own(own_robot, tiny):
 @pytest.mark.parametrize("name", ["nao", "", "../..", "/nowhere/at/all", "a\nb"])
 def test_an_unknown_robot_is_named_with_what_is_expected(name):
     with pytest.raises(
-        RobotError, match=r"unknown robot '.*': expected op3, or a folder"
+        RobotError, match=r"unknown robot '.*': expected human, op3, or a folder"
     ) as caught:
         load_robot(name)
     assert "\n" not in str(caught.value)

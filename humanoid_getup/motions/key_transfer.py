@@ -25,7 +25,8 @@ class KeyTransfer:
 
     Every key is measured as the directions of upper and lower limbs and the attitude of the feet
     in the torso's frame; the target's limbs are pointed the same way, as near as their joints and
-    ranges allow. Times grow with the square root of the height, as those of a pendulum do. Joints
+    ranges allow. Times grow with the square root of the height, as those of a pendulum do, torques
+    with those of the strongest servo; what a second and a newton meter cost shrinks alike. Joints
     that are in no limb, like those of a head, stay in the target's stance.
     """
 
@@ -61,7 +62,8 @@ class KeyTransfer:
         if keyframes.end_class == STANDING:
             keys[-1] = robot.standing.joint_pos
         free = self._find_free(np.array(keys), is_symmetric)
-        share = keyframes.torque_limit / float(self.source.robot.max_torque.max())
+        torques = [float(limbs.robot.max_torque.max()) for limbs in (self.target, self.source)]
+        torque_scale = torques[0] / torques[1]
         return replace(
             keyframes,
             duration=keyframes.duration * self.time_scale,
@@ -70,7 +72,9 @@ class KeyTransfer:
             mirrored=np.array(
                 [is_symmetric and int(robot.mirror_index[k]) != k for k in free], dtype=bool
             ),
-            torque_limit=round(share * float(robot.max_torque.max()), 2),
+            torque_limit=round(keyframes.torque_limit * torque_scale, 2),
+            time_cost=keyframes.time_cost / self.time_scale,
+            torque_cost=keyframes.torque_cost / torque_scale,
         )
 
     def _transfer_key(self, key: Array, before: Array) -> Array:

@@ -211,7 +211,8 @@ class ClipRetargeter:
                 f"the motion would last {knots[-1]:.0f} s, expected at most {MAX_DURATION:g} s "
                 "(--from and --to choose a part)"
             )
-        time = np.arange(0.0, knots[-1] + 0.5 * robot.control_period, robot.control_period)
+        count = math.ceil(knots[-1] / robot.control_period - 1e-9) + 1
+        time = robot.control_period * np.arange(count)
         at = np.minimum(time, knots[-1])
         turns = Slerp(knots, Rotation.from_quat(poses.orientation, scalar_first=True))
         joint_pos = PchipInterpolator(knots, poses.joint_pos, axis=0)(at)

@@ -97,7 +97,9 @@ def limit_servos(
     pwm = np.minimum(share, round_pwm(pwm_limit))
     torque = np.where(is_pwm, robot.max_torque, limit)
     if np.any(is_current):
-        torque = np.where(is_current, robot.round_current(limit), torque)
+        # One limit is for all servos, of which the weaker ones cannot make that torque.
+        most = robot.round_current(np.minimum(limit, robot.max_torque))
+        torque = np.where(is_current, most, torque)
     return Drive(
         torque=np.where((limit > 0.0) & (pwm > 0.0), torque, 0.0),
         pwm=pwm,

@@ -64,6 +64,8 @@ class ServoModel:
     """Position P gain as shipped."""
     gain_divisor: Annotated[int, whole(1, 65_536)] = 128
     """Register value of the P gain per PWM count and tick of error."""
+    damping: Annotated[float, positive(1000.0, "N·m·s/rad")] | None = None
+    """Of current-based position mode [N·m·s/rad]; that of back-EMF in the other if left out."""
 
     @property
     def motor_constant(self) -> float:
@@ -94,9 +96,11 @@ class ServoModel:
     def d_gain(self) -> int:
         """Return the D gain that damps current-based position mode as back-EMF damps the other.
 
-        The current loop makes up for back-EMF, so that without a D gain only friction is left.
+        The current loop makes up for back-EMF, so that without a D gain only friction is left. A
+        type may state another damping.
         """
-        return round(self.torque_speed_slope / self.damping_gain(1))
+        damping = self.torque_speed_slope if self.damping is None else self.damping
+        return round(damping / self.damping_gain(1))
 
     def damping_gain(self, d_gain: int) -> float:
         """Compute the damping of a D gain in current-based position mode [N·m·s/rad].

@@ -102,6 +102,12 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "style.extract",
         "Extract a style from a motion, a flight log or a clip.",
     ),
+    "mocap": ("", "", "Import clips of motion capture."),
+    "mocap import": (
+        "mocap.ImportClip",
+        "mocap.import_clip",
+        "Make a motion of a robot from a clip.",
+    ),
     "scenes": ("motions.ListScenes", "scenes.list_scenes", "List or draw the scenes."),
     "robots": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
     "robots list": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),

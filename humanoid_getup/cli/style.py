@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
+from humanoid_getup.cli.clip_files import ACCLAIM, BVH, read_clip
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.inputs import find_motion, load_robot
@@ -27,7 +28,7 @@ from robots import Robot
 from robots.kinematics import GravitySense, leg_length
 from robots.quaternion import Array
 
-MOTION, LOG, BVH, ACCLAIM = ".npz", ".mcap", ".bvh", ".amc"
+MOTION, LOG = ".npz", ".mcap"
 
 
 def list_styles(command: ListStyles) -> int:
@@ -137,7 +138,7 @@ def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, flo
     if kind == LOG:
         return *_read_log(file, robot), 1.0
     if used:
-        clip = _read_clip(command, file)
+        clip = read_clip(file, command.skeleton, command.rate, command.up)
         scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
         return clip.time, clip.measure_features(), scale
     if kind and kind != MOTION and file.is_file():
@@ -147,18 +148,6 @@ def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, flo
         )
     motion = find_motion(robot, command.source)
     return motion.time, measure_motion(robot, motion), 1.0
-
-
-def _read_clip(command: ExtractStyle, file: Path):
-    """Read a clip of motion capture."""
-    from humanoid_getup.style.clips.acclaim import RATE, read_acclaim
-    from humanoid_getup.style.clips.bvh import read_bvh
-
-    up = command.up or "y"
-    if file.suffix.lower() == BVH:
-        return replace(read_bvh(file), up=up)
-    skeleton = command.skeleton or file.with_name(f"{file.stem.split('_')[0]}.asf")
-    return replace(read_acclaim(file, skeleton, command.rate or RATE), up=up)
 
 
 def _read_log(file: Path, robot: Robot) -> tuple[Array, Array]:

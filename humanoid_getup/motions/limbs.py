@@ -51,7 +51,7 @@ class Limb:
     middle: int
     """Joint at whose anchor the upper part ends and the lower one begins: elbow or knee."""
     end: int | None
-    """Joint at whose anchor the lower part ends: an ankle; None where the limb ends there."""
+    """Joint at whose anchor the lower part ends: ankle or wrist; None where the limb ends there."""
     body: int
     """Its last body."""
     sole: int | None
@@ -94,7 +94,9 @@ class Limbs:
         self._look(joint_pos)
         return {name: self._measure(limb) for name, limb in self.all.items()}
 
-    def solve(self, poses: dict[LimbName, LimbPose], before: Array) -> Array:
+    def solve(
+        self, poses: dict[LimbName, LimbPose], before: Array, *, is_near: bool = False
+    ) -> Array:
         """Find the joint angles (n,) that bring the limbs nearest to poses.
 
         Joints that are in no limb, and those that no pose concerns, stay as before.
@@ -102,11 +104,12 @@ class Limbs:
         Args:
             poses: Of the limbs to be moved; those that the robot lacks are left out.
             before: Angles from which the way should be short [rad], (n,).
+            is_near: Whether to search only around those, as from one frame to the next.
         """
         angles = before.copy()
         for name, pose in poses.items():
             if name in self.all:
-                angles = self._solve_limb(self.all[name], pose, angles)
+                angles = self._solve_limb(self.all[name], pose, angles, is_near=is_near)
         return angles
 
     def measure_balance(self, joint_pos: Array) -> float | None:
@@ -174,7 +177,7 @@ class Limbs:
         self._look(self.robot.standing.joint_pos)
         return [k for k in limb.joints if abs(self.data.xaxis[self._ids[k]][1]) > TWIST]
 
-    def _solve_limb(self, limb: Limb, pose: LimbPose, before: Array) -> Array:
+    def _solve_limb(self, limb: Limb, pose: LimbPose, before: Array, *, is_near: bool) -> Array:
         joints, robot = list(limb.joints), self.robot
         lower, upper = robot.lower[joints], robot.upper[joints]
         start = np.clip(before[joints], lower, upper)
@@ -189,7 +192,9 @@ class Limbs:
                 errors.append(FOOT * (found.foot - pose.foot).ravel())
             return np.concatenate(errors)
 
-        tries = [start, 0.5 * (lower + upper), robot.standing.joint_pos[joints]]
+        tries = [start]
+        if not is_near:
+            tries += [0.5 * (lower + upper), robot.standing.joint_pos[joints]]
         inner = np.maximum(upper - lower, SMALL) * 1e-6
         solved = [
             least_squares(
@@ -266,7 +271,7 @@ class Limbs:
             joints=tuple(joints),
             start=bends[-1] if bends else above[0],
             middle=middle,
-            end=ends[0] if sole is not None and ends else None,
+            end=ends[0] if ends else None,
             body=int(self.model.jnt_bodyid[self._ids[middle]]),
             sole=sole,
         )

@@ -134,11 +134,11 @@ def find_ankles(world: World) -> Array:
 def _find_chain(world: World, body: int) -> list[int]:
     """List the joints from a body up to the root."""
     model, names = world.model, world.robot.joint_names
-    joint_of = {int(model.jnt_bodyid[model.joint(name).id]): i for i, name in enumerate(names)}
+    ids = {model.joint(name).id: i for i, name in enumerate(names)}
     chain = []
     while body:
-        if body in joint_of:
-            chain.append(joint_of[body])
+        own = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+        chain += [ids[joint] for joint in reversed(own) if joint in ids]
         body = int(model.body_parentid[body])
     return chain
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from robots.quaternion import Array
 
+BESIDE = 1e-3  # m from the middle of the torso, where a limb is on one side
+
 
 @dataclass(eq=False)
 class Link:
@@ -43,7 +45,7 @@ class Skeleton:
 
     Legs end in soles; heads have joints of the segment "head" alone; what else hangs on the trunk
     are arms. A link that hangs on the trunk by a joint and carries several limbs is trunk, too,
-    like a chest on a waist joint.
+    like a chest on a waist joint, and so are the links of a spine up to there.
     """
 
     def __init__(
@@ -72,10 +74,17 @@ class Skeleton:
             if any(part.site_names & self._soles for part in link.walk()):
                 self.legs.append((trunk, link))
             elif not self._is_head(link):
-                if len(link.children) > 1:
+                if len(link.children) > 1 or self._leads_to_both_sides(link):
                     self._sort(link)
                 else:
                     self.arms.append((trunk, link))
+
+    def _leads_to_both_sides(self, link: Link) -> bool:
+        """Tell whether a chain of links ends in one that carries limbs on the left and right."""
+        while len(link.children) == 1:
+            link = link.children[0]
+        aside = [self.anchor_in(child, self.torso)[1] for child in link.children]
+        return min(aside, default=0.0) < -BESIDE and max(aside, default=0.0) > BESIDE
 
     def _is_head(self, link: Link) -> bool:
         joints = {

@@ -64,7 +64,7 @@ class Clip:
     @property
     def leg_length(self) -> float:
         """Return the distance from the hips to the lowest foot in the rest pose [m]."""
-        left, right = self._find(LEFT_HIPS, "left hip"), self._find(RIGHT_HIPS, "right hip")
+        left, right = self.find(LEFT_HIPS, "left hip"), self.find(RIGHT_HIPS, "right hip")
         hips = 0.5 * (self.rest[left] + self.rest[right])
         length = self.unit * float((hips - self._lowest(self.rest))[UP[self.up]])
         return self._check_height("the middle of the hips", length)
@@ -76,9 +76,9 @@ class Clip:
         Front and side are those of [Frezzato22], figure 4, from hips and neck.
         """
         axis = UP[self.up]
-        neck_name = self._find(NECKS, "neck")
-        left = self.joints[self._find(LEFT_HIPS, "left hip")]
-        right = self.joints[self._find(RIGHT_HIPS, "right hip")]
+        neck_name = self.find(NECKS, "neck")
+        left = self.joints[self.find(LEFT_HIPS, "left hip")]
+        right = self.joints[self.find(RIGHT_HIPS, "right hip")]
         neck = self.joints[neck_name]
         side = right - left
         front = np.cross(neck - 0.5 * (left + right), side)
@@ -110,7 +110,12 @@ class Clip:
             )
         return height
 
-    def _find(self, names: tuple[str, ...], what: str) -> str:
+    def find(self, names: tuple[str, ...], what: str) -> str:
+        """Find the joint that has one of some names.
+
+        Raises:
+            ClipError: if there is none.
+        """
         found = [name for name in names if name in self.joints]
         if not found:
             raise ClipError(

@@ -1,0 +1,1 @@
+"""Motion capture: clips of moving bodies as motions of a robot."""

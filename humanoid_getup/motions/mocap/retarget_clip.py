@@ -1,0 +1,275 @@
+"""Clips on a robot: joint angles that point its limbs as those of the body in the clip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.spatial.transform import Rotation, Slerp
+
+from humanoid_getup.motions.keyframes import SPEED_SHARE
+from humanoid_getup.motions.limbs import LIMB_NAMES, LimbName, LimbPose, Limbs
+from humanoid_getup.motions.mocap.clip_body import ClipBody, read_body
+from humanoid_getup.motions.mocap.trunk import Trunk
+from humanoid_getup.motions.motion import (
+    MAX_DURATION,
+    NO_END,
+    STANDING,
+    EndClass,
+    Motion,
+    StartClass,
+)
+from humanoid_getup.simulation.falls import classify
+from humanoid_getup.style.clips.clip import Clip, ClipError
+from robots import Robot, quaternion
+from robots.kinematics import leg_length, lowest_points, place_postures
+from robots.quaternion import Array
+
+Frames = NDArray[np.intp]
+SOLVE_PERIOD = 0.04  # s between the frames that are solved; angles between them are interpolated
+ON_LIMIT = math.radians(0.2)  # so near to the end of its range a joint is bound by it
+BOUND_SHARE = 0.02  # of the frames, from which on that is reported
+FINISH_TIME = 1.0  # s in which the body of [Frezzato22] steps from its last posture to the stance
+TALL = 1.46  # m, its neck's height; times grow with the square root of the height
+UPRIGHT = math.radians(45.0)  # tilt below which a robot that lies on no side stands or squats
+STANDING_HEIGHT = 0.9  # share of the standing height of the hips, from which it stands
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClipDeviation:
+    """How far a robot's limbs point from those of a clip."""
+
+    angle: dict[LimbName, Array]
+    """Angle between the directions of the upper and of the lower limb [rad], (T, 2)."""
+    bound: dict[str, float]
+    """Joints that are at an end of their range, and the share of the frames."""
+
+    @property
+    def mean(self) -> float:
+        """Return the mean angle [rad]."""
+        return float(np.mean([rows.mean() for rows in self.angle.values()]))
+
+    @property
+    def largest(self) -> tuple[LimbName, float]:
+        """Return the limb that deviates most, and by how much [rad]."""
+        return max(((n, float(rows.max())) for n, rows in self.angle.items()), key=lambda p: p[1])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RetargetedClip:
+    """A clip as a motion of a robot."""
+
+    motion: Motion
+    deviation: ClipDeviation
+    slowdown: float
+    """Duration over that of the clip on a body of the robot's size: above 1 where joints would
+    have been too fast."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    """What a robot does at times of the clip."""
+
+    time: Array
+    """[s], (T,)."""
+    position: Array
+    orientation: Array
+    joint_pos: Array
+
+
+class ClipRetargeter:
+    """Takes clips to one robot.
+
+    The root turns as the pelvis of the body, or as its trunk where the robot has a stiff one; the
+    joints of a trunk turn the chest; those of the limbs point them as the body's point in the
+    frame of the torso. What no limb or trunk holds, such as a head, stays in the stance. The root
+    moves over the ground as the hips do, in proportion to the legs, and is as high as the lowest
+    point needs to touch the ground. Times grow with the square root of the legs' length, as those
+    of a pendulum do, and where a servo would be too fast.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Prepare for a robot.
+
+        Raises:
+            ValueError: if it has no two legs with a knee.
+        """
+        self.robot, self._limbs, self._trunk = robot, Limbs(robot), Trunk(robot)
+
+    def retarget(
+        self,
+        clip: Clip,
+        *,
+        name: str,
+        begin: float = 0.0,
+        end: float = math.inf,
+        finish: bool = False,
+        report: Callable[[float], None] = lambda _: None,
+    ) -> RetargetedClip:
+        """Retarget the part of a clip between two times [s].
+
+        With ``finish`` the motion goes on to the robot's stance. The share that is done is
+        reported.
+
+        Raises:
+            ClipError: if the clip has no such part, or not the body of a human.
+        """
+        body, rows = read_body(clip), _choose_frames(clip, begin, end)
+        angles = self._solve(body, rows, report)
+        deviation = self._measure(body, rows, angles)
+        poses = self._pose(clip, body, rows, angles)
+        if finish:
+            poses = self._finish(poses)
+        paced, slowdown = self._pace(poses)
+        motion = self._make_motion(paced, name, clip, clip.time[rows], is_finished=finish)
+        return RetargetedClip(motion=motion, deviation=deviation, slowdown=slowdown)
+
+    def _solve(self, body: ClipBody, rows: Frames, report: Callable[[float], None]) -> Array:
+        """Find the joint angles at frames of the clip, (T, n)."""
+        angles, before = [], self.robot.standing.joint_pos
+        for count, row in enumerate(rows):
+            torso = self._torso(body)[row]
+            if not self._trunk.is_stiff:
+                before = self._trunk.solve(torso.T @ body.chest[row], before)
+            poses: dict[LimbName, LimbPose] = {
+                name: track.pose(row, torso) for name, track in body.limbs.items()
+            }
+            before = self._limbs.solve(poses, before, is_near=count > 0)
+            angles.append(before)
+            report((count + 1) / len(rows))
+        return np.array(angles)
+
+    def _torso(self, body: ClipBody) -> Array:
+        return body.torso if self._trunk.is_stiff else body.pelvis
+
+    def _measure(self, body: ClipBody, rows: Frames, angles: Array) -> ClipDeviation:
+        found = [self._limbs.measure(row) for row in angles]
+        torso = self._torso(body)
+        deviation: dict[LimbName, Array] = {}
+        for name in LIMB_NAMES:
+            if name not in self._limbs.all or name not in body.limbs:
+                continue
+            wanted = [body.limbs[name].pose(row, torso[row]) for row in rows]
+            deviation[name] = np.array(
+                [
+                    [_angle(a.upper, b[name].upper), _angle(a.lower, b[name].lower)]
+                    for a, b in zip(wanted, found, strict=True)
+                ]
+            )
+        near = np.minimum(angles - self.robot.lower, self.robot.upper - angles) < ON_LIMIT
+        share = zip(self.robot.joint_names, near.mean(axis=0).tolist(), strict=True)
+        return ClipDeviation(
+            angle=deviation,
+            bound={joint: part for joint, part in share if part >= BOUND_SHARE},
+        )
+
+    def _pose(self, clip: Clip, body: ClipBody, rows: Frames, angles: Array) -> _Poses:
+        robot, size = self.robot, leg_length(self.robot) / clip.leg_length
+        orientation = Rotation.from_matrix(self._torso(body)[rows]).as_quat(scalar_first=True)
+        position = size * (body.hips[rows] - body.hips[rows[0]])
+        position[:, 2] = 0.0
+        time = (clip.time[rows] - clip.time[rows[0]]) * math.sqrt(size)
+        return self._ground(_Poses(time, position, orientation, angles), robot)
+
+    def _ground(self, poses: _Poses, robot: Robot) -> _Poses:
+        """Raise or lower the root until the lowest point touches the ground."""
+        model = robot.spec().compile()
+        position = poses.position.copy()
+        qpos = place_postures(robot, model, position, poses.orientation, poses.joint_pos)
+        position[:, 2] -= lowest_points(model, qpos)
+        return _Poses(poses.time, position, poses.orientation, poses.joint_pos)
+
+    def _finish(self, poses: _Poses) -> _Poses:
+        """Add the stance, upright and with the heading of the end."""
+        robot, last = self.robot, poses.orientation[-1]
+        ahead = quaternion.rotate(last, np.array([1.0, 0.0, 0.0]))
+        heading = quaternion.from_yaw(math.atan2(ahead[1], ahead[0]))
+        stance = quaternion.multiply(heading, robot.standing.orientation)
+        position = np.array([*poses.position[-1, :2], robot.standing.position[2]])
+        duration = FINISH_TIME * math.sqrt(robot.standing_neck_height / TALL)
+        return _Poses(
+            np.append(poses.time, poses.time[-1] + duration),
+            np.vstack([poses.position, position]),
+            np.vstack([poses.orientation, stance]),
+            np.vstack([poses.joint_pos, robot.standing.joint_pos]),
+        )
+
+    def _pace(self, poses: _Poses) -> tuple[_Poses, float]:
+        """Slow down where joints are too fast, and sample at the control period."""
+        robot, steps = self.robot, np.diff(poses.time)
+        # The slope of the interpolation is at most 1.5 times that of the way between two frames.
+        speed = 1.5 * np.abs(np.diff(poses.joint_pos, axis=0)) / steps[:, None]
+        excess = np.max(speed / (SPEED_SHARE * robot.max_velocity), axis=1)
+        knots = np.concatenate([[0.0], np.cumsum(steps * np.maximum(excess, 1.0))])
+        if knots[-1] > MAX_DURATION:
+            raise ClipError(
+                f"the motion would last {knots[-1]:.0f} s, expected at most {MAX_DURATION:g} s "
+                "(--from and --to choose a part)"
+            )
+        count = math.ceil(knots[-1] / robot.control_period - 1e-9) + 1
+        time = robot.control_period * np.arange(count)
+        at = np.minimum(time, knots[-1])
+        turns = Slerp(knots, Rotation.from_quat(poses.orientation, scalar_first=True))
+        joint_pos = PchipInterpolator(knots, poses.joint_pos, axis=0)(at)
+        paced = _Poses(
+            time,
+            PchipInterpolator(knots, poses.position, axis=0)(at),
+            turns(at).as_quat(scalar_first=True),
+            np.clip(joint_pos, robot.lower, robot.upper),  # what rounding leaves beyond
+        )
+        return self._ground(paced, robot), float(knots[-1] / poses.time[-1])
+
+    def _make_motion(
+        self, poses: _Poses, name: str, clip: Clip, time: Array, *, is_finished: bool
+    ) -> Motion:
+        return Motion(
+            name=name,
+            robot=self.robot.name,
+            start_class=self._classify(poses, 0),
+            end_class=STANDING if is_finished else self._classify_end(poses),
+            strategy="motion capture",
+            time=poses.time,
+            position=poses.position,
+            orientation=poses.orientation,
+            joint_pos=poses.joint_pos,
+            joint_target=poses.joint_pos,
+            provenance={
+                "program": "getup mocap import",
+                "clip": clip.file.name,
+                "from_s": float(time[0]),
+                "to_s": float(time[-1]),
+            },
+        )
+
+    def _classify(self, poses: _Poses, frame: int) -> StartClass:
+        side = classify(poses.orientation[frame])
+        if side is not None:
+            return side
+        is_high = poses.position[frame, 2] >= STANDING_HEIGHT * self.robot.standing.position[2]
+        is_upright = quaternion.tilt(poses.orientation[frame]) < UPRIGHT
+        return "standing" if is_high and is_upright else "squat"
+
+    def _classify_end(self, poses: _Poses) -> EndClass | Literal["other"]:
+        end = self._classify(poses, -1)
+        return NO_END if end == "squat" else end
+
+
+def _choose_frames(clip: Clip, begin: float, end: float) -> Frames:
+    """Choose the frames that are solved, from the first to the last of a part."""
+    inside = np.flatnonzero((clip.time >= begin - 1e-9) & (clip.time <= end + 1e-9))
+    if len(inside) < 2:
+        raise ClipError(
+            f"clip {clip.file}: {len(inside)} frames from {max(begin, 0.0):g} s on, it lasts "
+            f"{clip.time[-1]:.2f} s, expected two frames or more (--from, --to)"
+        )
+    stride = max(round(SOLVE_PERIOD / clip.period), 1)
+    return np.unique(np.append(inside[::stride], inside[-1]))
+
+
+def _angle(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))

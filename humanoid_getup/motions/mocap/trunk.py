@@ -1,0 +1,67 @@
+"""The trunk: joints between a robot's torso and its neck, and angles that turn the chest."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from scipy.optimize import least_squares
+
+from robots import Robot
+from robots.quaternion import Array
+
+HABIT = 0.1  # weight of an angle itself, beside the chest's axes [1/rad]: joints share a bend
+
+
+class Trunk:
+    """The joints on the way from the torso to the neck; none for a robot with a stiff trunk."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Find the joints."""
+        self._model = robot.spec().compile()
+        self._data = mujoco.MjData(self._model)
+        self._layout = robot.layout(self._model)
+        self._chest = int(self._model.site(robot.neck_site).bodyid[0])
+        ids = [self._model.joint(name).id for name in robot.joint_names]
+        above = self._list_bodies()
+        self.joints = [k for k, j in enumerate(ids) if int(self._model.jnt_bodyid[j]) in above]
+        """Places in the robot's order."""
+        self._bounds = (robot.lower[self.joints], robot.upper[self.joints])
+        self._rest = self.measure(robot.standing.joint_pos)
+
+    @property
+    def is_stiff(self) -> bool:
+        """Return whether chest and torso are one."""
+        return not self.joints
+
+    def measure(self, joint_pos: Array) -> Array:
+        """Measure the axes of the body that carries the neck in the torso's frame, (3, 3)."""
+        data, layout = self._data, self._layout
+        data.qpos[:] = self._model.qpos0
+        data.qpos[layout.root_orientation] = [1.0, 0.0, 0.0, 0.0]
+        data.qpos[layout.qpos] = joint_pos
+        mujoco.mj_kinematics(self._model, data)
+        return data.xmat[self._chest].reshape(3, 3).copy()
+
+    def solve(self, chest: Array, before: Array) -> Array:
+        """Find the joint angles (n,) that turn the chest nearest to axes (3, 3).
+
+        The axes are in the torso's frame; at rest they are those of the torso.
+        """
+        wanted, angles = chest @ self._rest, before.copy()
+        lower, upper = self._bounds
+
+        def residuals(values: Array) -> Array:
+            angles[self.joints] = values
+            return np.concatenate([(self.measure(angles) - wanted).ravel(), HABIT * values])
+
+        inner = 1e-6 * (upper - lower)
+        start = np.clip(before[self.joints], lower + inner, upper - inner)
+        angles[self.joints] = least_squares(residuals, start, bounds=self._bounds).x
+        return angles
+
+    def _list_bodies(self) -> set[int]:
+        body, above = self._chest, set()
+        while body not in (0, self._layout.torso):
+            above.add(body)
+            body = int(self._model.body_parentid[body])
+        return above

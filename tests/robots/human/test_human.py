@@ -1,0 +1,151 @@
+"""The human of the papers: its figures, its symmetry, and that it stands."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.motions.limbs import Limbs
+from humanoid_getup.playback.balance import find_ankles
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.falls import classify, sample_fall_set
+from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.world import World
+from robots import load_robot, quaternion
+from robots.drive import limit_servos
+from robots.kinematics import GeomReach, center_of_mass, place
+
+HEIGHT, MASS = 1.70, 65.0  # m, kg [Frezzato22], section 3.1
+# Shares of the body's mass and of its height: Winter, table 4.1 and figure 4.1.
+SHARES = {
+    "upper_arm": (0.028, 0.186),
+    "forearm": (0.016, 0.146),
+    "thigh": (0.100, 0.245),
+    "shank": (0.0465, 0.246),
+}
+TRUNK, HEAD_AND_NECK = 0.497, 0.081
+
+
+@pytest.fixture(scope="module")
+def human():
+    return load_robot("human")
+
+
+@pytest.fixture(scope="module")
+def model(human):
+    return human.spec().compile()
+
+
+@pytest.fixture(scope="module")
+def human_world(human):
+    return World(human)
+
+
+def test_it_has_15_joints_of_three_axes_and_4_of_one(human, model):
+    counts = np.bincount(model.body_jntnum[2:], minlength=4)
+    assert human.n == 49
+    assert (counts[3], counts[1]) == (15, 4)
+
+
+def test_it_weighs_65_kg_and_is_170_cm_tall_with_joints_at_zero(model):
+    data, reach = mujoco.MjData(model), GeomReach(model)
+    mujoco.mj_kinematics(model, data)
+    up = data.geom_xmat[reach.geoms, 6:9]
+    centers, reached = data.geom_xpos[reach.geoms, 2], reach(up)
+    assert model.body_mass.sum() == pytest.approx(MASS, abs=1e-3)
+    assert np.max(centers + reached) - np.min(centers - reached) == pytest.approx(HEIGHT, abs=2e-3)
+
+
+@pytest.mark.parametrize("segment", SHARES)
+@pytest.mark.parametrize("side", ["l", "r"])
+def test_segments_are_winters_shares_of_mass_and_height(model, segment, side):
+    mass, length = SHARES[segment]
+    body = model.body(f"{side}_{segment}")
+    end = model.body_parentid.tolist().index(body.id)
+    assert body.mass[0] == pytest.approx(mass * MASS, rel=1e-4)
+    assert np.linalg.norm(model.body_pos[end]) == pytest.approx(length * HEIGHT, rel=1e-4)
+
+
+def test_trunk_and_head_are_winters_shares_of_mass(model):
+    trunk = ("pelvis", "waist", "spine", "chest", "l_clavicle", "r_clavicle")
+    assert sum(model.body(n).mass[0] for n in trunk) == pytest.approx(TRUNK * MASS, rel=1e-3)
+    above = sum(model.body(n).mass[0] for n in ("neck", "head"))
+    assert above == pytest.approx(HEAD_AND_NECK * MASS, rel=1e-3)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=30)
+def test_a_mirrored_posture_has_its_mass_center_mirrored(human, model, seed):
+    joint_pos = np.random.default_rng(seed).uniform(human.lower, human.upper)
+    both = np.array([joint_pos, human.mirror_joints(joint_pos)])
+    upright = np.tile(quaternion.IDENTITY, (2, 1))
+    one, other = center_of_mass(human, model, np.zeros((2, 3)), upright, both)
+    assert other == pytest.approx(one * [1.0, -1.0, 1.0], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("joint", "limit", "stiffness", "damping"),
+    [
+        ("chest_pitch", 200, 1000, 100),
+        ("neck_pitch", 50, 100, 10),
+        ("l_hip_pitch", 200, 500, 50),
+        ("l_knee", 150, 500, 50),
+        ("l_ankle_pitch", 90, 400, 40),
+        ("l_sho_pitch", 100, 400, 40),
+        ("l_elbow", 60, 300, 30),
+    ],
+)
+def test_motors_have_deepmimics_torque_limits_at_four_times_its_stiffness(
+    human, joint, limit, stiffness, damping
+):
+    place = human.joint_names.index(joint)
+    assert human.max_torque[place] == limit
+    assert human.position_gain[place] == pytest.approx(4.0 * stiffness, rel=1e-3)
+    assert human.current_damping[place] == pytest.approx(2.0 * damping, rel=1e-3)
+
+
+@pytest.mark.parametrize("limit", [15.0, 100.0, 200.0])
+def test_one_torque_limit_gives_no_motor_more_than_its_own(human, limit):
+    torque = limit_servos(human, limit, "current").torque
+    counted = np.minimum(limit, human.max_torque)
+    assert torque == pytest.approx(counted, rel=5e-3)  # whole counts of the current
+    assert (torque <= human.max_torque + 1e-9).all()
+
+
+def test_its_stance_is_held(human, human_world):
+    start = place(human, human_world.model, human.standing)
+    count = round((HOLD_TIME + 0.5) / human.control_period)
+    targets = np.tile(human.standing.joint_pos, (1, count, 1))
+    nominal = DomainParameters.nominal(human_world, 1)
+    trace = Rollout(human_world, 1, threads=1).play(start[None], targets, nominal)
+    upright = is_upright(measure_stance(human_world, trace), human)[0]
+    assert judge(upright, human.control_period).stood
+    assert trace.overlap.max() <= 0.0
+
+
+def test_falls_come_to_rest_on_the_side_that_they_are_named_after(human_world):
+    found = sample_fall_set(human_world, {"supine": 1, "prone": 1}, seed=0)
+    assert [classify(fall.posture.orientation) for fall in found.falls] == ["supine", "prone"]
+    assert found.left_out is not None
+    assert found.dropped is not None
+    assert found.left_out <= found.dropped // 4
+
+
+def test_both_axes_of_its_ankles_balance_it(human, human_world):
+    roll, pitch = find_ankles(human_world)
+    for row, name in ((roll, "ankle_roll"), (pitch, "ankle_pitch")):
+        assert [human.joint_names[k] for k in np.flatnonzero(row)] == [f"l_{name}", f"r_{name}"]
+        assert (row[row != 0.0] == -1.0).all()
+
+
+def test_its_arms_are_found_beyond_a_trunk_of_several_joints(human):
+    limbs = Limbs(human)
+    names = human.joint_names
+    assert set(limbs.all) == {"left_arm", "right_arm", "left_leg", "right_leg"}
+    assert names[limbs.all["left_arm"].middle] == "l_elbow"
+    assert names[limbs.all["right_leg"].middle] == "r_knee"
+    forward = np.zeros(human.n)
+    forward[names.index("l_sho_pitch")] = -np.pi / 2
+    assert limbs.measure(forward)["left_arm"].lower == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)

@@ -38,7 +38,7 @@ class GuardLimits:
     max_velocity: Array
     """Fastest change of targets [rad/s], shape (n,)."""
     torque_limit: Array
-    """Highest torque limit of each servo, at its joint [N·m], shape (n,)."""
+    """Highest torque limit of each servo, behind its gear [N·m], shape (n,)."""
     max_temperature: Array | float
     """Highest temperature of each servo [°C], shape (n,), or of all; infinity for any."""
     derate_temperature: Array | float
@@ -75,7 +75,7 @@ class GuardLimits:
             lower=robot.lower,
             upper=robot.upper,
             max_velocity=robot.max_velocity,
-            torque_limit=np.minimum(robot.max_torque, robot.transmission.torque_at_joint(cap)),
+            torque_limit=np.minimum(robot.max_torque, robot.transmission.torque_at_actuator(cap)),
             max_temperature=find_max_temperature(robot),
             derate_temperature=find_derate_temperature(robot),
             min_voltage=robot.supply_range[0],

@@ -45,7 +45,7 @@ class State:
     joint_vel: Array
     """Joint speeds [rad/s], shape (n,)."""
     joint_current: Array
-    """Motor currents, positive in the joint's positive direction [A], shape (n,)."""
+    """Motor currents, positive in the actuator's positive direction [A], shape (n,)."""
     gyro: Array
     """Angular velocity in the IMU frame [rad/s], shape (3,)."""
     orientation: Array
@@ -94,7 +94,7 @@ class Command:
     gain_scale: Array
     """Share of each servo's position gain, 0 to 1, shape (n,)."""
     torque_limit: Array
-    """Largest torque of each servo [N·m], shape (n,); 0 releases the joint."""
+    """Largest torque of each servo behind its gear [N·m], shape (n,); 0 releases it."""
     pwm_limit: Array
     """Largest share of the supply that drives each motor, 0 to 1, shape (n,)."""
 

@@ -16,6 +16,7 @@ from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.schema import JointRow, RobotTable, read_description
 from robots.servo import LimitMode, Servo, ServoModel
 from robots.servo_catalog import read_servo_models
+from robots.transmission import Coupling
 from robots.validation import load_toml, shown
 
 
@@ -150,6 +151,13 @@ def _build_robot(
         rising_joints=table.rising_joints or (),
         spreading_joints=table.spreading_joints,
         passive_joints=table.passive_joints,
+        couplings=tuple(
+            Coupling(
+                joints=(names.index(row.joints[0]), names.index(row.joints[1])),
+                matrix=np.array(row.matrix),
+            )
+            for row in table.couplings
+        ),
         limit_by=table.limit_by or _choose_limit_mode(servos[row.servo] for row in rows),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,13 +13,14 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
+from robots.actuators import add_actuator
 from robots.imu import AxesSetting, ImuKind, ImuSettings
 from robots.posture import Posture
 from robots.quaternion import Array
 from robots.reshaping.body import ORIGINAL, Body
 from robots.reshaping.reshape_model import reshape_model
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
-from robots.transmission import Transmission
+from robots.transmission import Coupling, Transmission
 from robots.validation import Names, positive, whole
 
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
@@ -162,6 +163,8 @@ class Robot:
     """One joint of each pair that spreads limbs and comes home by itself."""
     passive_joints: tuple[str, ...] = ()
     """Hinges of its model without servo; see `robots.passive_joints`."""
+    couplings: tuple[Coupling, ...] = ()
+    """Pairs of joints that two servos turn together."""
     limit_by: LimitMode = "pwm"
     """What a torque limit acts on, if nothing else is asked for: ``"current"`` or ``"pwm"``."""
     body: Body = ORIGINAL
@@ -186,8 +189,21 @@ class Robot:
 
     @cached_property
     def transmission(self) -> Transmission:
-        """Return the gears between the servos and the joints."""
-        return Transmission(np.array([joint.servo.gear for joint in self.joints]))
+        """Return the gears and couplings between the servos and the joints."""
+        gear = np.array([joint.servo.gear for joint in self.joints])
+        return Transmission(gear, self.couplings)
+
+    @cached_property
+    def actuators(self) -> tuple[Joint, ...]:
+        """Return the joints with the ranges that their servos turn through.
+
+        They differ from those of the joints where joints are coupled.
+        """
+        lower, upper = self.transmission.range_at_actuator(self.lower, self.upper)
+        return tuple(
+            replace(joint, lower=float(low), upper=float(high))
+            for joint, low, high in zip(self.joints, lower, upper, strict=True)
+        )
 
     @cached_property
     def lower(self) -> Array:
@@ -201,21 +217,29 @@ class Robot:
 
     @cached_property
     def max_torque(self) -> Array:
-        """Return the servos' stall torques at the joints, at nominal voltage [N·m], (n,)."""
+        """Return the actuators' stall torques at nominal voltage [N·m], (n,).
+
+        An actuator is a servo behind its gear: its torque is that at its joint, unless two joints
+        are coupled.
+        """
         stall = np.array([joint.servo.model.stall_torque for joint in self.joints])
-        return self.transmission.torque_at_joint(stall)
+        return self.transmission.torque_at_actuator(stall)
 
     @cached_property
     def max_velocity(self) -> Array:
-        """Return the joints' no-load speeds at the servos' nominal voltage [rad/s], (n,)."""
+        """Return the joints' no-load speeds at the servos' nominal voltage [rad/s], (n,).
+
+        Coupled joints reach theirs whatever the other one does.
+        """
         speed = np.array([joint.servo.model.no_load_speed for joint in self.joints])
-        return self.transmission.to_joint(speed)
+        transmission = self.transmission
+        return transmission.speed_at_joint(transmission.motion_at_actuator(speed))
 
     @cached_property
     def position_gain(self) -> Array:
-        """Return the joints' position-mode stiffness at nominal voltage [N·m/rad], (n,)."""
+        """Return the actuators' position-mode stiffness at nominal voltage [N·m/rad], (n,)."""
         gain = np.array([joint.servo.position_gain for joint in self.joints])
-        return self.transmission.gain_at_joint(gain)
+        return self.transmission.gain_at_actuator(gain)
 
     @cached_property
     def p_gain(self) -> Array:
@@ -237,31 +261,47 @@ class Robot:
     def torque_speed_slope(self) -> Array:
         """Return the torque lost to back-EMF per speed [N·m·s/rad], (n,)."""
         slope = np.array([joint.servo.model.torque_speed_slope for joint in self.joints])
-        return self.transmission.gain_at_joint(slope)
+        return self.transmission.gain_at_actuator(slope)
 
     @cached_property
     def current_damping(self) -> Array:
         """Return the damping of current-based position mode [N·m·s/rad], (n,)."""
         models = [joint.servo.model for joint in self.joints]
         damping = np.array([m.damping_gain(m.d_gain) for m in models])
-        return self.transmission.gain_at_joint(damping)
+        return self.transmission.gain_at_actuator(damping)
 
     @cached_property
     def torque_per_ampere(self) -> Array:
-        """Return the joint torque per current at the servos' stall points [N·m/A], (n,)."""
+        """Return the actuator torque per current at the servos' stall points [N·m/A], (n,)."""
         torque = np.array([joint.servo.model.torque_per_ampere for joint in self.joints])
-        return self.transmission.torque_at_joint(torque)
+        return self.transmission.torque_at_actuator(torque)
 
     @cached_property
     def motor_constant(self) -> Array:
-        """Return the volts per speed of the joints [V·s/rad], which is N·m/A as well, (n,)."""
+        """Return the volts per speed of the actuators [V·s/rad], which is N·m/A as well, (n,)."""
         constant = np.array([joint.servo.model.motor_constant for joint in self.joints])
-        return self.transmission.torque_at_joint(constant)
+        return self.transmission.torque_at_actuator(constant)
 
     @cached_property
     def current_step(self) -> Array:
         """Return the current of a count [A], (n,); 0 for servos without current sensor."""
         return np.array([joint.servo.model.current_step for joint in self.joints])
+
+    def compute_lead(self, torque: Array) -> Array:
+        """Compute by how much targets lead the joints to make torques there, (..., n) [rad].
+
+        The torques at the joints [N·m] are (..., n), and full gain and nominal supply are assumed.
+        """
+        actuator_torque = self.transmission.torque_for_joint(torque)
+        return self.transmission.to_joint(actuator_torque / self.position_gain)
+
+    def compute_lag(self, speed: Array) -> Array:
+        """Compute by how much back-EMF keeps joints behind targets at speeds, (..., n) [rad].
+
+        The speeds of the joints [rad/s] are (..., n).
+        """
+        lag = self.torque_speed_slope / self.position_gain
+        return self.transmission.to_joint(lag * self.transmission.to_actuator(speed))
 
     def mirror_joints(self, joint_pos: Array) -> Array:
         """Exchange left and right in joint angles, (..., n)."""
@@ -274,38 +314,8 @@ class Robot:
         if not self.body.is_original:
             reshape_model(spec, self, self.body)
         for i in range(self.n):
-            self._add_servo(spec, i)
+            add_actuator(spec, self, i)
         return spec
-
-    def _add_servo(self, spec: mujoco.MjSpec, i: int) -> None:
-        """Add a joint's servo: its friction and rotor, and a motor in position mode.
-
-        All figures are those at the joint. The servo drives voltage from the position error
-        without compensating its back-EMF. A ``dcmotor`` compensates it, so a derivative gain of
-        K²/R takes the compensation out again.
-        """
-        joint = self.joints[i]
-        motor, constant = joint.servo.model, float(self.motor_constant[i])
-        gear = joint.servo.gear
-        element = spec.joint(joint.name)
-        element.armature = motor.armature * gear**2
-        element.frictionloss = motor.friction * gear
-        actuator = spec.add_actuator(name=joint.name, target=joint.name)
-        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
-        actuator.set_to_dcmotor(
-            motorconst=[constant, constant],
-            resistance=motor.resistance,
-            saturation=[float(self.max_torque[i]), 0.0, 0.0],
-            controller=[
-                float(self.position_gain[i]),
-                0,
-                float(self.torque_speed_slope[i]),
-                0,
-                0,
-                motor.nominal_voltage,
-            ],
-            ctrlspec=mujoco.mjtCtrlInput.mjINPUT_POS,
-        )
 
     def choose_timestep(self, longest: float) -> float:
         """Choose the longest physics step that divides the control period [s].

@@ -19,6 +19,8 @@ MAIN_PORT = "main"  # name of the port when all joints share one
 BOARD_REGISTERS = ("gyro_address", "accelerometer_address", "gyro_scale", "accelerometer_scale")
 AXES_BYTES = 6  # of a gyro or an accelerometer: three axes, two bytes each
 MAX_CONTROL_PERIOD = 1.0  # s; slower than any robot can rise: the period was meant in ms
+MAX_TURNS = 100.0  # of a servo per turn of a joint
+LEAST_SINE = 0.02  # of the angle between the rows of a coupling; less, and a servo is wasted
 MAX_SUPPLY_VOLTAGE = 48.0  # V; the servos' own ranges are narrower, and checked as well
 
 Segment = Literal["head", "wrist", "hand", "finger", "thumb", "foot", "toes", "other"]
@@ -43,6 +45,22 @@ class JointRow:
     """Position P gain; that of the servo type if left out."""
     gear: Annotated[float, within(0.01, 100.0)] = 1.0
     """Turns of the servo per turn of the joint."""
+
+
+Turns = Annotated[float, within(-MAX_TURNS, MAX_TURNS)]
+TurnsRow = Annotated[tuple[Turns, Turns], Meta(description="two numbers")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CouplingRow:
+    """Two joints that two servos turn together."""
+
+    joints: Annotated[tuple[str, str], Meta(description="a list of two joint names")]
+    matrix: Annotated[
+        tuple[TurnsRow, TurnsRow],
+        Meta(description="two rows of two numbers, one row for each servo"),
+    ]
+    """Turns of each servo (rows) per turn of each joint (columns)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +90,9 @@ class RobotTable:
     """One joint of each pair that spreads limbs and comes home by itself."""
     passive_joints: Names = ()
     """Hinges of the model without servo: springs, or coupled to others by equalities."""
+    couplings: Annotated[
+        tuple[CouplingRow, ...], Meta(description="a list of tables, one for each pair of joints")
+    ] = ()
     limit_by: Literal["current", "pwm"] | None = None
     """What a torque limit acts on; if left out the current, where all servos sense it."""
 
@@ -101,6 +122,7 @@ def read_description(
     problems += _wrong_imu(table)
     problems += _repeated(table.joints)
     problems += _wrong_mirrors(table.joints)
+    problems += _wrong_couplings(table)
     problems += _wrong_supply(table, servos)
     problems += _wrong_limit_mode(table, servos)
     return replace(table, rising_joints=rising), problems
@@ -235,6 +257,42 @@ def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:
                 f"{shown(image.name)} is {image.mirror_sign}, expected the same for both"
             )
     return problems
+
+
+def _wrong_couplings(table: RobotTable) -> list[str]:
+    """Find couplings of unknown joints, of joints in two couplings, and singular ones."""
+    rows = {row.name: row for row in table.joints}
+    count = Counter(name for coupling in table.couplings for name in coupling.joints)
+    problems = [
+        f"couplings: unknown joint {shown(name)}" for name in count if name and name not in rows
+    ]
+    problems += [
+        f"couplings: joint {shown(name)} is named {times} times, expected once"
+        for name, times in count.items()
+        if times > 1
+    ]
+    problems += [
+        f"joint {shown(name)}: gear is {rows[name].gear:g}, expected none: it is in its coupling"
+        for name in count
+        if name in rows and rows[name].gear != 1.0
+    ]
+    return problems + [
+        f"couplings: matrix of {' and '.join(map(shown, coupling.joints))} is "
+        f"{[list(row) for row in coupling.matrix]}, expected {expected}"
+        for coupling in table.couplings
+        if [len(row) for row in coupling.matrix] == [2, 2]
+        if (expected := _expect_matrix(coupling.matrix))
+    ]
+
+
+def _expect_matrix(matrix: tuple[tuple[float, float], tuple[float, float]]) -> str | None:
+    """Return what is expected of a matrix that cannot be; None if it is right."""
+    (a, b), (c, d) = matrix
+    if abs(a * d - b * c) <= LEAST_SINE * math.hypot(a, b) * math.hypot(c, d):
+        return "independent rows, so that the servos can turn both joints"
+    if a == 0.0 or d == 0.0:
+        return "no 0 on the diagonal: exchange the two servos, so that each turns its own joint"
+    return None
 
 
 def _wrong_limit_mode(table: RobotTable, servos: Mapping[str, ServoModel]) -> list[str]:

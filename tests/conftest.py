@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
@@ -15,6 +16,7 @@ with contextlib.suppress(ImportError):
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan_cache import FOLDER_VARIABLE
 from robots import Robot, load_robot
+from robots.transmission import Coupling
 
 TINY = Path(__file__).parent / "robots" / "tiny"
 
@@ -57,6 +59,13 @@ def geared(tiny: Robot) -> Robot:
     pairs = zip(tiny.joints, (1.2, 10 / 11), strict=True)
     joints = [replace(joint, servo=replace(joint.servo, gear=gear)) for joint, gear in pairs]
     return replace(tiny, joints=tuple(joints))
+
+
+@pytest.fixture(scope="session")
+def coupled(tiny: Robot) -> Robot:
+    """The tiny robot whose two servos turn both hips through a lopsided differential."""
+    coupling = Coupling(joints=(0, 1), matrix=np.array([[0.9, -0.5], [0.6, 0.7]]))
+    return replace(tiny, couplings=(coupling,))
 
 
 @pytest.fixture(scope="session")

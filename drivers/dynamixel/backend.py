@@ -262,7 +262,7 @@ class DynamixelBackend(Backend):
         return State(
             time=now,
             joint_pos=self._units.to_rad(states.ticks),
-            joint_vel=states.velocity.copy(),
+            joint_vel=self.robot.transmission.to_joint(states.velocity.copy()),
             joint_current=states.current.copy(),
             gyro=imu.gyro,
             orientation=imu.orientation,

@@ -64,7 +64,7 @@ class ServoChain:
             limit_by: What the servos' torque limits act on.
         """
         self.bus, self.rows, self.board = bus, rows, board
-        self.joints: list[Joint] = [robot.joints[row] for row in rows]
+        self.joints: list[Joint] = [robot.actuators[row] for row in rows]
         self.is_lost = False
         self.eeprom_writes = 0
         self.writer = CommandWriter(bus, self.joints, rows, watchdog, limit_by)

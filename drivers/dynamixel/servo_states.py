@@ -40,7 +40,7 @@ class ServoStates:
         self._row[[joint.servo.id for joint in robot.joints]] = np.arange(n)
         sign = np.array([float(joint.servo.sign) for joint in robot.joints])
         velocity = [table["present_velocity"].scale for table in self._tables]
-        self._velocity_scale = sign * robot.transmission.to_joint(np.array(velocity))
+        self._velocity_scale = sign * robot.transmission.motion_at_actuator(np.array(velocity))
         self._current_scale = sign * _current_scales(robot)
         speed = [4.0 * joint.servo.model.no_load_speed for joint in robot.joints]
         self._fastest = np.maximum(FASTEST, speed) / RAD_PER_TICK  # ticks/s, (n,)
@@ -48,7 +48,7 @@ class ServoStates:
         """Present positions [ticks]; not measured before ``stamp`` is finite."""
         self._doubtful_ticks = np.zeros(n, dtype=int)
         self.velocity = np.zeros(n)
-        """[rad/s]"""
+        """Of the servos behind their gears [rad/s]."""
         self.current = np.zeros(n)
         """[A]"""
         self.stamp = np.full(n, -np.inf)

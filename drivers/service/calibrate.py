@@ -164,8 +164,9 @@ class Calibrator:
             MovingError: if the robot is not still.
         """
         ticks = measure_ticks(self._bus, [m.joint for m in self.measured])
+        turned = self._robot.transmission.to_actuator(joint_pos)
         for name, measured in self._measured.items():
-            angle = float(joint_pos[self._robot.joint_names.index(name)])
+            angle = float(turned[self._robot.joint_names.index(name)])
             zero = ticks[name] - round(measured.sign * angle / measured.joint.servo.rad_per_tick)
             self._measured[name] = replace(measured, zero_ticks=zero)
 
@@ -181,20 +182,20 @@ class Calibrator:
         way = describe_direction(self._robot, joint)
         while True:
             prompt.tell(f"{joint.name}: hold everything still, then turn it as described")
-            before = read_ticks(self._bus, self._robot.joints)
+            before = read_ticks(self._bus, self._robot.actuators)
             answer = prompt.ask(
                 f"turn {joint.name} in its positive direction ({way}) by about {TURN} degrees, "
                 "then Enter (s skips it):"
             )
             if answer.strip().lower() == "s":
                 return None
-            after = read_ticks(self._bus, self._robot.joints)
+            after = read_ticks(self._bus, self._robot.actuators)
             turns = {name: _unwrap(after[name] - before[name]) * DEG_PER_TICK for name in before}
             turn = turns[joint.name]
             if abs(turn) < LEAST_TURN:
                 prompt.tell(_describe_small_turn(joint, turns))
                 continue
-            sign = 1 if turn > 0.0 else -1
+            sign = 1 if turn * self._own_turns(joint) > 0.0 else -1
             prompt.tell(f"{joint.name}: {turn:+.1f}° by its encoder, so its sign is {sign:+d}")
             if sign == joint.servo.sign:
                 return sign
@@ -204,6 +205,11 @@ class Calibrator:
             )
             if is_yes(answer):
                 return sign
+
+    def _own_turns(self, joint: Joint) -> float:
+        """Return the turns of a joint's servo behind its gear per turn of the joint alone."""
+        alone = np.eye(self._robot.n)[self._robot.joint_names.index(joint.name)]
+        return float(self._robot.transmission.to_actuator(alone) @ alone)
 
 
 def measure_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:

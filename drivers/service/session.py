@@ -156,7 +156,7 @@ def open_robot_bus(
     """
     settings = robot.bus
     assert settings is not None
-    joints = {joint.name: joint for joint in robot.joints}
+    joints = {joint.name: joint for joint in robot.actuators}
     opened = tuple(
         BusPort(
             port,

@@ -19,6 +19,7 @@ from drivers.twin.servo_model import (
 from drivers.twin.simulation import CompiledWorld, Simulation
 from robots import Posture, Robot
 from robots.drive import limit_servos
+from robots.quaternion import Array
 from robots.servo import LimitMode
 
 
@@ -61,7 +62,7 @@ class Twin(Backend):
         self.truth = self.simulation.truth
         self._units = ServoUnits(self.robot)
         steps = np.full(self.robot.n, VELOCITY_STEP)
-        self._velocity_step = self.robot.transmission.to_joint(steps)
+        self._velocity_step = self.robot.transmission.motion_at_actuator(steps)
         self.limit_by: LimitMode = limit_by or self.robot.limit_by
         self._filter = OrientationFilter(self.period)
         self._connected = False
@@ -92,7 +93,7 @@ class Twin(Backend):
         return State(
             time=body.time,
             joint_pos=self._units.quantize(body.joint_pos),
-            joint_vel=quantize(body.joint_vel, self._velocity_step),
+            joint_vel=self._quantize_speed(body.joint_vel),
             joint_current=quantize(body.joint_current, CURRENT_STEP),
             gyro=body.imu.gyro,
             orientation=self._filter.orientation,
@@ -127,6 +128,13 @@ class Twin(Backend):
         body.update_sensors(self.period)
         self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
         return sent
+
+    def _quantize_speed(self, joint_vel: Array) -> Array:
+        """Round joint speeds [rad/s], (n,), to what the servos' counts of speed give."""
+        transmission = self.robot.transmission
+        return transmission.to_joint(
+            quantize(transmission.to_actuator(joint_vel), self._velocity_step)
+        )
 
     def _start_filter(self) -> None:
         self._filter.start(self.simulation.imu.accelerometer)

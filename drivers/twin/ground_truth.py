@@ -50,7 +50,7 @@ class GroundTruth:
 
     @property
     def joint_torque(self) -> Array:
-        """Return the servo torques of the last physics step [N·m], (n,)."""
+        """Return the actuators' torques of the last physics step [N·m], (n,)."""
         return self.data.actuator_force[self._actuators]
 
     @property

@@ -135,7 +135,7 @@ class Simulation:
         self.pwm_share = np.zeros(self.robot.n)
         """Share of the supply that drives each motor, -1 to 1, (n,)."""
         self.torque_vel = np.zeros(self.robot.n)
-        """Joint speeds at which the present torques were made [rad/s], (n,)."""
+        """Actuator speeds at which the present torques were made [rad/s], (n,)."""
         self.voltage = self._supply
         """Supply at the servos [V]."""
         self._drive: Drive | None = None
@@ -144,9 +144,12 @@ class Simulation:
         self.imu.start(data)
 
     def drive(self, target: Array, drive: Drive) -> None:
-        """Set the targets [rad], (n,), and the gains and limits of the servos from now on."""
+        """Set the joint targets [rad], (n,), and the gains and limits of the servos from now on."""
+        self._apply(self.robot.transmission.to_actuator(target), drive)
+
+    def _apply(self, actuator_target: Array, drive: Drive) -> None:
         last, self._drive = self._drive, drive
-        self.data.ctrl[self._actuators] = target
+        self.data.ctrl[self._actuators] = actuator_target
         if last is None or not np.array_equal(last.torque, drive.torque):
             # A force range of [0, 0] is torque off: friction and rotor inertia stay.
             self.model.actuator_forcerange[self._actuators, 0] = -drive.torque
@@ -159,13 +162,13 @@ class Simulation:
 
     def release(self) -> None:
         """Switch off the torque of every servo."""
-        self.drive(self.data.ctrl[self._actuators], Drive.released(self.robot.n))
+        self._apply(self.data.ctrl[self._actuators], Drive.released(self.robot.n))
 
     def step(self, steps: int) -> None:
         """Advance by some steps of physics."""
         for k in range(steps):
             if k == steps - 1:
-                self.torque_vel = self.data.qvel[self._layout.dof]
+                self.torque_vel = self._read_actuator_speed()
             # Together they are mj_step, but leave positions and contacts up to date.
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
@@ -179,11 +182,15 @@ class Simulation:
         self.imu.advance(self.data, duration)
         self._hold_at_rest(duration)
         if self._supply_resistance:
-            velocity = self.data.qvel[self._layout.dof]
+            velocity = self._read_actuator_speed()
             power = self._windings.compute_power(self._current, torque, velocity)
             self.voltage = self._supply - self._supply_resistance * power / self.voltage
         for callback in self.on_sensor_update:
             callback()
+
+    def _read_actuator_speed(self) -> Array:
+        """Return the speeds of the servos behind their gears [rad/s], (n,)."""
+        return self.robot.transmission.to_actuator(self.data.qvel[self._layout.dof])
 
     def _update_pwm_share(self, torque: Array) -> None:
         assert self._drive is not None  # it is set whenever the robot is placed

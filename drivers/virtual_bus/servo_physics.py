@@ -119,10 +119,10 @@ class ServoPhysics:
         return steps
 
     def _convert(self, commands: list[MotorCommand], step: float) -> tuple[Array, Drive]:
-        """Return the targets of the position loops [rad], (n,), and their gains and limits."""
+        """Return the joint targets [rad], (n,), and the gains and limits of the position loops."""
         robot = self.simulation.robot
         on = np.array([d.torque_on for d in commands])
-        target = self._units.to_rad(np.array([d.target_ticks for d in commands]))
+        target = self._units.to_actuator(np.array([d.target_ticks for d in commands]))
         gain = np.array([d.p_gain for d in commands]) / robot.p_gain
         by_current = np.array([d.mode == BY_CURRENT for d in commands])
         current = np.array([d.current_limit for d in commands])
@@ -133,18 +133,19 @@ class ServoPhysics:
                 # The position loop only transmits the torque here: at its default gain.
                 gain[i] = 1.0
                 target[i] = self._find_target(i, command, step)
-        return target, Drive(
+        return robot.transmission.to_joint(target), Drive(
             torque=np.where(on, np.minimum(torque, robot.max_torque), 0.0),
             pwm=np.array([d.pwm_limit for d in commands]),
             gain_scale=gain,
             by_current=by_current,
-            damping=robot.transmission.gain_at_joint(np.array(damping)),
+            damping=robot.transmission.gain_at_actuator(np.array(damping)),
         )
 
     def _find_target(self, i: int, command: MotorCommand, step: float) -> float:
-        """Compute the target [rad] at which the position loop produces another mode's torque."""
+        """Compute the target of an actuator [rad] that makes another mode's torque."""
         simulation, robot = self.simulation, self.simulation.robot
-        position, velocity = simulation.joint_pos[i], simulation.joint_vel[i]
+        position = robot.transmission.to_actuator(simulation.joint_pos)[i]
+        velocity = robot.transmission.to_actuator(simulation.joint_vel)[i]
         nominal = robot.nominal_voltage[i]
         stiffness = robot.position_gain[i] * simulation.voltage / nominal
         back_emf = robot.torque_speed_slope[i] * velocity  # N·m that the loop loses to it

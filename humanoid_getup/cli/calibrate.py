@@ -97,7 +97,7 @@ def _choose_joints(command: Calibrate, robot: Robot) -> tuple[Joint, ...]:
     if unknown:
         names = ", ".join(f"'{name}'" for name in unknown)
         raise BadInputError(f"unknown joint {names}: expected {', '.join(robot.joint_names)}")
-    return tuple(j for j in robot.joints if not command.joint or j.name in command.joint)
+    return tuple(j for j in robot.actuators if not command.joint or j.name in command.joint)
 
 
 def _choose_posture(command: Calibrate, robot: Robot) -> Array | None:
@@ -114,7 +114,8 @@ def _choose_posture(command: Calibrate, robot: Robot) -> Array | None:
             raise BadInputError(f"unknown posture '{at}': expected zero, standing, or a file")
         with refusing():
             return load_posture(Path(at), robot).joint_pos
-    beyond = [j for j in _choose_joints(command, robot) if not j.lower <= 0.0 <= j.upper]
+    chosen = [joint.name for joint in _choose_joints(command, robot)]
+    beyond = [j for j in robot.joints if j.name in chosen and not j.lower <= 0.0 <= j.upper]
     if beyond:
         names = ", ".join(f"'{joint.name}'" for joint in beyond)
         raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")

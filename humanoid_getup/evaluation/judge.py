@@ -63,7 +63,7 @@ class RunOutcome:
     torque: Array
     """Servo torques [N·m], (T, n)."""
     torque_vel: Array
-    """Joint speeds at which they were made [rad/s], (T, n)."""
+    """Actuator speeds at which they were made [rad/s], (T, n)."""
     qpos: Array
     """MuJoCo positions, (T, nq)."""
     is_sensed: bool = False
@@ -304,7 +304,7 @@ class SensorJudge:
         return _make_outcome(
             stand,
             estimate_torque(robot, current),
-            velocity,
+            robot.transmission.to_actuator(velocity),
             self._limit,
             self._period,
             peak_velocity=float(np.abs(velocity).max(initial=0.0)),

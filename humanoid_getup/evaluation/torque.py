@@ -28,7 +28,7 @@ class TorqueShares:
 
 
 def split_torque(torque: Array, velocity: Array) -> TorqueShares:
-    """Tell driving from braking, by torques [N·m] and joint speeds [rad/s], (..., n)."""
+    """Tell driving from braking, by torques [N·m] and speeds [rad/s] of actuators, (..., n)."""
     size, drives = np.abs(torque), torque * velocity >= 0.0
     return TorqueShares(driving=np.where(drives, size, 0.0), braking=np.where(drives, 0.0, size))
 
@@ -38,8 +38,8 @@ def find_saturation(
 ) -> NDArray[np.bool_]:
     """Find where servos have all the torque of their supply [V], (...), as (..., n).
 
-    Torques [N·m] and joint speeds [rad/s] are (..., n). A torque limit below the torque-speed
-    line of the supply is no saturation.
+    Torques [N·m] and speeds [rad/s] of the actuators are (..., n). A torque limit below the
+    torque-speed line of the supply is no saturation.
     """
     share = np.asarray(voltage)[..., None] / robot.nominal_voltage
     stall = share * robot.max_torque
@@ -68,8 +68,9 @@ def measure_saturation(
 ) -> Array:
     """Measure for how long servos have all the torque of their supply without a break [s], (N,).
 
-    It is the longest time of any servo of each of N robots. Torques [N·m] and joint speeds [rad/s]
-    are sampled every ``period`` [s], (N, T, n); the supplies [V] are a number or (N, 1).
+    It is the longest time of any servo of each of N robots. Torques [N·m] and speeds [rad/s] of
+    the actuators are sampled every ``period`` [s], (N, T, n); the supplies [V] are a number or
+    (N, 1).
     """
     runs = LongestRun(len(torque), robot.n)
     runs.add(np.moveaxis(find_saturation(robot, torque, velocity, voltage), 1, 0))

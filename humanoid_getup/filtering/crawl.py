@@ -141,7 +141,9 @@ class Crawl:
         saturation = measure_saturation(
             robot,
             record["actuator_force"],
-            record["qvel"][..., robot.layout(self._world.model).dof],
+            robot.transmission.to_actuator(
+                record["qvel"][..., robot.layout(self._world.model).dof]
+            ),
             sim.parameters.voltage[:, None],
             robot.control_period,
         )

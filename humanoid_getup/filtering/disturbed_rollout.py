@@ -158,7 +158,9 @@ class _Tally:
 
     def _find_overloaded(self, going: NDArray[np.int_], record: dict[str, Array]) -> Bools:
         """Find the worlds in which a servo's overload protection may have tripped by now."""
-        torque, speed = record["actuator_force"], record["qvel"][..., self._dof]
+        transmission = self._world.robot.transmission
+        torque = record["actuator_force"]
+        speed = transmission.to_actuator(record["qvel"][..., self._dof])
         voltage = self._voltage[going, None]
         saturated = find_saturation(self._world.robot, torque, speed, voltage)
         self._saturation.add(np.moveaxis(saturated, 1, 0), going)

@@ -291,7 +291,7 @@ class DynamicsFilter:
         """Find the rollouts in which a servo's overload protection may trip, (N,)."""
         robot = self.world.robot
         angle = trace.qpos[..., robot.layout(self.world.model).qpos]
-        velocity = np.gradient(angle, trace.period, axis=1)
+        velocity = robot.transmission.to_actuator(np.gradient(angle, trace.period, axis=1))
         saturation = measure_saturation(
             robot, trace.torque, velocity, robot.supply_voltage, trace.period
         )
@@ -364,7 +364,7 @@ class _Tracker:
         self._last_com = com.copy()
         planned = self._at_phase()
         torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
-        target = planned[:, :-6] + torque / self._robot.position_gain
+        target = planned[:, :-6] + self._robot.compute_lead(torque)
         self._last = limit_target(target, self._last, self._robot)
         return self._last
 

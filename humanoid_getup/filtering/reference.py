@@ -88,9 +88,10 @@ def compose(
     """
     robot, period = world.robot, world.robot.control_period
     path = resample(path, tempo, period)
-    speed = np.gradient(path.joint_pos, period, axis=0) if len(path.time) > 1 else 0.0
-    lag = robot.torque_speed_slope / robot.position_gain
-    approach = path.joint_pos + lag * speed
+    speed = np.zeros_like(path.joint_pos)
+    if len(path.time) > 1:
+        speed = np.gradient(path.joint_pos, period, axis=0)
+    approach = path.joint_pos + robot.compute_lag(speed)
     position, orientation = align_motion(motion, frame, path.posture(-1))
     joined = join(motion, frame, path.joint_pos[-1], period)
     rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)

@@ -10,7 +10,7 @@ from robots.quaternion import Array
 
 
 class Statics:
-    """Computes joint torques of postures in which both soles carry the weight."""
+    """Computes torques of postures in which both soles carry the weight."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._model = robot, robot.spec().compile()
@@ -40,7 +40,7 @@ class Statics:
         mujoco.mj_fwdVelocity(self._model, data)
 
     def measure_torques(self, joint_pos: Array) -> Array:
-        """Compute the torques that hold joint angles on both soles [N·m], (n,).
+        """Compute the torques of actuators that hold joint angles on both soles [N·m], (n,).
 
         The weight acts on each sole in shares that keep the lateral balance, straight below the
         center of mass.
@@ -57,7 +57,7 @@ class Statics:
             body = int(model.site_bodyid[sole])
             mujoco.mj_jac(model, data, jacobian, None, point, body)
             torque -= jacobian.T @ np.array([0.0, 0.0, share * self.weight])
-        return np.abs(torque[self._layout.dof])
+        return np.abs(self._robot.transmission.torque_for_joint(torque[self._layout.dof]))
 
     def make_posture(self, joint_pos: Array) -> Posture:
         """Return the posture at joint angles (n,) on the ground z = 0, its first sole level."""

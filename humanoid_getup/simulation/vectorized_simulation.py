@@ -16,6 +16,7 @@ Ids = NDArray[np.int_]
 
 BODY_PARAMETERS = ("mass", "com_shift", "armature", "friction_loss")
 BODY_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "dof_frictionloss")
+TENDON_FIELDS = ("tendon_armature", "tendon_frictionloss")  # of coupled servos
 DRIVE_FIELDS = ("geom_friction", "actuator_gainprm", "actuator_forcerange")
 
 
@@ -74,7 +75,7 @@ class VecSim:
 
     @property
     def torque(self) -> Array:
-        """Return a copy of the servos' torques [N·m], (N, n)."""
+        """Return a copy of the actuators' torques [N·m], (N, n)."""
         return self.read("actuator_force")[:, self._servos]
 
     def set_parameters(self, ids: Ids, parameters: DomainParameters) -> None:
@@ -96,7 +97,7 @@ class VecSim:
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.read("qpos")[ids] = qpos
         self.read("qvel")[ids] = 0.0 if qvel is None else qvel
-        self.read("ctrl")[ids] = qpos[:, self._layout.qpos]
+        self.read("ctrl")[ids] = self.robot.transmission.to_actuator(qpos[:, self._layout.qpos])
         self._compute_sensors(ids)
 
     def advance(
@@ -110,7 +111,7 @@ class VecSim:
         # After a warning of NaN or Inf, MuJoCo resets a world and counts from one again.
         warnings = self.batch.warning[..., 1]
         warnings[:] = 0
-        control = np.repeat(targets, hold, axis=1)
+        control = np.repeat(self.robot.transmission.to_actuator(targets), hold, axis=1)
         rolled = self.batch.rollout(control.shape[1], control, record=record, ids=ids)
         self.diverged = np.any(warnings > 0, axis=1)
         return {name: rolled[name][:, hold - 1 :: hold] for name in record}
@@ -119,7 +120,7 @@ class VecSim:
         """Send one joint target [rad] to each world, (N, n), and hold it for physics steps."""
         warnings = self.batch.warning[..., 1]
         warnings[:] = 0
-        self.read("ctrl")[:] = target
+        self.read("ctrl")[:] = self.robot.transmission.to_actuator(target)
         self.batch.step(nstep=steps)
         self.diverged = np.any(warnings > 0, axis=1)
 
@@ -151,7 +152,8 @@ class VecSim:
     def _set_bodies(self, ids: Ids, parameters: DomainParameters) -> None:
         """Set masses and rotors, and the constants that MuJoCo derives from them."""
         model, p, fields = self.model, parameters, self._fields
-        for name in BODY_FIELDS:
+        tendon_fields = TENDON_FIELDS if model.ntendon else ()
+        for name in (*BODY_FIELDS, *tendon_fields):
             if name not in fields:
                 fields[name] = self.batch.expand(name)
         fields["body_mass"][ids] = model.body_mass * p.mass
@@ -160,4 +162,8 @@ class VecSim:
         fields["body_ipos"][ids, self._layout.torso] += p.com_shift
         fields["dof_armature"][ids] = model.dof_armature * p.armature[:, None]
         fields["dof_frictionloss"][ids] = model.dof_frictionloss * p.friction_loss[:, None]
+        if tendon_fields:
+            fields["tendon_armature"][ids] = model.tendon_armature * p.armature[:, None]
+            friction = model.tendon_frictionloss * p.friction_loss[:, None]
+            fields["tendon_frictionloss"][ids] = friction
         self.batch.set_const(ids)

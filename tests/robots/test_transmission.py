@@ -20,17 +20,17 @@ PAIRS = st.lists(st.floats(-5.0, 5.0), min_size=2, max_size=2).map(np.array)
 @given(gear=GEARS, torque=PAIRS, velocity=PAIRS)
 def test_power_is_the_same_on_both_sides(gear, torque, velocity):
     transmission = Transmission(gear)
-    at_joint = transmission.torque_at_joint(torque) * velocity
+    at_joint = transmission.torque_at_actuator(torque) * velocity
     assert at_joint == pytest.approx(torque * transmission.to_servo(velocity))
 
 
 @given(gear=GEARS, angle=PAIRS, stiffness=PAIRS)
 def test_a_gain_at_the_joint_is_a_gain_at_the_servo_seen_through_the_gear(gear, angle, stiffness):
     transmission = Transmission(gear)
-    assert transmission.to_joint(transmission.to_servo(angle)) == pytest.approx(angle)
+    assert transmission.motion_at_actuator(transmission.to_servo(angle)) == pytest.approx(angle)
     servo_torque = stiffness * transmission.to_servo(angle)
-    at_joint = transmission.gain_at_joint(stiffness) * angle
-    assert at_joint == pytest.approx(transmission.torque_at_joint(servo_torque))
+    at_joint = transmission.gain_at_actuator(stiffness) * angle
+    assert at_joint == pytest.approx(transmission.torque_at_actuator(servo_torque))
 
 
 def build_with_mujocos_gears(robot: Robot, tiny: Robot) -> mujoco.MjModel:

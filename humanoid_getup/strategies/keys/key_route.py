@@ -67,7 +67,6 @@ class Route:
     def __init__(self, world: World, start: Posture) -> None:
         """Begin at a posture in the world, at rest, without load."""
         self._world, self._period = world, world.robot.control_period
-        self._lag = world.robot.torque_speed_slope / world.robot.position_gain
         self._rows = _Rows.of(start)
 
     @property
@@ -88,7 +87,7 @@ class Route:
         if len(path.time) < 2:
             return
         speed = np.gradient(path.joint_pos, self._period, axis=0)
-        target = path.joint_pos + self._lag * speed + self._load
+        target = path.joint_pos + self._world.robot.compute_lag(speed) + self._load
         added = _Rows(path.position, path.orientation, path.joint_pos, target)
         self._rows = self._rows.then(added.drop_first())
 

@@ -63,6 +63,11 @@ def test_joints_behind_gears_take_one_path_too(geared: Robot, limit_by: LimitMod
     assert_one_path(geared, limit_by, 1.0)
 
 
+@pytest.mark.parametrize("limit_by", ["current", "pwm"])
+def test_coupled_joints_take_one_path_too(coupled: Robot, limit_by: LimitMode):
+    assert_one_path(coupled, limit_by, 1.0)
+
+
 def test_a_control_period_that_2_ms_do_not_divide_gives_one_path_too(own_robot: Path):
     spoil(own_robot, "control_period = 0.008", "control_period = 0.0125")
     assert_one_path(load_robot(own_robot), "current", None)

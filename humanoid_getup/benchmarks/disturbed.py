@@ -128,6 +128,7 @@ def bench_disturbed(
     *,
     seed: int,
     each: int,
+    classes: Sequence[str] = BENCH_CLASSES,
     disturbances: Mapping[str, Disturbance] = DISTURBANCES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
@@ -140,12 +141,13 @@ def bench_disturbed(
         planner: Plans in the nominal, flat world.
         policies: Further strategies for that world, by name.
         seed: Of the falls, the plans and what is random in a disturbance.
-        each: Falls of each of `BENCH_CLASSES`.
+        each: Falls of each class.
+        classes: Start classes.
         disturbances: What is disturbed, by name.
         report: Called with the record of each rise.
     """
     rng = np.random.default_rng(seed)
-    falls = sample_falls(planner.world, dict.fromkeys(BENCH_CLASSES, each), rng)
+    falls = sample_falls(planner.world, dict.fromkeys(classes, each), rng)
     records = []
     for number, fall in enumerate(falls):
         ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)

@@ -31,7 +31,9 @@ from robots.ground import GROUND
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
-LIMITS = np.array([4.1, 3.5, 3.0, 2.5, 2.2, 2.0, 1.8, 1.6, 1.5, 1.4, 1.3, 1.2, 1.1, 1.0])  # N·m
+LIMITS = np.array([4.1, 3.5, 3.0, 2.5, 2.2, 2.0, 1.8, 1.6, 1.5, 1.4, 1.3, 1.2, 1.1, 1.0])
+"""Torque limits on servos with the first as their stall torque [N·m]; others get the same
+shares."""
 
 
 def bench_motions(
@@ -49,19 +51,26 @@ def bench_motions(
     """
     cases = {}
     for number, motion in enumerate(motions):
-        start = settle_posture(world, motion.posture(0))
-        record = _play_once(world, motion, start)
-        record["lowest_torque_limit_nm"] = find_lowest_limit(world, motion, start)
-        rng = np.random.default_rng([seed, number])
-        succeeded = sum(_play_disturbed(world, motion, start, each, rng))
-        record |= {
-            "disturbed_n": each,
-            "disturbed_succeeded": succeeded,
-            "disturbed_interval_95": wilson_interval(succeeded, each),
-        }
+        record = bench_motion(world, motion, number, seed=seed, each=each)
         cases[motion.name] = record
         report({"motion": motion.name, **record})
     return {"name": "motions", "seed": seed, "n": each, "robot": world.robot.name, "cases": cases}
+
+
+def bench_motion(
+    world: World, motion: Motion, number: int, *, seed: int, each: int
+) -> dict[str, Any]:
+    """Play one of several motions, by its number, as `bench_motions` does; return its record."""
+    start = settle_posture(world, motion.posture(0))
+    record = _play_once(world, motion, start)
+    record["lowest_torque_limit_nm"] = find_lowest_limit(world, motion, start)
+    rng = np.random.default_rng([seed, number])
+    succeeded = sum(_play_disturbed(world, motion, start, each, rng))
+    return record | {
+        "disturbed_n": each,
+        "disturbed_succeeded": succeeded,
+        "disturbed_interval_95": wilson_interval(succeeded, each),
+    }
 
 
 def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
@@ -87,15 +96,19 @@ def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
 
 
 def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | None:
-    """Find the lowest of `LIMITS` [N·m] such that the motion succeeds under it and all above."""
-    n, period = len(LIMITS), world.robot.control_period
+    """Find the lowest torque limit [N·m] such that the motion succeeds under it and all above.
+
+    The limits are `LIMITS`, as shares of the servos' own stall torque.
+    """
+    limits = LIMITS * (world.robot.max_torque.max() / LIMITS[0])
+    n, period = len(limits), world.robot.control_period
     hold = round(hold_time(motion) / period)
     targets = motion.sample(np.arange(motion.time[0], motion.time[-1] + 0.5 * period, period))
     targets = np.concatenate([targets, np.repeat(targets[-1:], hold, axis=0)])
-    parameters = DomainParameters.nominal(world, n, torque_limit=LIMITS)
+    parameters = DomainParameters.nominal(world, n, torque_limit=limits)
     trace = Rollout(world, n).play(np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), parameters)
     unbroken = np.cumprod(_judge_rollouts(world, motion, trace)).astype(bool)
-    return float(LIMITS[unbroken][-1]) if unbroken.any() else None
+    return float(limits[unbroken][-1]) if unbroken.any() else None
 
 
 def _judge_rollouts(world: World, motion: Motion, trace: Trace) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ def bench_rise(
     """Rise by plans from ``each`` settled falls of every class on the twin."""
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
-    records = _rise_all(strategy, falls, seed, {}, report, preflight=strategy.filtering)
+    records = rise_all(strategy, falls, seed, {}, report, preflight=strategy.filtering)
     return {
         "name": "rise",
         "seed": seed,
@@ -76,7 +76,7 @@ def bench_methods(
     falls = _sample(first.world, each, seed)
     cases = {}
     for name, strategy in strategies.items():
-        records = _rise_all(strategy, falls, seed, {"way": name}, report)
+        records = rise_all(strategy, falls, seed, {"way": name}, report)
         cases[name] = summarize_records(records)
         if heat:
             rows = (falls[k : k + IN_A_ROW] for k in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW))
@@ -99,23 +99,34 @@ def _sample(world: World, each: int, seed: int) -> list[Fall]:
     return sample_falls(world, dict.fromkeys(BENCH_CLASSES, each), rng)
 
 
-def _rise_all(
+def rise_all(
     strategy: Strategy,
     falls: list[Fall],
     seed: int,
     label: dict[str, Any],
     report: Report,
+    *,
+    classes: Sequence[str] = BENCH_CLASSES,
     **options: Any,
 ) -> list[dict[str, Any]]:
-    """Rise from every fall on a fresh twin; return the labeled record of each rise."""
+    """Rise from every fall on a fresh twin; return the labeled record of each rise.
+
+    The falls are in the order of the classes, as many of each; ``options`` are those of the
+    session.
+    """
     records = []
     for number, fall in enumerate(falls):
-        twin = Twin(strategy.world, fall.posture)
-        rise = _rise(twin, strategy, fall, [seed, 1, number], **options)
-        bench_class = BENCH_CLASSES[number * len(BENCH_CLASSES) // len(falls)]
+        rise = rise_from(strategy, fall, number, seed, **options)
+        bench_class = classes[number * len(classes) // len(falls)]
         records.append(rise.record() | {"bench_class": bench_class} | label)
         report(records[-1])
     return records
+
+
+def rise_from(strategy: Strategy, fall: Fall, number: int, seed: int, **options: Any) -> RiseResult:
+    """Rise from one of many falls, by its number, on a fresh twin."""
+    twin = Twin(strategy.world, fall.posture)
+    return _rise(twin, strategy, fall, [seed, 1, number], **options)
 
 
 def _rise(

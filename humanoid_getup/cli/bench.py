@@ -61,6 +61,7 @@ SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "b
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 SEARCH_FIGURES = ("n", "found", "found_interval_95", "time_s", "checks_median")
 FIGURES = {
+    "all": ("n", "stood", "stood_interval_95", *LOAD_FIGURES, "torque_use", "head_impact_m_s"),
     "rise": ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES, "self_collisions"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
     "disturbed": ("n", "stood", "stood_interval_95", "refused", *LOAD_FIGURES, "head_impact_m_s"),
@@ -93,6 +94,7 @@ HEADINGS = {
     "stand_time_s": "stand [s]",
     "peak_torque_nm": "peak [N·m]",
     "rms_torque_nm": "RMS [N·m]",
+    "torque_use": "of limit",
     "head_impact_m_s": "head [m/s]",
     "head_impact_max_m_s": "head, max [m/s]",
     "torso_impact_max_m_s": "torso, max [m/s]",

@@ -54,6 +54,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "motions show": ("motions.ShowMotion", "motions.show", "Draw a motion as a film strip."),
     "motions play": ("rise.Play", "rise.play", "Play a rising motion, as getup play does."),
     "bench": ("", "", "Run a benchmark on the twin or on the virtual bus."),
+    "bench all": (
+        "bench.BenchAll",
+        "bench_all.bench_all",
+        "Measure a robot as one page that others can repeat.",
+    ),
     "bench rise": ("bench.BenchRise", "bench.bench_rise", "Rise from many settled falls."),
     "bench methods": ("bench.BenchMethods", "bench.bench_methods", "Compare plans and policies."),
     "bench disturbed": (

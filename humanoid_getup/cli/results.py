@@ -168,13 +168,9 @@ def draw_run(
     robot, period = world.robot, world.robot.control_period
     plots.save_torque(robot, outcome, options.torque_limit, folder / TORQUE, title=title)
     states = np.concatenate([*(move.qpos for move in moves), outcome.qpos])
-    last = len(states) - 1  # the final posture
-    shown = min(last, len(states) - len(outcome.qpos) + end / period)
-    rows = film_strip.pick_frames(round(shown), film_strip.FRAMES - 1)
-    rows = np.union1d(rows, [last])
+    shown = len(states) - len(outcome.qpos) + end / period
     try:
-        pictures = film_strip.render_frames(robot, world.model, states[rows])
+        film_strip.save_run(robot, world.model, states, shown, folder / STRIP, title=title)
     except film_strip.NoRendererError as error:
         return str(error)
-    film_strip.save_strip(pictures, rows * period, folder / STRIP, title=title)
     return None

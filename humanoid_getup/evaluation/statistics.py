@@ -17,6 +17,7 @@ SUMMARIZED = (
     "rms_torque_nm",
     "head_impact_m_s",
 )
+COUNTED = ("self_collisions", "ground_penetrations", "limit_violations", "clips")
 Z95 = 1.959964  # quantile of the normal distribution
 
 
@@ -50,6 +51,6 @@ def summarize_records(records: list[dict[str, Any]]) -> dict[str, Any]:
     }
     for key in SUMMARIZED:
         summary[key] = summarize(r.get(key) for r in records)
-    for key in ("self_collisions", "ground_penetrations", "limit_violations", "clips"):
+    for key in COUNTED:
         summary[key] = sum(r.get(key) or 0 for r in records)
     return summary

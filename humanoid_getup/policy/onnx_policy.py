@@ -254,6 +254,11 @@ class OnnxPolicy:
         self._steady = self._steady + 1 if steady else 0
 
 
+def list_policies(robot: Robot) -> list[Path]:
+    """List the files of a robot's policies, by name."""
+    return sorted((robot.folder / "policies").glob(f"*{SUFFIX}"))
+
+
 def find_policy(robot: Robot, name: str) -> Path:
     """Find a policy of a robot by name, or an .onnx file.
 
@@ -262,9 +267,8 @@ def find_policy(robot: Robot, name: str) -> Path:
     """
     if name.endswith(SUFFIX):
         return Path(name)
-    folder = robot.folder / "policies"
-    known = sorted(file.stem for file in folder.glob(f"*{SUFFIX}"))
+    known = {file.stem: file for file in list_policies(robot)}
     if name not in known:
         expected = ", ".join([*known, f"an {SUFFIX} file"])
         raise ValueError(f"unknown policy '{name}', expected {expected}")
-    return folder / f"{name}{SUFFIX}"
+    return known[name]

@@ -76,6 +76,20 @@ def render_frames(
     return np.array(pictures)
 
 
+def save_run(
+    robot: Robot, model: mujoco.MjModel, qpos: Array, end: float, path: Path, *, title: str = ""
+) -> None:
+    """Save states (T, nq), one a control period, up to row ``end`` and the last one, as PNG.
+
+    Raises:
+        NoRendererError: if OpenGL cannot be opened.
+    """
+    last = len(qpos) - 1
+    rows = np.union1d(pick_frames(round(min(last, end)), FRAMES - 1), [last])
+    pictures = render_frames(robot, model, qpos[rows])
+    save_strip(pictures, rows * robot.control_period, path, title=title)
+
+
 def save_strip(pictures: np.ndarray, times: ArrayLike, path: Path, *, title: str = "") -> None:
     """Save pictures (K, height, width, 3) taken at ``times`` [s] as PNG, row by row."""
     save_sheet(pictures, [f"{time:.1f} s" for time in np.asarray(times)], path, title=title)

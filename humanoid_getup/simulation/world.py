@@ -35,6 +35,13 @@ class World:
         self.scene = load_scene(scene, robot) if isinstance(scene, str) else scene
         self.model = _compile(robot, self.scene) if model is None else model
 
+    @property
+    def content(self) -> bytes:
+        """Return the compiled model and the robot's description, which tell worlds apart."""
+        model = np.empty(mujoco.mj_sizeModel(self.model), np.uint8)
+        mujoco.mj_saveModel(self.model, None, model)
+        return model.tobytes() + (self.robot.folder / "robot.toml").read_bytes()
+
     @cached_property
     def limbs(self) -> tuple[str, ...]:
         """Return the bodies at the root of each limb."""

@@ -272,15 +272,11 @@ def compute_fingerprint(planner: PlannedRise) -> str:
     It is that of the compiled model of robot and scene, the robot's description, the motions, the
     settings of the planner, and the versions of this program and of MuJoCo.
     """
-    world = planner.world
-    model = np.empty(mujoco.mj_sizeModel(world.model), np.uint8)
-    mujoco.mj_saveModel(world.model, None, model)
     settings = (planner.planning, planner.filtering, planner.assistance, planner.search_budget)
     digest = hashlib.sha256(
         repr((version("humanoid-getup"), mujoco.__version__, settings)).encode()
     )
-    digest.update(model.tobytes())
-    digest.update((world.robot.folder / "robot.toml").read_bytes())
+    digest.update(planner.world.content)
     for motion in planner.database.motions:
         digest.update(motion.name.encode())
         for array in (

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.checks import between, positive
+from humanoid_getup.cli.checks import at_least, between, positive
 from humanoid_getup.cli.options.shared import (
     Count,
     JsonOption,
@@ -19,7 +19,7 @@ from humanoid_getup.cli.options.shared import (
     TorqueOptions,
     WorldOptions,
 )
-from humanoid_getup.cli.output import find_file_faults
+from humanoid_getup.cli.output import find_file_faults, find_folder_faults
 
 
 def find_list_faults(**lists: tuple[str, ...]) -> list[str]:
@@ -29,6 +29,39 @@ def find_list_faults(**lists: tuple[str, ...]) -> list[str]:
         if twice := [name for name in dict.fromkeys(values) if values.count(name) > 1]:
             faults.append(f"--{key} has '{twice[0]}' twice, expected each name once")
     return faults
+
+
+PAGE, FIGURES, PLOT, PARTS = "benchmark.md", "benchmark.json", "benchmark.png", "parts"
+STRIPS = tuple(f"strip_{name}.png" for name in ("supine", "prone", "left", "right"))
+WHOLE_ARTEFACTS = (PAGE, FIGURES, PLOT, *STRIPS)
+"""Files of the whole benchmark."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchAll(JsonOption, RobotOption):
+    """Measure a robot as one page: every method under several torque caps, from the same falls."""
+
+    n: Annotated[int | None, at_least(1)] = None
+    """Falls of each class: supine, prone, left, right; default: 20, with --quick 4."""
+    seed: Seed = 0
+    limit_by: Literal["current", "pwm", "ideal"] | None = None
+    """What the torque caps act on; default: the robot's own."""
+    quick: bool = False
+    """Fewer falls, torque caps and disturbances, for a first look."""
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out/benchmark")
+    """Folder for benchmark.md, benchmark.json, pictures, and the results of finished parts."""
+    resume: bool = False
+    """Keep the parts that are finished in the folder; they must be of the same benchmark."""
+
+    @property
+    def each(self) -> int:
+        """Return the falls of each class."""
+        return self.n if self.n is not None else 4 if self.quick else 20
+
+    def find_faults(self) -> list[str]:
+        """Report a folder that cannot be written, too."""
+        faults = super().find_faults() + find_folder_faults(self.out, WHOLE_ARTEFACTS)
+        return faults or find_folder_faults(self.out / PARTS, ())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,249 @@
+"""The whole benchmark of a robot: same falls and judge for every method and torque cap.
+
+Its parts are the rises of a method under a cap, the plays of a stored motion, and the rises under a
+disturbance; `summarize_parts` puts their results together.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.benchmarks.disturbances import Disturbance
+from humanoid_getup.benchmarks.disturbed import bench_disturbed
+from humanoid_getup.benchmarks.motions import bench_motion
+from humanoid_getup.benchmarks.part import Part
+from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from
+from humanoid_getup.benchmarks.rise_method import RiseMethod
+from humanoid_getup.benchmarks.torque_cap import TorqueCap
+from humanoid_getup.evaluation.statistics import COUNTED, SUMMARIZED, summarize_records
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.simulation.drop import FallError
+from humanoid_getup.simulation.falls import CLASSES, Fall, sample_falls
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
+
+CASES = (
+    "nominal",
+    "friction 0.3",
+    "slope +5 deg",
+    "one servo at 60 %",
+    "mass +10 %",
+    "start 10 deg off",
+)
+"""Disturbances of the whole benchmark; no robot lacks a joint for them."""
+QUICK_CASES = CASES[:2]
+FEWER = 4  # times fewer falls of each class are disturbed
+KEPT = (
+    *SUMMARIZED,
+    *COUNTED,
+    "bench_class",
+    "start_class",
+    "planned",
+    "stood",
+    "reason",
+    "attempts",
+)
+"""What is kept of each rise."""
+PLAYED, DISTURBED = "motion ", "disturbed "
+"""How names of parts begin that are no rises by a method."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallsByClass:
+    """Falls in the order of their classes, as many of each."""
+
+    falls: list[Fall]
+    classes: tuple[str, ...]
+    missing: dict[str, str]
+    """Classes in which the robot does not come to lie, and why they were left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Whole:
+    """What the whole benchmark of a robot compares."""
+
+    world: World
+    methods: Sequence[RiseMethod]
+    motions: Sequence[Motion]
+    """Those that are played from their own start."""
+    caps: Sequence[TorqueCap]
+    planner: PlannedRise | None
+    """Plans for disturbed worlds; None without motions."""
+    policies: Mapping[str, Strategy]
+    """Policies in disturbed worlds, at stall torque."""
+    disturbances: Mapping[str, Disturbance]
+    seed: int
+    each: int
+    """Falls of each class."""
+
+    @cached_property
+    def falls(self) -> FallsByClass:
+        """Sample the falls that all methods get."""
+        return sample_by_class(self.world, self.each, self.seed)
+
+    def parts(self) -> list[Part]:
+        """Return the parts that a run has."""
+        return [*self._rise_parts(), *self._motion_parts(), *self._disturbed_parts()]
+
+    def repeat(self, method: RiseMethod, number: int) -> RiseResult:
+        """Rise from a fall again, under the first cap; it is the same rise."""
+        strategy, fall = method.make(self.caps[0].limit), self.falls.falls[number]
+        return rise_from(strategy, fall, number, self.seed, preflight=method.preflight)
+
+    def _rise_parts(self) -> Iterator[Part]:
+        for cap in self.caps:
+            for method in self.methods:
+                yield Part(
+                    name=name_rises(method.name, cap),
+                    count=self.each * len(CLASSES),
+                    depends=self._depend(
+                        method=method.fingerprint,
+                        torque_limit_nm=cap.limit.value,
+                        limit_by=cap.limit.by,
+                    ),
+                    run=partial(self._rise, method, cap),
+                )
+
+    def _rise(self, method: RiseMethod, cap: TorqueCap, report: Report) -> dict[str, Any]:
+        falls = self.falls
+        records = rise_all(
+            method.make(cap.limit),
+            falls.falls,
+            self.seed,
+            {},
+            report,
+            classes=falls.classes,
+            preflight=method.preflight,
+        )
+        kept = [{key: record.get(key) for key in KEPT} for record in records]
+        return {"classes": falls.classes, "missing": falls.missing, "rises": kept}
+
+    def _motion_parts(self) -> Iterator[Part]:
+        def play(motion: Motion, number: int, report: Report) -> dict[str, Any]:
+            record = bench_motion(self.world, motion, number, seed=self.seed, each=self.each)
+            report(record)
+            return record
+
+        for number, motion in enumerate(self.motions):
+            yield Part(
+                name=f"{PLAYED}{motion.name}",
+                count=1,
+                depends=self._depend(motion=_hash(motion.joint_target, motion.time)),
+                run=partial(play, motion, number),
+            )
+
+    def _disturbed_parts(self) -> Iterator[Part]:
+        if self.planner is None:
+            return
+        planner, each = self.planner, -(-self.each // FEWER)
+
+        def rise(case: str, report: Report) -> dict[str, Any]:
+            chosen = {case: self.disturbances[case]}
+            result = bench_disturbed(
+                planner,
+                self.policies,
+                seed=self.seed,
+                each=each,
+                classes=self.falls.classes,
+                disturbances=chosen,
+                report=report,
+            )
+            return {"cases": result["cases"]}
+
+        by_name = {method.name: method.fingerprint for method in self.methods}
+        for case, disturbance in self.disturbances.items():
+            yield Part(
+                name=f"{DISTURBED}{case}",
+                count=each * len(CLASSES) * (2 + len(self.policies)),
+                depends=self._depend(disturbance=repr(disturbance), **by_name),
+                run=partial(rise, case),
+            )
+
+    def _depend(self, **others: Any) -> dict[str, Any]:
+        world = hashlib.sha256(self.world.content).hexdigest()
+        return {"world": world, "seed": self.seed, "n": self.each, **others}
+
+
+def name_rises(method: str, cap: TorqueCap) -> str:
+    """Name the rises of a method under a cap."""
+    return f"{method}, {cap.name}"
+
+
+def sample_by_class(world: World, each: int, seed: int) -> FallsByClass:
+    """Sample as many falls of each class; those in which the robot never lies are left out.
+
+    Raises:
+        FallError: if it lies in none.
+    """
+    try:
+        falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
+        return FallsByClass(falls=falls, classes=CLASSES, missing={})
+    except FallError:
+        found: dict[str, list[Fall]] = {}
+        missing: dict[str, str] = {}
+    for number, name in enumerate(CLASSES):
+        try:
+            found[name] = sample_falls(world, {name: each}, np.random.default_rng([seed, number]))
+        except FallError as error:
+            missing[name] = str(error)
+    falls = [fall for some in found.values() for fall in some]
+    if not falls:
+        raise FallError("; ".join(missing.values()))
+    return FallsByClass(falls=falls, classes=tuple(found), missing=missing)
+
+
+def summarize_parts(whole: Whole, results: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Put the results of all parts together, by the names of the parts."""
+    rises = {
+        name_rises(method.name, cap): {
+            "method": method.name,
+            "cap": cap.name,
+            "share_of_stall": cap.share,
+            "torque_limit_nm": cap.limit.value,
+            "limit_by": cap.limit.by,
+        }
+        for cap in whole.caps
+        for method in whole.methods
+    }
+    return {
+        "name": "all",
+        "robot": whole.world.robot.name,
+        "scene": whole.world.scene.name,
+        "seed": whole.seed,
+        "n": whole.each,
+        "missing_classes": next((results[name]["missing"] for name in rises), {}),
+        "cases": {name: about | _summarize(results[name]) for name, about in rises.items()},
+        "motions": {
+            name.removeprefix(PLAYED): result
+            for name, result in results.items()
+            if name.startswith(PLAYED)
+        },
+        "disturbed": {
+            name: case
+            for part, result in results.items()
+            if part.startswith(DISTURBED)
+            for name, case in result["cases"].items()
+        },
+    }
+
+
+def _summarize(result: dict[str, Any]) -> dict[str, Any]:
+    rises = result["rises"]
+    return summarize_records(rises) | {
+        "classes": {
+            name: summarize_records([rise for rise in rises if rise["bench_class"] == name])
+            for name in result["classes"]
+        }
+    }
+
+
+def _hash(*arrays: np.ndarray) -> str:
+    return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()

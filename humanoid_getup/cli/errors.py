@@ -7,7 +7,10 @@ from contextlib import contextmanager
 
 
 class BadInputError(Exception):
-    """What the user gave cannot be used; the message names it and what is allowed."""
+    """What the user gave cannot be used; the message names it and what is allowed.
+
+    Several messages are reported one a line.
+    """
 
 
 @contextmanager

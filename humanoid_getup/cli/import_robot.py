@@ -30,7 +30,7 @@ def import_robot(command: ImportRobot) -> int:
             write_robot(robot, command.out)
             load_robot(command.out)
     except ImportFault as error:
-        raise BadInputError("\n".join(error.problems)) from error
+        raise BadInputError(*error.problems) from error
     except RobotError as error:
         raise BadInputError(str(error)) from error
     found = _describe(robot)

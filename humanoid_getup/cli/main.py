@@ -31,7 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Its text says that a robot was handed over under torque.
         return _report(": ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
     except BadInputError as error:
-        return _report(str(error), BAD_INPUT)
+        for problem in error.args:
+            _report(str(problem), BAD_INPUT)
+        return BAD_INPUT
     except Exception as error:
         return _report_failure(error)
 

@@ -18,8 +18,9 @@ from robots.validation import shown
 LEVEL = 0.1  # share of the height by which the lowest ends of two legs may differ
 PARALLEL = 0.02  # share of the heaviest end's mass below which a limb is a rod beside a leg
 LEAST_WIDTH = 0.02  # share of the height from which two feet are apart
+HIGH_HIP = 0.1  # share of the height by which hips may be above the rest's center of mass
 LEAST_LEG = 3  # hinges of a leg that can squat: hip, knee, ankle
-NEAR_AXIS = np.cos(np.radians(10.0))
+NEAR_AXIS = np.cos(np.radians(1.0))  # feet are that precisely beside each other
 ALONG = 0.7  # cosine from which an axis counts as parallel to a direction
 LEAST_TOE = 0.01  # share of the height by which a sole is longer in front of the ankle
 LEAST_BEND = 0.5  # rad by which a knee turns farther backwards
@@ -110,6 +111,7 @@ def find_anatomy(tree: Tree, path: Path, notes: list[str]) -> Anatomy:
     low, high = _measure_ends(tree)
     height = float(np.nanmax(high) - np.nanmin(low))
     one, other = _find_feet(tree, low, height, path)
+    _check_hips(tree, (_leg(tree, one, other), _leg(tree, other, one)), height, path)
     apart = tree.hinges[one].anchor - tree.hinges[other].anchor
     apart[2] = 0.0
     lateral = _snap(apart / np.linalg.norm(apart), tree)
@@ -177,6 +179,25 @@ def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, 
             f"down to the ground, expected two legs of at least {LEAST_LEG} hinges, z up"
         ]
     )
+
+
+def _check_hips(
+    tree: Tree, legs: tuple[tuple[int, ...], tuple[int, ...]], height: float, path: Path
+) -> None:
+    """Raise ImportFault if the lowest limbs begin above what they would carry, as arms do."""
+    model, data = tree.model, tree.data
+    below = {hinge for leg in legs for hinge in leg}
+    carried = np.setdiff1d(tree.bodies, [body for hinge in below for body in tree.link(hinge)])
+    center = np.average(data.xipos[carried, 2], weights=model.body_mass[carried] + 1e-9)
+    hips = np.mean([tree.hinges[leg[0]].anchor[2] for leg in legs])
+    if hips > center + HIGH_HIP * height:
+        names = " and ".join(shown(tree.hinges[leg[0]].name) for leg in legs)
+        raise ImportFault(
+            [
+                f"{path}: the lowest limbs begin with joints {names}, above the center of mass of "
+                f"the rest, expected two legs of at least {LEAST_LEG} hinges, z up"
+            ]
+        )
 
 
 def _leg(tree: Tree, foot: int, other: int) -> tuple[int, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,21 +15,16 @@ from robots.model_import.couplings import reduce_couplings
 from robots.model_import.reading import read_model
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.servo_choice import ServoChoice, choose_servos
-from robots.model_import.soles import Sole, add_sole_site, find_lowest, find_sole
+from robots.model_import.sites import SOLES, SitePlacer
 from robots.model_import.source import ImportFault, ModelSource
 from robots.model_import.stance import SPREADS, Body, Stance, StanceSolver
 from robots.model_import.tree import find_tree
 from robots.quaternion import Array
 from robots.validation import shown
 
-SOLES = ("l_sole", "r_sole")
-NECK, IMU = "neck", "imu"
-MARK = [0.005, 0.0, 0.0]  # m, the size of a site
 EXTENSIONS = (0.94, 0.9, 0.86, 0.82, 0.78, 0.7)
 """Shares of the stretched leg that are tried for the stance, in turn."""
 LEAST_ROOM = 0.2  # share of a joint's range that the range of its mirror joint must leave
-LEAST_SOLE = 0.0025  # area of a sole over the height squared; OP3's is 0.037
-SAME_LEVEL = 0.03  # share of the height by which soles of one leg differ: foot and toes
 TWIST = 0.8  # cosine between a hinge and its limb from which it only twists it
 
 
@@ -112,7 +107,8 @@ class _Import:
     def finish(self) -> ImportedRobot:
         """Find all the rest."""
         start = self._start_angles()
-        self._add_sites(start)
+        places = SitePlacer(self._source.path, self._anatomy, self._builder, self._guesses)
+        places.add_sites(self._spec, self._look(start))
         self._model = self._compile()
         body = self._describe_body()
         self._report_contradictions(body)
@@ -213,89 +209,6 @@ class _Import:
         mujoco.mj_comPos(self._model, data)
         return data
 
-    def _add_sites(self, start: Array) -> None:
-        data = self._look(start)
-        found = [self._find_sole(leg, data) for leg in self._anatomy.legs]
-        for sole, name in zip(found, SOLES, strict=True):
-            add_sole_site(self._spec, self._model.body(sole.body).name, sole, name)
-        torso = self._model.body(1)
-        neck, where = self._find_neck(data)
-        self._spec.body(torso.name).add_site(name=NECK, pos=neck.tolist(), size=MARK)
-        self._guesses.append(
-            f"site {NECK}: at {where}; move it in model.xml if that is not the neck's base"
-        )
-        self._add_imu()
-
-    def _add_imu(self) -> None:
-        """Add the IMU's site: where the model has one on the torso, else at its origin."""
-        tree, torso = self._anatomy.tree, self._spec.body(self._model.body(1).name)
-        for name, position, frame in self._list_imus():
-            axes = self._anatomy.axes.T @ frame
-            orientation = np.zeros(4)
-            mujoco.mju_mat2Quat(orientation, axes.ravel())
-            position = self._anatomy.axes.T @ (position - tree.data.xpos[tree.root])
-            torso.add_site(name=IMU, pos=position.tolist(), quat=orientation.tolist(), size=MARK)
-            self._guesses.append(f"site {IMU}: the model's {name}")
-            return
-        torso.add_site(name=IMU, size=MARK)
-        self._guesses.append(
-            f"site {IMU}: at the origin of {torso.name}, its axes those of the torso; place it in "
-            "model.xml"
-        )
-
-    def _body_of(self, hinge: int) -> int:
-        """Return the body, in the rebuilt model, that a hinge of the tree moves."""
-        body = self._builder.holder(self._anatomy.tree.hinges[hinge].body)
-        return int(self._model.body(self._builder.name(body)).id)
-
-    def _list_imus(self) -> Iterator[tuple[str, Array, Array]]:
-        """List what the torso holds that is named as an IMU: its place and axes in the world."""
-        tree = self._anatomy.tree
-        model, data = tree.model, tree.data
-        for site in range(model.nsite):
-            body, name = int(model.site_bodyid[site]), model.site(site).name
-            is_held = body in tree.bodies and self._builder.holder(body) == tree.root
-            if is_held and _names_an_imu(name):
-                yield f"site {name}", data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
-        for body in tree.bodies[1:]:
-            name = model.body(body).name
-            if self._builder.holder(body) == tree.root and _names_an_imu(name):
-                yield f"link {name}", data.xpos[body], data.xmat[body].reshape(3, 3)
-
-    def _find_sole(self, leg: Sequence[int], data: mujoco.MjData) -> Sole:
-        """Find the largest sole among the last links of a leg: of foot and toes, the foot's."""
-        tree, height = self._anatomy.tree, self._anatomy.height
-        bodies = [self._body_of(hinge) for hinge in leg[-2:]]
-        lowest = min(find_lowest(self._model, data, body) for body in bodies)
-        found = [find_sole(self._model, data, body, LEAST_SOLE * height**2) for body in bodies]
-        soles = [s for s in found if s is not None and s.height < lowest + SAME_LEVEL * height]
-        if not soles:
-            raise ImportFault(
-                [
-                    f"{self._source.path}: the leg that ends in joint "
-                    f"{shown(tree.hinges[leg[-1]].name)} has no flat face that looks down, "
-                    "expected a sole: feet that are points or lines cannot stand"
-                ]
-            )
-        return max(soles, key=lambda sole: sole.area)
-
-    def _find_neck(self, data: mujoco.MjData) -> tuple[Array, str]:
-        """Return the place of the neck in the torso's frame, and what it is."""
-        head = [self._place(k) for k in self._anatomy.head]
-        head = [k for k in head if k is not None]
-        shoulders = [self._place(left[0]) for left, _ in self._anatomy.arms]
-        shoulders = [k for k in shoulders if k is not None]
-        if head:
-            anchor = data.xanchor[head[0] + 1].copy()
-            anchor[1] = 0.0
-            return anchor, f"joint {self._hinge_name(head[0])}"
-        if shoulders:
-            anchors = data.xanchor[[k + 1 for k in shoulders]]
-            top = anchors[np.argmax(anchors[:, 2])].copy()
-            top[1] = 0.0
-            return top, "the middle of the shoulders"
-        return np.array([0.0, 0.0, float(data.xipos[1, 2])]), "the torso's center of mass"
-
     def _find_stance(self, body: Body, start: Array) -> Stance:
         if self._source.stance:
             self._guesses.append("standing: begun from the model's keyframe, then balanced")
@@ -315,7 +228,8 @@ class _Import:
     def _free_arms(self, solver: StanceSolver, stance: Stance, extension: float) -> Stance:
         """Spread the arms until they touch nothing but what they always touch."""
         always = {*find_brackets(self._model, stance.joint_pos, np.random.default_rng(0))}
-        arms = {self._body_of(k) for pair in self._anatomy.arms for limb in pair for k in limb[1:]}
+        moved = [k for pair in self._anatomy.arms for limb in pair for k in limb[1:]]
+        arms = {int(self._model.body(self._builder.carrier(k)).id) for k in moved}
         for spread in SPREADS:
             tried = solver.solve(extension, spread)
             touching = find_overlaps(self._model, tried.joint_pos).keys() - always
@@ -389,7 +303,3 @@ class _Import:
 def _range(body: Body, hinge: int) -> str:
     lower, upper = np.degrees([body.lower[hinge], body.upper[hinge]])
     return f"{lower:.0f} to {upper:.0f} deg"
-
-
-def _names_an_imu(name: str) -> bool:
-    return any(word in name.lower() for word in ("imu", "gyro"))

@@ -20,6 +20,7 @@ MAX_FACES = 200_000  # that MuJoCo reads from an STL file
 FACE = 50  # bytes of a face of a binary STL file, after a head of HEAD
 HEAD = 84
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 THIN = 1e-4  # m; points within a plane are given that thickness
 
 
@@ -59,7 +60,7 @@ def _read_stl(content: bytes) -> Array:
 
 
 def _read_collada(content: bytes) -> Array:
-    """Read the points of a COLLADA scene in meters, its axes as they are, as viewers of URDF do."""
+    """Read the points of a COLLADA scene [m], z up, (p, 3)."""
     try:
         root = ET.fromstring(content)
     except ET.ParseError as error:
@@ -79,7 +80,9 @@ def _read_collada(content: bytes) -> Array:
         for part in _walk(node, np.eye(4), shapes)
     ]
     parts = points or list(shapes.values())
-    return scale * np.concatenate([np.zeros((0, 3)), *parts])
+    whole = scale * np.concatenate([np.zeros((0, 3)), *parts])
+    is_y_up = root.findtext("asset/up_axis", "").strip() == "Y_UP"
+    return whole @ Y_TO_Z.T if is_y_up else whole
 
 
 def _read_positions(geometry: ET.Element) -> Array:

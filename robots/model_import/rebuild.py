@@ -89,6 +89,10 @@ class Rebuilder:
             body = int(self._model.body_parentid[body])
         return body
 
+    def carrier(self, hinge: int) -> str:
+        """Return the name of the rebuilt body that one of the tree's hinges moves."""
+        return self.name(self.holder(self._tree.hinges[hinge].body))
+
     def _free_hinges(self, body: int) -> list[int]:
         hinges = self._hinges(body)
         return [j for j in hinges if name_joint(self._model, j) not in self._fixed]

@@ -7,7 +7,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from robots.model_import.importer import IMU, NECK, SOLES, ImportedRobot
+from robots.model_import.importer import ImportedRobot
+from robots.model_import.sites import IMU, NECK, SOLES
 from robots.model_import.source import ImportFault
 from robots.servo import TICKS_PER_TURN
 

@@ -29,8 +29,6 @@ class Sole:
     """Of the face [m], (p, 3)."""
     area: float
     """[m²]"""
-    height: float
-    """Of its middle in the world, in the pose in which it was found [m]."""
 
 
 def find_sole(
@@ -53,7 +51,7 @@ def find_sole(
     for face in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
         area = _measure_area(face)
         if area > (best.area if best else least_area):
-            best = _describe(body, points, face, data, area)
+            best = _describe(body, points, face, rotation, area)
     return best
 
 
@@ -99,9 +97,8 @@ def _plane(normal: Array) -> Array:
     return np.linalg.svd(normal[None])[2][1:].T
 
 
-def _describe(body: int, points: Array, face: _Face, data: mujoco.MjData, area: float) -> Sole:
+def _describe(body: int, points: Array, face: _Face, rotation: Array, area: float) -> Sole:
     up: Array = -face.normal
-    rotation: Array = data.xmat[body].reshape(3, 3)
     forward = rotation.T @ np.array([1.0, 0.0, 0.0])
     forward = forward - up * (forward @ up)
     forward /= np.linalg.norm(forward)
@@ -109,9 +106,7 @@ def _describe(body: int, points: Array, face: _Face, data: mujoco.MjData, area: 
     own = face.points @ axes
     middle = (own.min(axis=0) + own.max(axis=0)) / 2.0
     middle[2] = np.min(points @ up)  # where the lowest point touches the ground
-    position = axes @ middle
-    height = float(data.xpos[body, 2] + rotation[2] @ position)
-    return Sole(body, position, axes, face.points, area, height)
+    return Sole(body, axes @ middle, axes, face.points, area)
 
 
 def add_sole_site(spec: mujoco.MjSpec, body: str, sole: Sole, name: str) -> None:

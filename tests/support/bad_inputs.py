@@ -18,9 +18,11 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 from action_files import Slot, write_action_file
 from paths import REPOSITORY
+from small_humanoid import small_humanoid, small_urdf
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.scenes.named_scenes import load_scene
@@ -546,6 +548,26 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --robot wrong_calibration --from supine", "wrong_calibration/calibration.toml"),
         case("calibrate --robot wrong_calibration --port none", "calibration.toml"),
     ],
+    "model files": [
+        case("robots import nowhere.xml --out new", "nowhere.xml: No such file", "MJCF or URDF"),
+        case("robots import text.txt --out new", "text.txt: not XML"),
+        case("robots import scene.sdf --out new", "its root is <sdf>, expected <mujoco> (MJCF)"),
+        case("robots import one_leg.xml --out new", "expected two legs of at least 3 hinges"),
+        case("robots import hangs.xml --out new", "hangs on the world by hinge 'string'"),
+        case("robots import mm.urdf --out new", "expected 0.1 to 3 m: lengths are in m"),
+        case("robots import degrees.urdf --out new", "at most 12.6 rad", "of a URDF are in rad"),
+        case(
+            "robots import meshes.urdf --out new",
+            "mesh 'torso.stl' of link 'torso' is not found, expected it beside the model",
+        ),
+        case("robots import small.xml --out taken", "--out is taken, which is not empty"),
+        case("robots import small.xml --out new --servo XM1", "--servo is 'XM1': unknown type"),
+        case(
+            "robots import small.xml --out new --servo XM430-W350=*tail",
+            "no joint matches '*tail', expected some of left_hip_yaw_joint",
+        ),
+        case("robots import small.xml --out new --fix tail", "--fix is 'tail', expected one of"),
+    ],
     "plan caches": [
         case("rise --from supine --cache-folder broken_plans", ".json: not JSON"),
         case("rise --from supine --cache-folder wrong_plans", "robust is 2.0, expected a share"),
@@ -626,6 +648,28 @@ def make_files(folder: Path, robot: Robot) -> None:
     _make_plans(folder, robot)
     _make_policies(folder, robot)
     _make_robots(folder, robot)
+    _make_models(folder)
+
+
+def _make_models(folder: Path) -> None:
+    def cut_leg(spec: mujoco.MjSpec) -> None:
+        spec.delete(spec.body("right_hip_yaw"))
+
+    def hang(spec: mujoco.MjSpec) -> None:
+        torso = spec.body("torso")
+        spec.delete(torso.joints[0])
+        torso.add_joint(name="string", type=mujoco.mjtJoint.mjJNT_HINGE)
+
+    for name, text in {
+        "small.xml": small_humanoid(),
+        "scene.sdf": "<sdf/>",
+        "one_leg.xml": small_humanoid(change=cut_leg),
+        "hangs.xml": small_humanoid(change=hang),
+        "mm.urdf": small_urdf(scale=1000.0),
+        "degrees.urdf": small_urdf().replace(f'upper="{np.pi / 2.0}"', 'upper="90"'),  # the head's
+        "meshes.urdf": small_urdf(mesh="torso.stl"),
+    }.items():
+        (folder / name).write_text(text)
 
 
 def _make_styles(folder: Path) -> None:

@@ -81,7 +81,7 @@ def small_humanoid(
     spec = mujoco.MjSpec()
     back = quaternion.inverse(frame)
     turned = quaternion.multiply(quaternion.from_yaw(yaw), frame)
-    torso = spec.worldbody.add_body(name=rename("torso"), pos=position, quat=turned)
+    torso = spec.worldbody.add_body(name=rename("torso"), pos=position, quat=turned.tolist())
     torso.add_freejoint()
     _add_box(torso, TORSO_BOX, quaternion.rotate(back, np.array(TORSO_CENTER)), TORSO_MASS, back)
     built, origins = {"torso": torso}, {"torso": np.zeros(3)}
@@ -93,11 +93,14 @@ def small_humanoid(
         is_first = above == "torso"
         body = built[above].add_body(
             name=rename(name),
-            pos=quaternion.rotate(back, offset) if is_first else offset,
-            quat=back if is_first else NO_TURN,
+            pos=(quaternion.rotate(back, offset) if is_first else offset).tolist(),
+            quat=(back if is_first else NO_TURN).tolist(),
         )
         body.add_joint(
-            name=rename(f"{name}_joint"), type=HINGE, axis=part.axis, range=_range(part, side)
+            name=rename(f"{name}_joint"),
+            type=HINGE,
+            axis=part.axis.tolist(),
+            range=_range(part, side),
         )
         _add_box(body, part.box, np.array(part.center) * flip, part.mass)
         built[name], origins[name] = body, anchor
@@ -119,7 +122,8 @@ def _add_box(
     mass: float,
     orientation: Array = NO_TURN,
 ) -> None:
-    body.add_geom(type=BOX, size=size, pos=center, quat=orientation, mass=mass)
+    pose = {"pos": center.tolist(), "quat": orientation.tolist()}
+    body.add_geom(type=BOX, size=size, mass=mass, **pose)
 
 
 def small_urdf(*, scale: float = 1.0, angle: float = np.pi / 180.0, mesh: str = "") -> str:

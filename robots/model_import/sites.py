@@ -1,0 +1,121 @@
+"""Sites of an imported robot: soles, neck and IMU."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.model_import.anatomy import Anatomy
+from robots.model_import.rebuild import Rebuilder
+from robots.model_import.soles import Sole, add_sole_site, find_lowest, find_sole
+from robots.model_import.source import ImportFault
+from robots.quaternion import Array
+from robots.validation import shown
+
+SOLES = ("l_sole", "r_sole")
+NECK, IMU = "neck", "imu"
+MARK = [0.005, 0.0, 0.0]  # m, the size of a site
+LEAST_SOLE = 0.0025  # area of a sole over the height squared; OP3's is 0.037
+LEVEL = 0.03  # share of the height by which the lowest points of a foot and its toes differ
+
+
+class SitePlacer:
+    """Finds where the sites belong, and adds them."""
+
+    def __init__(
+        self, path: Path, anatomy: Anatomy, builder: Rebuilder, guesses: list[str]
+    ) -> None:
+        """Prepare to add sites; ``guesses`` is told what to confirm."""
+        self._path, self._anatomy, self._builder = path, anatomy, builder
+        self._guesses = guesses
+
+    def add_sites(self, spec: mujoco.MjSpec, data: mujoco.MjData) -> None:
+        """Add the sites of soles, neck and IMU to the rebuilt model, in a pose of it."""
+        self._spec, self._model = spec, data.model
+        found = [self._find_sole(leg, data) for leg in self._anatomy.legs]
+        for sole, name in zip(found, SOLES, strict=True):
+            add_sole_site(self._spec, self._model.body(sole.body).name, sole, name)
+        torso = self._model.body(1)
+        neck, where = self._find_neck(data)
+        self._spec.body(torso.name).add_site(name=NECK, pos=neck.tolist(), size=MARK)
+        self._guesses.append(
+            f"site {NECK}: at {where}; move it in model.xml if that is not the neck's base"
+        )
+        self._add_imu()
+
+    def _add_imu(self) -> None:
+        """Add the IMU's site: where the model has one on the torso, else at its origin."""
+        tree, torso = self._anatomy.tree, self._spec.body(self._model.body(1).name)
+        for name, position, frame in self._list_imus():
+            axes = self._anatomy.axes.T @ frame
+            orientation = np.zeros(4)
+            mujoco.mju_mat2Quat(orientation, axes.ravel())
+            position = self._anatomy.axes.T @ (position - tree.data.xpos[tree.root])
+            torso.add_site(name=IMU, pos=position.tolist(), quat=orientation.tolist(), size=MARK)
+            self._guesses.append(f"site {IMU}: the model's {name}")
+            return
+        torso.add_site(name=IMU, size=MARK)
+        self._guesses.append(
+            f"site {IMU}: at the origin of {torso.name}, its axes those of the torso; place it in "
+            "model.xml"
+        )
+
+    def _list_imus(self) -> Iterator[tuple[str, Array, Array]]:
+        """List what the torso holds that is named as an IMU: its place and axes in the world."""
+        tree = self._anatomy.tree
+        model, data = tree.model, tree.data
+        for site in range(model.nsite):
+            body, name = int(model.site_bodyid[site]), model.site(site).name
+            is_held = body in tree.bodies and self._builder.holder(body) == tree.root
+            if is_held and _names_an_imu(name):
+                yield f"site {name}", data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
+        for body in tree.bodies[1:]:
+            name = model.body(body).name
+            if self._builder.holder(body) == tree.root and _names_an_imu(name):
+                yield f"link {name}", data.xpos[body], data.xmat[body].reshape(3, 3)
+
+    def _find_sole(self, leg: Sequence[int], data: mujoco.MjData) -> Sole:
+        """Find the largest sole among the last links of a leg: of foot and toes, the foot's."""
+        tree, height = self._anatomy.tree, self._anatomy.height
+        bodies = [int(self._model.body(self._builder.carrier(k)).id) for k in leg[-2:]]
+        lowest = [find_lowest(self._model, data, body) for body in bodies]
+        level = [b for b, z in zip(bodies, lowest, strict=True) if z < min(lowest) + LEVEL * height]
+        found = [find_sole(self._model, data, body, LEAST_SOLE * height**2) for body in level]
+        soles = [sole for sole in found if sole is not None]
+        if not soles:
+            raise ImportFault(
+                [
+                    f"{self._path}: the leg that ends in joint "
+                    f"{shown(tree.hinges[leg[-1]].name)} has no flat face that looks down, "
+                    "expected a sole: feet that are points or lines cannot stand"
+                ]
+            )
+        return max(soles, key=lambda sole: sole.area)
+
+    def _find_neck(self, data: mujoco.MjData) -> tuple[Array, str]:
+        """Return the place of the neck in the torso's frame, and what it is."""
+        head = self._list_joints(self._anatomy.head)
+        shoulders = self._list_joints([left[0] for left, _ in self._anatomy.arms])
+        if head:
+            anchor = data.xanchor[head[0]].copy()
+            anchor[1] = 0.0
+            return anchor, f"joint {self._model.joint(head[0]).name}"
+        if shoulders:
+            anchors = data.xanchor[shoulders]
+            top = anchors[np.argmax(anchors[:, 2])].copy()
+            top[1] = 0.0
+            return top, "the middle of the shoulders"
+        return np.array([0.0, 0.0, float(data.xipos[1, 2])]), "the torso's center of mass"
+
+    def _list_joints(self, hinges: Sequence[int]) -> list[int]:
+        """List the joints of the rebuilt model that are these hinges of the tree."""
+        names = [self._anatomy.tree.hinges[k].name for k in hinges]
+        kept = {self._model.joint(j).name: j for j in range(self._model.njnt)}
+        return [kept[name] for name in names if name in kept]
+
+
+def _names_an_imu(name: str) -> bool:
+    return any(word in name.lower() for word in ("imu", "gyro"))

@@ -1,0 +1,80 @@
+"""Gears and closed loops: the hinge of a motor is welded, the output stays with its torque."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import pytest
+from small_humanoid import small_humanoid
+
+from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
+
+GEAR = 2.5  # turns of the motor to one of the knee
+TORQUE = 1.6  # N·m of the motor
+
+
+def add_motor(spec: mujoco.MjSpec) -> None:
+    """Add a motor on the left thigh that drives the knee by a gear."""
+    shaft = spec.body("left_thigh").add_body(name="shaft", pos=[0.0, 0.02, -0.02])
+    shaft.add_joint(name="motor", axis=[0, 1, 0], range=[-360, 360])
+    shaft.add_geom(size=[0.005, 0, 0], mass=0.002)
+    spec.add_actuator(
+        target="motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, forcerange=[-TORQUE, TORQUE]
+    )
+    spec.add_actuator(
+        target="right_shank_joint",
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        forcerange=[-GEAR * TORQUE, GEAR * TORQUE],
+    )
+
+
+def add_gear(spec: mujoco.MjSpec) -> None:
+    add_motor(spec)
+    spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        name1="left_shank_joint",
+        name2="motor",
+        data=[0.0, 1.0 / GEAR, *[0.0] * 10],
+    )
+
+
+def add_rod(spec: mujoco.MjSpec) -> None:
+    add_motor(spec)
+    rod = spec.body("shaft").add_body(name="rod", pos=[0.0, 0.0, -0.12])
+    rod.add_joint(name="rod_joint", axis=[0, 1, 0], range=[-360, 360])
+    rod.add_geom(size=[0.005, 0, 0], mass=0.001)
+    spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_CONNECT,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        name1="rod",
+        name2="left_shank",
+    )
+
+
+def imported(tmp_path: Path, change: Callable[[mujoco.MjSpec], None]) -> ImportedRobot:
+    (tmp_path / "model.xml").write_text(small_humanoid(change=change))
+    return import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+
+
+def test_a_geared_knee_keeps_its_torque(tmp_path: Path):
+    robot = imported(tmp_path, add_gear)
+    assert "motor" not in robot.joints
+    servo = dict(zip(robot.joints, robot.servos.types, strict=True))
+    assert servo["left_shank_joint"] == servo["right_shank_joint"]  # whose torque is GEAR * TORQUE
+    (note,) = [note for note in robot.notes if "driven by" in note]
+    assert "left_shank_joint is driven by motor (2.5 turns to one)" in note
+
+
+@pytest.mark.parametrize("change", [add_gear, add_rod])
+def test_what_a_motor_weighs_stays_on_its_link(tmp_path: Path, change):
+    robot = imported(tmp_path, change)
+    assert {"motor", "rod_joint"}.isdisjoint(robot.joints)
+    model = robot.spec.compile()
+    added = 0.002 + (0.001 if change is add_rod else 0.0)
+    assert model.body("left_thigh").mass[0] == pytest.approx(0.2 + added)
+    assert model.body_mass.sum() == pytest.approx(1.0 + 0.1 + 2 * 0.7 + added)
+
+
+def test_a_loop_is_told(tmp_path: Path):
+    notes = imported(tmp_path, add_rod).notes
+    assert any("closed loop that joins rod and left_shank is open" in note for note in notes)

@@ -1,0 +1,64 @@
+"""A fitted shape holds all the points that it was fitted to, and little besides."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots import quaternion
+from robots.model_import.shapes import Shape, fit_shape
+from robots.quaternion import Array
+
+GEOM = mujoco.mjtGeom
+
+
+def measure_distance(shape: Shape, points: Array) -> Array:
+    """Measure how far points are outside a box or capsule [m], (p,); negative inside."""
+    own = quaternion.rotate(quaternion.inverse(shape.orientation), points - shape.position)
+    if shape.kind == GEOM.mjGEOM_BOX:
+        return np.max(np.abs(own) - shape.size, axis=1)
+    radius, half = shape.size[:2]
+    own[:, 2] -= np.clip(own[:, 2], -half, half)
+    return np.linalg.norm(own, axis=1) - radius
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    count=st.integers(4, 60),
+    extent=st.tuples(*[st.floats(0.0, 0.3)] * 3),
+)
+def test_a_shape_holds_its_points(seed: int, count: int, extent):
+    points = np.random.default_rng(seed).normal(size=(count, 3)) * extent
+    shape = fit_shape(points)
+    assert np.isfinite(shape.size).all()
+    assert measure_distance(shape, points).max() < 1e-9
+
+
+@given(
+    size=st.tuples(*[st.floats(0.01, 0.2)] * 3),
+    axis=st.sampled_from(np.eye(3).tolist()),
+    steps=st.integers(0, 17),
+)
+def test_a_box_is_fitted_as_itself(size, axis, steps: int):
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
+    turn = quaternion.from_axis_angle(np.array(axis), np.radians(5.0 * steps))
+    shape = fit_shape(quaternion.rotate(turn, corners) + np.array([0.1, 0.2, 0.3]))
+    assert shape.position == pytest.approx([0.1, 0.2, 0.3], abs=1e-9)
+    assert measure_volume(shape) <= 8.0 * np.prod(size) * 1.1 + 1e-12
+
+
+def test_a_rod_becomes_a_capsule():
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    ring = 0.02 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
+    end = np.array([0.0, 0.0, 0.2])
+    shape = fit_shape(np.concatenate([ring + end, ring - end]))
+    assert shape.kind == GEOM.mjGEOM_CAPSULE
+    assert shape.size[:2] == pytest.approx([0.02, 0.2], abs=1e-6)
+
+
+def measure_volume(shape: Shape) -> float:
+    if shape.kind == GEOM.mjGEOM_BOX:
+        return float(8.0 * np.prod(shape.size))
+    radius, half = shape.size[:2]
+    return float(np.pi * radius**2 * (2.0 * half + 4.0 / 3.0 * radius))

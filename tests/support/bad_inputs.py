@@ -21,6 +21,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from action_files import Slot, write_action_file
+from human_clips import write_human_bvh
 from paths import REPOSITORY
 from small_humanoid import small_humanoid, small_urdf
 
@@ -346,6 +347,24 @@ GROUPS: dict[str, list[Case]] = {
             f"style extract {MOTION} --to 0.1 --out mine.toml", "nothing moves in what is extracted"
         ),
         case("style extract sit_and_lie_down --out mine.toml", "expected 0.9 or more", "--finish"),
+        case("mocap import", "the clip is missing, expected FILE.bvh, or FILE.asf FILE.amc"),
+        case("mocap import text.txt", "the clip is text.txt, expected FILE.bvh, or FILE.asf"),
+        case("mocap import text.bvh turned.bvh", "expected FILE.bvh, or FILE.asf FILE.amc"),
+        case("mocap import none.bvh", "none.bvh: No such file or directory"),
+        case("mocap import empty.bvh", "it is not a BVH file: HIERARCHY is missing"),
+        case("mocap import scaled.bvh", "joint 'Hips' has 6 channels Xscale"),
+        case("mocap import text.amc", "text.asf: No such file or directory"),
+        case("mocap import headless.bvh", "it has no neck, expected a joint lowerneck, Neck"),
+        case("mocap import upright.bvh", "it has no left shoulder, expected a joint lhumerus"),
+        case("mocap import human.bvh --robot human --from 0.3", "it lasts 0.10 s, expected two"),
+        case("mocap import short.bvh", "it lasts 0.00 s, expected two frames or more"),
+        case("mocap import human.bvh --from 3 --to 1", "--from is 3 s, expected before --to, 1 s"),
+        case("mocap import human.bvh --from -1", "--from is -1 s", "times from 0 s on"),
+        case("mocap import human.bvh --rate 60", "--rate is given, expected none with a .bvh file"),
+        case("mocap import human.bvh --out mine.bvh", "expected a name that ends with .npz"),
+        case("mocap import human.bvh --out folder.npz", "folder.npz: is a folder"),
+        case("mocap import human.bvh --name 'a b'", "motion name 'a b': expected 1 to 100 letters"),
+        case("mocap import human.bvh --body arms=1.6", "a clip is taken to the original body"),
         case("run robust --from supine --style sit-up", "the policy follows no style curves"),
         case("run robust --from supine --style few.toml", "few.toml: curves 1: neck_height has 2"),
         case("run robust --from supine --style planned", "follows no style curves"),
@@ -696,6 +715,11 @@ def _make_styles(folder: Path) -> None:
     )
     (folder / "turned.bvh").write_text(clip)
     (folder / "scaled.bvh").write_text(BVH.replace("Xposition", "Xscale"))
+    (folder / "upright.bvh").write_text(BVH)
+    write_human_bvh(folder / "human.bvh", 3)
+    write_human_bvh(folder / "short.bvh", 1)
+    write_human_bvh(folder / "headless.bvh", 3, without="Neck")
+    (folder / "empty.bvh").touch()
 
 
 def _make_postures(folder: Path, robot: Robot) -> None:

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from robots.files import read_bounded
+from robots.model_import.folding import Fold, find_folds, fold
 from robots.validation import shown
 
 MAX_MODEL = 32 * 2**20  # bytes of the XML file
@@ -31,7 +32,7 @@ class ActuatorFigures:
     """What a model says of the actuator of a joint; None where it says nothing."""
 
     effort: float | None = None
-    """Largest torque at the joint [N·m]."""
+    """Largest torque at the joint, or of the motor in front of its gear [N·m]."""
     speed: float | None = None
     """Largest speed of the joint [rad/s]."""
 
@@ -46,6 +47,8 @@ class ModelSource:
     """By joint name, of the joints that have one; empty if the model says nothing."""
     stance: dict[str, float] = field(default_factory=dict)
     """Angles of a keyframe by joint name [rad]; empty without keyframes."""
+    folds: tuple[Fold, ...] = ()
+    """Drives whose motors' hinges were fixed; their actuators are under the driven joints."""
 
 
 def read_model(path: Path) -> ModelSource:
@@ -79,16 +82,25 @@ def _read_mjcf(path: Path) -> ModelSource:
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise ImportFault([f"{path}: {' '.join(str(error).split())}"]) from error
-    stance = {}
+    stance, qpos = {}, model.qpos0
     if model.nkey:
         names = [model.key(k).name for k in range(model.nkey)]
         key = next((k for k, name in enumerate(names) if _names_a_stance(name)), 0)
+        qpos = model.key_qpos[key]
         stance = {
             model.joint(j).name: float(model.key_qpos[key, model.jnt_qposadr[j]])
             for j in range(model.njnt)
             if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         }
-    return ModelSource(path=path, model=model, actuators=_list_actuators(model), stance=stance)
+    actuators = _list_actuators(model)
+    if folds := find_folds(model, qpos):
+        fold(spec, folds)
+        model = spec.compile()
+        moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
+        actuators = {moved.get(name, name): figures for name, figures in actuators.items()}
+    return ModelSource(
+        path=path, model=model, actuators=actuators, stance=stance, folds=tuple(folds)
+    )
 
 
 def _names_a_stance(name: str) -> bool:

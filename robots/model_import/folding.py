@@ -141,7 +141,7 @@ def _fold(model: mujoco.MjModel, joints: list[int], rows: Array, is_loop: bool) 
     share = follow[heaviest]
     if not _is_light(model, fixed, outputs) or abs(np.linalg.det(share)) < SINGULAR:
         return None
-    matrix: Array = np.linalg.inv(share)
+    matrix = np.asarray(np.linalg.inv(share), dtype=float)
     if is_loop:
         matrix = np.round(matrix / LOOP_STEP) * LOOP_STEP
     motors = [joints[k] for k in motors]

@@ -254,7 +254,7 @@ class Limbs:
             return None
         anchors = {k: self.anchor(k).copy() for k in joints}
         body = int(self.model.jnt_bodyid[self._ids[joints[-1]]])
-        sole = self._find_sole(body) if kind == "leg" else None
+        sole = self._find_sole(first) if kind == "leg" else None
         side = "left" if anchors[joints[0]][1] > 0.0 else "right"
         far = self._tip(body, joints, sole)
         hip = anchors[joints[0]]
@@ -284,17 +284,9 @@ class Limbs:
         found = [joint.name for link in chain for body in link.bodies for joint in body.joints]
         return [names.index(name) for name in found if name in names]
 
-    def _find_sole(self, body: int) -> int | None:
-        sites = [self.model.site(name).id for name in self.robot.sole_sites]
-        root = self._limb_root(body)
-        return next(
-            (s for s in sites if self._limb_root(int(self.model.site_bodyid[s])) == root), None
-        )
-
-    def _limb_root(self, body: int) -> int:
-        while int(self.model.body_parentid[body]) != self._layout.torso and body > 0:
-            body = int(self.model.body_parentid[body])
-        return body
+    def _find_sole(self, first: Link) -> int | None:
+        own = frozenset[str]().union(*(link.site_names for link in first.walk()))
+        return next((self.model.site(s).id for s in self.robot.sole_sites if s in own), None)
 
     def _tip(self, body: int, joints: list[int], sole: int | None) -> Array:
         if sole is not None:

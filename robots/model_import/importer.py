@@ -12,6 +12,7 @@ import numpy as np
 from robots.model_import.anatomy import Anatomy, find_anatomy
 from robots.model_import.contacts import find_brackets, find_overlaps
 from robots.model_import.couplings import reduce_couplings
+from robots.model_import.folding import Fold
 from robots.model_import.reading import read_model
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.servo_choice import ServoChoice, choose_servos
@@ -61,6 +62,8 @@ class ImportedRobot:
     spreading_joints: tuple[str, ...]
     notes: tuple[str, ...]
     """What was changed, and what could not be found."""
+    folds: tuple[Fold, ...] = ()
+    """Gears and couplings between servos and joints."""
     guesses: tuple[str, ...] = field(default=())
     """What was guessed, and how to confirm it."""
 
@@ -130,6 +133,7 @@ class _Import:
                 f"servos of {', '.join(silent)}: the model has no actuator there; fix joints that "
                 "do not move with --fix JOINT"
             )
+        self._guesses += [fold.describe() for fold in self._source.folds]
         return ImportedRobot(
             options=self._options,
             spec=self._spec,
@@ -143,6 +147,7 @@ class _Import:
             rising_joints=self._list_rising(body, stance),
             spreading_joints=self._list_spreading(body, stance),
             notes=tuple(self._notes),
+            folds=self._source.folds,
             guesses=(*self._guesses, *servos.guesses),
         )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots.model_import.folding import find_folds, fold
 from robots.model_import.source import ActuatorFigures, Coupling, ImportFault, ModelSource
 
 TIGHT = 0.1  # rad; a tendon with less room couples its joints
@@ -26,20 +27,28 @@ def read_mjcf(path: Path) -> ModelSource:
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise ImportFault([f"{path}: {' '.join(str(error).split())}"]) from error
-    stance = {}
+    stance, qpos = {}, model.qpos0
     if model.nkey:
         names = [model.key(k).name for k in range(model.nkey)]
         key = next((k for k, name in enumerate(names) if _names_a_stance(name)), 0)
+        qpos = model.key_qpos[key]
         stance = {
             model.joint(j).name: float(model.key_qpos[key, model.jnt_qposadr[j]])
             for j in range(model.njnt)
             if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         }
+    actuators = _list_actuators(model)
+    if folds := find_folds(model, qpos):
+        fold(spec, folds)
+        model = spec.compile()
+        moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
+        actuators = {moved.get(name, name): figures for name, figures in actuators.items()}
     return ModelSource(
         path=path,
         model=model,
-        actuators=_list_actuators(model),
+        actuators=actuators,
         stance=stance,
+        folds=tuple(folds),
         couplings=(*_list_equalities(model), *_list_tendons(model)),
         loops=tuple(_list_loops(model)),
     )

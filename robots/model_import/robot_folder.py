@@ -79,7 +79,7 @@ def describe(robot: ImportedRobot) -> str:
     kind = max(len(name) for name in robot.servos.types) + 3
     rows = [
         f"  {{ name = {_text(name) + ',':{width}} id = {k + 1}, "
-        f"servo = {_text(robot.servos.types[k]) + ',':{kind}} sign = 1, "
+        f"servo = {_text(robot.servos.types[k]) + ',':{kind}} {_turning(robot, name)}"
         f"zero_ticks = {TICKS_PER_TURN // 2}, mirror = {_text(robot.joints[robot.mirror[k]])}, "
         f"mirror_sign = {robot.mirror_sign[k]}, segment = {_text(robot.segments[k])} }},"
         for k, name in enumerate(robot.joints)
@@ -99,10 +99,33 @@ def describe(robot: ImportedRobot) -> str:
             "# Found by balancing on flat soles [rad].",
             "[standing]",
             *standing,
+            *_list_couplings(robot),
             *bus,
             "",
         ]
     )
+
+
+def _turning(robot: ImportedRobot, joint: str) -> str:
+    """Write the sign of a joint, and its gear if it has one."""
+    gear = next((f.gear for f in robot.folds if f.joints == (joint,)), 1.0)
+    sign = "1" if gear > 0.0 else "-1"
+    return f"sign = {sign}, " + (f"gear = {abs(gear):.5g}, " if abs(gear) != 1.0 else "")
+
+
+def _list_couplings(robot: ImportedRobot) -> list[str]:
+    return [
+        line
+        for fold in robot.folds
+        if len(fold.joints) > 1
+        for line in (
+            "",
+            "[[couplings]]",
+            f"joints = [{', '.join(map(_text, fold.joints))}]",
+            "# Turns of each servo (rows) per turn of each joint (columns).",
+            f"matrix = {[[float(f'{turns:.5g}') for turns in row] for row in fold.matrix]}",
+        )
+    ]
 
 
 def _list_guesses(robot: ImportedRobot) -> list[str]:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import mujoco
 
+from robots.model_import.folding import Fold
+
 
 class ImportFault(ValueError):
     """A model file cannot become a robot; one problem a line."""
@@ -22,7 +24,7 @@ class ActuatorFigures:
     """What a model says of the actuator of a joint; None where it says nothing."""
 
     effort: float | None = None
-    """Largest torque at the joint [N·m]."""
+    """Largest torque at the joint, or of the motor in front of its gear [N·m]."""
     speed: float | None = None
     """Largest speed of the joint [rad/s]."""
 
@@ -48,5 +50,7 @@ class ModelSource:
     couplings: tuple[Coupling, ...] = ()
     loops: tuple[tuple[int, int], ...] = ()
     """Pairs of bodies that closed loops join."""
+    folds: tuple[Fold, ...] = ()
+    """Drives whose motors' hinges were fixed; their actuators are under the driven joints."""
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""

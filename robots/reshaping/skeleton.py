@@ -45,7 +45,7 @@ class Skeleton:
 
     Legs end in soles; heads have joints of the segment "head" alone; what else hangs on the trunk
     are arms. A link that hangs on the trunk by a joint and carries several limbs is trunk, too,
-    like a chest on a waist joint, and so are the links of a spine up to there.
+    like a pelvis or a chest on a waist joint, and so are the links of a spine up to there.
     """
 
     def __init__(
@@ -71,7 +71,10 @@ class Skeleton:
     def _sort(self, trunk: Link) -> None:
         self.trunk.append(trunk)
         for link in trunk.children:
-            if any(part.site_names & self._soles for part in link.walk()):
+            feet = self._count_feet(link)
+            if feet > 1:
+                self._sort(link)
+            elif feet:
                 self.legs.append((trunk, link))
             elif not self._is_head(link):
                 if len(link.children) > 1 or self._leads_to_both_sides(link):
@@ -85,6 +88,11 @@ class Skeleton:
             link = link.children[0]
         aside = [self.anchor_in(child, self.torso)[1] for child in link.children]
         return min(aside, default=0.0) < -BESIDE and max(aside, default=0.0) > BESIDE
+
+    def _count_feet(self, link: Link) -> int:
+        """Count the limbs that end in soles at or below a link."""
+        below = sum(self._count_feet(child) for child in link.children)
+        return max(below, int(bool(link.site_names & self._soles)))
 
     def _is_head(self, link: Link) -> bool:
         joints = {

@@ -56,6 +56,8 @@ class Fold:
 
 def find_folds(model: mujoco.MjModel, qpos: Array) -> list[Fold]:
     """Find the drives of a model, by its constraints at MuJoCo positions (nq,)."""
+    if not model.neq + model.ntendon:
+        return []
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(model, data)

@@ -89,8 +89,9 @@ def choose_servos(
     silent = [joint for joint in joints if joint not in stated and joint not in named]
     if silent:
         guesses.append(
-            f"servo {by_weight} for {_few(silent)}: the model states no torque limit, it is the "
-            f"weakest type with {RESERVE * need:.1f} N·m; set the types with --servo TYPE=PATTERN"
+            f"servo {by_weight} for {_few(silent)}: the model states no torque limit, and the "
+            f"robot's weight asks for {RESERVE * need:.1f} N·m; set the types with --servo "
+            "TYPE=PATTERN"
         )
     read = [joint for joint in joints if joint in stated and joint not in named]
     if read:

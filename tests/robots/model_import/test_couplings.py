@@ -8,6 +8,7 @@ import pytest
 from small_humanoid import small_humanoid
 
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
+from robots.servo_catalog import servo_models
 
 GEAR = 2.5  # turns of the motor to one of the knee
 TORQUE = 1.6  # N·m of the motor
@@ -56,13 +57,16 @@ def imported(tmp_path: Path, change: Callable[[mujoco.MjSpec], None]) -> Importe
     return import_model(tmp_path / "model.xml", ImportOptions(name="small"))
 
 
-def test_a_geared_knee_keeps_its_torque(tmp_path: Path):
+def test_a_geared_knee_has_the_motors_servo_and_its_gear(tmp_path: Path):
     robot = imported(tmp_path, add_gear)
     assert "motor" not in robot.joints
-    servo = dict(zip(robot.joints, robot.servos.types, strict=True))
-    assert servo["left_shank_joint"] == servo["right_shank_joint"]  # whose torque is GEAR * TORQUE
-    (note,) = [note for note in robot.notes if "driven by" in note]
-    assert "left_shank_joint is driven by motor (2.5 turns to one)" in note
+    (fold,) = robot.folds
+    assert (fold.motors, fold.joints) == (("motor",), ("left_shank_joint",))
+    assert fold.gear == pytest.approx(GEAR)
+    servo = servo_models()[robot.servos.types[robot.joints.index("left_shank_joint")]]
+    stall = servo.stall_torque * robot.servos.supply / servo.nominal_voltage
+    assert stall == pytest.approx(TORQUE, rel=0.25)
+    assert any("left_shank_joint driven by motor through gears" in g for g in robot.guesses)
 
 
 @pytest.mark.parametrize("change", [add_gear, add_rod])

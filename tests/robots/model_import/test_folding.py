@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robots.model_import.folding import find_folds, fold
-from robots.model_import.source import read_model
+from robots.model_import.reading import read_model
 
 BASE = """<mujoco>
   <compiler angle="radian"/>

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.limbs import LimbName, LimbPose, Limbs, turn_to_rest
+from humanoid_getup.motions.limb import LimbName, LimbPose, turn_to_rest
+from humanoid_getup.motions.limb_solver import LimbSolver
+from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.motions.motion import STANDING
 from robots import Robot
 from robots.quaternion import Array
@@ -79,9 +81,10 @@ class KeyTransfer:
             for name, pose in self.source.measure(key).items()
             if name in self.target.all
         }
-        pointed = self.target.solve(poses, before)
+        solver = LimbSolver(self.target)
+        pointed = solver.solve(poses, before)
         ahead = self.source.measure_balance(key)
-        return pointed if ahead is None else self.target.solve_balance(ahead, pointed)
+        return pointed if ahead is None else solver.solve_balance(ahead, pointed)
 
     def _symmetrize(self, key: Array) -> Array:
         """Give both sides the left one's angles."""

@@ -28,6 +28,7 @@ from robots import Robot
 from robots.kinematics import GravitySense
 from robots.quaternion import Array
 
+POLICY_FOLDER = "policies"
 SUFFIX = ".onnx"
 LONGEST = 12.0  # s; includes further tries of the policy itself
 STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
@@ -249,9 +250,13 @@ def find_policy(robot: Robot, name: str) -> Path:
     """
     if name.endswith(SUFFIX):
         return Path(name)
-    folder = robot.folder / "policies"
-    known = sorted(file.stem for file in folder.glob(f"*{SUFFIX}"))
+    known = list_policies(robot)
     if name not in known:
         expected = ", ".join([*known, f"an {SUFFIX} file"])
         raise ValueError(f"unknown policy '{name}', expected {expected}")
-    return folder / f"{name}{SUFFIX}"
+    return robot.folder / POLICY_FOLDER / f"{name}{SUFFIX}"
+
+
+def list_policies(robot: Robot) -> list[str]:
+    """List the policies of a robot's folder by name."""
+    return sorted(file.stem for file in (robot.folder / POLICY_FOLDER).glob(f"*{SUFFIX}"))

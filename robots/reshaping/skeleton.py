@@ -43,7 +43,8 @@ class Skeleton:
 
     Legs end in soles; heads have joints of the segment "head" alone; what else hangs on the trunk
     are arms. A link that hangs on the trunk by a joint and carries several limbs is trunk, too,
-    like a chest on a waist joint.
+    like a chest or a pelvis on a waist
+    joint.
     """
 
     def __init__(
@@ -69,13 +70,18 @@ class Skeleton:
     def _sort(self, trunk: Link) -> None:
         self.trunk.append(trunk)
         for link in trunk.children:
-            if any(part.site_names & self._soles for part in link.walk()):
+            if sum(self._ends_in_sole(child) for child in link.children) > 1:
+                self._sort(link)
+            elif self._ends_in_sole(link):
                 self.legs.append((trunk, link))
             elif not self._is_head(link):
                 if len(link.children) > 1:
                     self._sort(link)
                 else:
                     self.arms.append((trunk, link))
+
+    def _ends_in_sole(self, link: Link) -> bool:
+        return any(self.has_sole(part) for part in link.walk())
 
     def _is_head(self, link: Link) -> bool:
         joints = {

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.limb import LimbName, LimbPose, turn_to_rest
 from humanoid_getup.motions.limb_solver import LimbSolver
 from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.motions.motion import STANDING
@@ -76,11 +75,7 @@ class KeyTransfer:
         )
 
     def _transfer_key(self, key: Array, before: Array) -> Array:
-        poses: dict[LimbName, LimbPose] = {
-            name: turn_to_rest(pose, self.source.rest[name], self.target.rest[name])
-            for name, pose in self.source.measure(key).items()
-            if name in self.target.all
-        }
+        poses = self.source.measure(key)
         solver = LimbSolver(self.target)
         pointed = solver.solve(poses, before)
         ahead = self.source.measure_balance(key)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from robots.quaternion import Array
@@ -41,10 +41,3 @@ class Limb:
     """Body of its lower part."""
     sole: int | None
     """Site of its sole; None for an arm."""
-
-
-def turn_to_rest(pose: LimbPose, source: LimbPose, target: LimbPose) -> LimbPose:
-    """Take a foot's attitude relative to its own robot's stance to that of another robot."""
-    if pose.foot is None or source.foot is None or target.foot is None:
-        return pose
-    return replace(pose, foot=pose.foot @ source.foot.T @ target.foot)

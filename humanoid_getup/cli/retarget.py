@@ -39,7 +39,8 @@ def retarget(command: RetargetMotions) -> int:
     console = console_for(None)
     chosen = _leave_out_known(_transfer(source, robot, command), robot)
     rest = [each for each in chosen if not _keep_if_sound(robot, each, command.seed, console)]
-    console.print(f"{len(chosen) - len(rest)} of {len(chosen)} stand as they are")
+    if chosen:
+        console.print(f"{len(chosen) - len(rest)} of {len(chosen)} stand as they are")
     if not rest or not command.improve:
         return DID_NOT_STAND if rest else DID_IT
     return build_rest(robot, rest, command)

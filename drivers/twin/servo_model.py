@@ -69,6 +69,10 @@ class Windings:
         """Compute the electrical power [W] that all servos draw; braking gives none back."""
         return float(np.maximum(current**2 * self._resistance + torque * velocity, 0.0).sum())
 
+    def compute_warming(self, current: Array) -> Array:
+        """Compute how far above the air servos come in the end at currents [A], (n,) [K]."""
+        return current**2 * self._resistance * self.heat_resistance
+
     def heat(self, current: Array, duration: float) -> None:
         """Warm the servos by their copper losses and cool them by the air."""
         loss = current**2 * self._resistance

@@ -37,14 +37,17 @@ def check_robot(command: CheckRobot) -> int:
         except ValueError as error:
             raise BadInputError(str(error)) from error
     rows = [asdict(finding) for finding in found.findings]
-    write_json(to_json({"robot": robot.name, "findings": rows}), command.json)
+    summary = {"robot": robot.name, "findings": rows, "unchecked": list(found.unchecked)}
+    write_json(to_json(summary), command.json)
     console = console_for(command.json)
     for finding in found.findings:
         color = COLORS[finding.level]
-        console.print(f"[{color}]{finding.level:7}[/] {escape(str(finding))}")
+        console.print(f"[{color}]{finding.level:7}[/] {escape(str(finding))}", soft_wrap=True)
+    if found.unchecked:
+        console.print(f"not checked before the faults are mended: {', '.join(found.unchecked)}")
     if command.out is not None:
         _draw(robot, found, command)
-        console.print(f"picture in {command.out}", markup=False)
+        console.print(f"picture in {command.out}", markup=False, soft_wrap=True)
     return DID_IT if found.is_sound else DID_NOT_STAND
 
 

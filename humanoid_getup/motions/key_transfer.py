@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.limbs import LimbName, LimbPose, Limbs, turn_to_rest
+from humanoid_getup.motions.limb_solver import LimbSolver
+from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.motions.motion import STANDING
 from robots import Robot
 from robots.quaternion import Array
@@ -85,14 +86,11 @@ class KeyTransfer:
         )
 
     def _transfer_key(self, key: Array, before: Array) -> Array:
-        poses: dict[LimbName, LimbPose] = {
-            name: turn_to_rest(pose, self.source.rest[name], self.target.rest[name])
-            for name, pose in self.source.measure(key).items()
-            if name in self.target.all
-        }
-        pointed = self.target.solve(poses, before)
+        poses = self.source.measure(key)
+        solver = LimbSolver(self.target)
+        pointed = solver.solve(poses, before)
         ahead = self.source.measure_balance(key)
-        return pointed if ahead is None else self.target.solve_balance(ahead, pointed)
+        return pointed if ahead is None else solver.solve_balance(ahead, pointed)
 
     def _symmetrize(self, key: Array) -> Array:
         """Give both sides the left one's angles."""

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.arm_check import check_arms
+from humanoid_getup.robot_check.body_check import check_body
 from humanoid_getup.robot_check.finding import Finding
+from humanoid_getup.robot_check.hold_check import check_hold
 from humanoid_getup.robot_check.mirror_check import check_mirrors
-from humanoid_getup.robot_check.squat_check import Squat, check_squats, list_squats
+from humanoid_getup.robot_check.readiness_check import check_readiness
+from humanoid_getup.robot_check.sole_check import check_soles
+from humanoid_getup.robot_check.squat_check import check_depth
+from humanoid_getup.robot_check.squats import Squat, list_squats
 from humanoid_getup.robot_check.stance_check import check_stance
+from humanoid_getup.robot_check.statics import Statics
+from humanoid_getup.robot_check.strength_check import check_strength
 from humanoid_getup.simulation.world import World
 from robots import Robot
+
+ABILITIES = ("squats", "strength", "arms", "holding the stance")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -20,25 +31,49 @@ class RobotCheck:
     findings: tuple[Finding, ...]
     squats: tuple[Squat, ...]
     """Balanced squats from high to deep."""
+    unchecked: tuple[str, ...] = ()
+    """What could not be checked before the faults are mended."""
 
     @property
     def is_sound(self) -> bool:
         """Return whether there is no fault."""
-        return all(finding.level != "fault" for finding in self.findings)
+        return not _has_fault(self.findings)
 
 
 def check_robot(robot: Robot) -> RobotCheck:
-    """Check stance, mirror pairs, squats and arms of a robot whose description loads.
+    """Check body, stance, mirror pairs, strength and arms of a robot whose description loads.
 
     Raises:
         ValueError: if it has no two legs with a knee.
     """
-    squats = list_squats(robot)
+    world, limbs, statics = World(robot), Limbs(robot), Statics(robot)
+    findings = [*_check_description(world, limbs)]
+    squats, unchecked = [], ABILITIES
+    if not _has_fault(findings):
+        squats = list_squats(limbs, statics)
+        findings += _check_ability(limbs, statics, squats)
+        unchecked = ABILITIES[-1:]  # a robot whose joints are too weak is sure to sink
+    if not _has_fault(findings):
+        findings += check_hold(world)
+        unchecked = ()
+    findings += check_readiness(robot)
+    return RobotCheck(findings=tuple(findings), squats=tuple(squats), unchecked=unchecked)
+
+
+def _has_fault(findings: Iterable[Finding]) -> bool:
+    return any(finding.level == "fault" for finding in findings)
+
+
+def _check_description(world: World, limbs: Limbs) -> Iterator[Finding]:
+    yield from check_body(limbs)
+    yield from check_soles(limbs.robot)
+    yield from check_mirrors(limbs)
+    yield from check_stance(world, limbs)
+
+
+def _check_ability(limbs: Limbs, statics: Statics, squats: list[Squat]) -> Iterator[Finding]:
     lowest = min((squat.neck_share for squat in squats), default=1.0)
-    findings = [
-        *check_stance(World(robot)),
-        *check_mirrors(robot),
-        *check_squats(robot, squats),
-        *check_arms(robot, lowest),
-    ]
-    return RobotCheck(findings=tuple(findings), squats=tuple(squats))
+    stance = statics.measure_torques(limbs.robot.standing.joint_pos)
+    yield check_depth(limbs, squats)
+    yield from check_strength(limbs.robot, stance, squats)
+    yield from check_arms(limbs, statics.weight, lowest)

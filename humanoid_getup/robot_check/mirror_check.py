@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import mujoco
 import numpy as np
 
+from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.finding import Finding
 from robots import Robot
-from robots.kinematics import place
 from robots.model_import.symmetry import MIRROR, MIRROR_AXIS
 from robots.quaternion import Array
 
@@ -18,55 +17,68 @@ FAR = 0.15  # share of the neck height by which a joint may be off its mirror im
 UNEQUAL = np.radians(5.0)
 
 
-def check_mirrors(robot: Robot) -> Iterator[Finding]:
-    """Find pairs of joints that do not mirror each other."""
-    model = robot.spec().compile()
-    data = mujoco.MjData(model)
-    data.qpos[:] = place(robot, model, robot.standing)
-    mujoco.mj_kinematics(model, data)
-    torso = robot.layout(model).torso
-    axes = data.xmat[torso].reshape(3, 3)
-    ids = [model.joint(name).id for name in robot.joint_names]
-    anchors = (data.xanchor[ids] - data.xpos[torso]) @ axes
-    turns = data.xaxis[ids] @ axes
-    found = [*_compare(robot, anchors, turns)]
+def check_mirrors(limbs: Limbs) -> Iterator[Finding]:
+    """Find pairs of joints that do not mirror each other.
+
+    They are looked at with all joints at zero: whatever their signs, that is its own mirror image.
+    """
+    robot = limbs.robot
+    limbs.look(np.zeros(robot.n))
+    anchors = np.array([limbs.anchor(k) for k in range(robot.n)])
+    axes = np.array([limbs.axis(k) for k in range(robot.n)])
+    apart = np.linalg.norm((anchors * MIRROR)[:, None] - anchors, axis=-1)  # (n, n)
+    along = (axes * MIRROR_AXIS) @ axes.T  # (n, n): cosine between an image's axis and another's
+    found = [*_compare(robot, apart / robot.standing_neck_height, along)]
     yield from found
     if not found:
         pairs = int(np.sum(robot.mirror_index != np.arange(robot.n))) // 2
-        yield Finding(
-            level="ok",
-            subject="mirror",
-            text=f"{pairs} pairs and their signs agree with the model",
-        )
+        text = f"{pairs} pairs and their signs agree with the model"
+        yield Finding(level="ok", subject="mirror", text=text)
 
 
-def _compare(robot: Robot, anchors: Array, turns: Array) -> Iterator[Finding]:
-    images, turned = anchors * MIRROR, turns * MIRROR_AXIS
-    for k, name in enumerate(robot.joint_names):
+def _compare(robot: Robot, apart: Array, along: Array) -> Iterator[Finding]:
+    is_image = (apart < FAR) & (np.abs(along) > CLEAR)
+    for k in range(robot.n):
         other = int(robot.mirror_index[k])
         if other < k:
             continue
-        subject = f"joint '{name}'"
-        apart = float(np.linalg.norm(images[k] - anchors[other])) / robot.standing_neck_height
-        along = float(turned[k] @ turns[other])
-        partner = "itself" if other == k else f"'{robot.joint_names[other]}'"
-        if apart > FAR and abs(along) < CLEAR:
-            yield Finding(
-                level="warning",
-                subject=subject,
-                text=f"its mirror is {partner}, which is elsewhere and turns about another axis",
-                remedy="set mirror in robot.toml",
-            )
-        elif abs(along) > CLEAR and np.sign(along) != robot.mirror_sign[k]:
+        if not is_image[k, other]:
+            yield _describe_stranger(robot, k, is_image[k], apart[k])
+        elif np.sign(along[k, other]) != robot.mirror_sign[k]:
             yield Finding(
                 level="fault",
-                subject=subject,
+                subject=f"joint '{robot.joint_names[k]}'",
                 text=f"mirror_sign is {robot.mirror_sign[k]:+.0f}, but its axis says "
-                f"{np.sign(along):+.0f} for its mirror {partner}",
+                f"{np.sign(along[k, other]):+.0f} for its mirror {_partner(robot, k)}",
                 remedy="set mirror_sign of both in robot.toml",
             )
         else:
             yield from _compare_ranges(robot, k, other)
+
+
+def _partner(robot: Robot, k: int) -> str:
+    other = int(robot.mirror_index[k])
+    return "itself" if other == k else f"'{robot.joint_names[other]}'"
+
+
+def _describe_stranger(robot: Robot, k: int, is_image: np.ndarray, apart: Array) -> Finding:
+    """Tell of a joint whose mirror is elsewhere, or turns about another axis; and what fits."""
+    images = np.flatnonzero(is_image)
+    text = f"its mirror is {_partner(robot, k)}, which is not its mirror image in the model"
+    if not len(images):
+        return Finding(
+            level="warning",
+            subject=f"joint '{robot.joint_names[k]}'",
+            text=f"{text}; no joint is",
+            remedy="mirrored motions differ by it: accept that, or make the model symmetric",
+        )
+    fitting = robot.joint_names[int(images[np.argmin(apart[images])])]
+    return Finding(
+        level="fault",
+        subject=f"joint '{robot.joint_names[k]}'",
+        text=f"{text}; '{fitting}' is",
+        remedy="set mirror of all that are concerned in robot.toml",
+    )
 
 
 def _compare_ranges(robot: Robot, k: int, other: int) -> Iterator[Finding]:
@@ -77,8 +89,8 @@ def _compare_ranges(robot: Robot, k: int, other: int) -> Iterator[Finding]:
         yield Finding(
             level="warning",
             subject=f"joint '{robot.joint_names[other]}'",
-            text=f"its range is {low:.0f} to {high:.0f} deg, that of its mirror "
+            text=f"its range is {low:.0f} to {high:.0f}°, that of its mirror "
             f"'{robot.joint_names[k]}' would be {np.degrees(expected[0]):.0f} to "
-            f"{np.degrees(expected[1]):.0f} deg",
+            f"{np.degrees(expected[1]):.0f}°",
             remedy="set the same range on both sides in the model, or nothing if they differ",
         )

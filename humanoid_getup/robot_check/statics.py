@@ -6,7 +6,11 @@ import mujoco
 import numpy as np
 
 from robots import Posture, Robot
+from robots.kinematics import place_postures
+from robots.passive_joints import couple_passive_joints
 from robots.quaternion import Array
+
+STEP = 1e-4  # rad, of the difference that tells by how much a passive joint follows another
 
 
 class Statics:
@@ -17,27 +21,35 @@ class Statics:
         self._data = mujoco.MjData(self._model)
         self._layout = robot.layout(self._model)
         self._soles = [self._model.site(name).id for name in robot.sole_sites]
+        passive = [self._model.joint(name).id for name in robot.passive_joints]
+        self._passive_qpos = self._model.jnt_qposadr[passive]
+        self._passive_dof = self._model.jnt_dofadr[passive]
+
+    @property
+    def mass(self) -> float:
+        """Return the mass of the robot [kg]."""
+        return float(self._model.body_subtreemass[self._layout.torso])
 
     @property
     def weight(self) -> float:
         """Return the weight of the robot [N]."""
-        gravity = -float(self._model.opt.gravity[2])
-        return gravity * float(self._model.body_subtreemass[self._layout.torso])
+        return -float(self._model.opt.gravity[2]) * self.mass
 
     def place_on_soles(self, joint_pos: Array) -> None:
-        """Put the robot at joint angles (n,), its first sole level, and look at it."""
-        data, layout = self._data, self._layout
-        data.qpos[:] = self._model.qpos0
-        data.qpos[layout.root_position] = 0.0
-        data.qpos[layout.root_orientation] = [1.0, 0.0, 0.0, 0.0]
-        data.qpos[layout.qpos] = joint_pos
+        """Put the robot at joint angles (n,), its soles level on average, and look at it."""
+        data = self._data
+        data.qpos[:] = self._place(joint_pos, np.array([1.0, 0.0, 0.0, 0.0]))
         data.qvel[:] = 0.0
         mujoco.mj_kinematics(self._model, data)
+        u, _, v = np.linalg.svd(data.site_xmat[self._soles].reshape(-1, 3, 3).mean(axis=0))
         orientation = np.zeros(4)
-        mujoco.mju_mat2Quat(orientation, data.site_xmat[self._soles[0]].reshape(3, 3).T.ravel())
-        data.qpos[layout.root_orientation] = orientation
+        mujoco.mju_mat2Quat(orientation, (u @ v).T.ravel())
+        data.qpos[self._layout.root_orientation] = orientation
         mujoco.mj_fwdPosition(self._model, data)
         mujoco.mj_fwdVelocity(self._model, data)
+
+    def _place(self, joint_pos: Array, orientation: Array) -> Array:
+        return place_postures(self._robot, self._model, np.zeros(3), orientation, joint_pos)
 
     def measure_torques(self, joint_pos: Array) -> Array:
         """Compute the torques of actuators that hold joint angles on both soles [N·m], (n,).
@@ -50,27 +62,38 @@ class Statics:
         center = data.subtree_com[self._layout.torso]
         places = np.array([data.site_xpos[sole] for sole in self._soles])
         shares = _share_weight(places[:, 1], float(center[1]))
-        torque = data.qfrc_bias.copy()
+        torque = data.qfrc_bias - data.qfrc_passive
         jacobian = np.zeros((3, model.nv))
         for sole, place, share in zip(self._soles, places, shares, strict=True):
             point = np.array([center[0], place[1], place[2]])
             body = int(model.site_bodyid[sole])
             mujoco.mj_jac(model, data, jacobian, None, point, body)
             torque -= jacobian.T @ np.array([0.0, 0.0, share * self.weight])
-        return np.abs(self._robot.transmission.torque_for_joint(torque[self._layout.dof]))
+        joints = torque[self._layout.dof] + self._hand_on(torque[self._passive_dof])
+        return self._robot.transmission.torque_for_joint(joints)
+
+    def _hand_on(self, torque: Array) -> Array:
+        """Hand the torques of passive joints (p,) to those that they follow, (n,) [N·m]."""
+        out = np.zeros(self._robot.n)
+        if not len(torque):
+            return out
+        at = np.tile(self._data.qpos, (self._robot.n, 1))
+        at[np.arange(self._robot.n), self._layout.qpos] += STEP
+        couple_passive_joints(self._model, self._robot.passive_joints, at)
+        ratio = (at - self._data.qpos)[:, self._passive_qpos] / STEP  # (n, p)
+        return ratio @ torque
 
     def make_posture(self, joint_pos: Array) -> Posture:
-        """Return the posture at joint angles (n,) on the ground z = 0, its first sole level."""
+        """Return the posture at joint angles (n,) on the ground z = 0, its soles level."""
         self.place_on_soles(joint_pos)
-        low = min(self._data.site_xpos[sole, 2] for sole in self._soles)
         return Posture(
-            position=np.array([0.0, 0.0, -low]),
+            position=np.array([0.0, 0.0, -self._lowest_sole()]),
             orientation=self._data.qpos[self._layout.root_orientation].copy(),
             joint_pos=joint_pos,
         )
 
     def measure_lean(self, joint_pos: Array) -> float:
-        """Measure the angle between the torso's z axis and the first sole's [rad]."""
+        """Measure the angle between the torso's z axis and that of the soles [rad]."""
         self.place_on_soles(joint_pos)
         upright = self._data.xmat[self._layout.torso].reshape(3, 3)[2, 2]
         return float(np.arccos(np.clip(upright, -1.0, 1.0)))
@@ -78,10 +101,11 @@ class Statics:
     def measure_neck(self, joint_pos: Array) -> float:
         """Measure how high the neck is over the soles, as a share of standing height."""
         self.place_on_soles(joint_pos)
-        data = self._data
-        low = min(data.site_xpos[sole, 2] for sole in self._soles)
-        neck = data.site_xpos[self._model.site(self._robot.neck_site).id, 2]
-        return float((neck - low) / self._robot.standing_neck_height)
+        neck = self._data.site_xpos[self._model.site(self._robot.neck_site).id, 2]
+        return float((neck - self._lowest_sole()) / self._robot.standing_neck_height)
+
+    def _lowest_sole(self) -> float:
+        return float(min(self._data.site_xpos[sole, 2] for sole in self._soles))
 
 
 def _share_weight(sideways: Array, center: float) -> Array:

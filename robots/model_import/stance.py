@@ -16,11 +16,9 @@ from robots.quaternion import Array
 EXTENSION = 0.94  # of the longest leg
 DEEPEST = 0.30  # of the longest leg, the shortest that is tried
 BEND = 0.6  # rad by which knees are bent before the search
-CLOSE, LOOSE, HABIT, LEAN = 5.0, 0.3, 0.02, 0.2
-"""Weights: of the feet's place, of the arms' direction, of the angles' distance from before, and of
-a torso that may lean."""
+CLOSE, LOOSE, HABIT = 5.0, 0.3, 0.02
+"""Weights: of the feet's place, of the arms' direction, of the angles' distance from before."""
 EASY = 0.2  # weight of the feet's distance from each other
-FOOT_ERRORS = 6
 SPREADS = (0.1, 0.25, 0.4, 0.6, 0.8, 1.0)
 """Slopes at which arms hang outwards, tried in turn until they are free."""
 LONG_PART = 0.2  # share of an arm from which it has a direction of its own
@@ -88,14 +86,9 @@ class StanceSolver:
         self.leg_length = self._measure_leg_length()
         """From the hip to the sole, stretched [m]."""
 
-    def solve(
-        self, extension: float = EXTENSION, spread: float = SPREADS[0], *, leaning: bool = False
-    ) -> Stance:
-        """Find a stance with legs of that share of their length, arms sloping outwards.
-
-        The torso is upright, unless it may be leaning.
-        """
-        tries = [self._solve_from(bend, extension, spread, leaning) for bend in self._list_bends()]
+    def solve(self, extension: float = EXTENSION, spread: float = SPREADS[0]) -> Stance:
+        """Find a stance with legs of that share of their length, arms sloping outwards."""
+        tries = [self._solve_from(bend, extension, spread) for bend in self._list_bends()]
         solved = [stance for stance in tries if stance.is_solved]
         return max(solved, key=self._knee_lead) if solved else min(tries, key=lambda s: s.error)
 
@@ -112,12 +105,10 @@ class StanceSolver:
                 bends.append(self._mirrored(angles))
         return bends
 
-    def _solve_from(self, start: Array, extension: float, spread: float, leaning: bool) -> Stance:
+    def _solve_from(self, start: Array, extension: float, spread: float) -> Stance:
         free = self._free
         bounds = (self._lower[free], self._upper[free])
         reach = extension * self.leg_length
-        weights = np.full(FOOT_ERRORS, CLOSE)
-        weights[0] = LEAN if leaning else CLOSE
 
         def residuals(values: Array) -> Array:
             angles = self._before.copy()
@@ -125,7 +116,7 @@ class StanceSolver:
             self._look(self._mirrored(angles))
             habit = HABIT * (values - self._before[free])
             return np.concatenate(
-                [weights * self._foot_errors(reach), LOOSE * self._arm_errors(spread), habit]
+                [CLOSE * self._foot_errors(reach), LOOSE * self._arm_errors(spread), habit]
             )
 
         start = np.clip(start[free], *bounds)
@@ -134,21 +125,17 @@ class StanceSolver:
         angles[free] = found.x
         angles = self._mirrored(angles)
         self._look(angles)
-        errors = np.abs(self._foot_errors(reach))
-        return Stance(angles, float(errors[leaning:].max()))
+        return Stance(angles, float(np.abs(self._foot_errors(reach)).max()))
 
     def _foot_errors(self, reach: float) -> Array:
-        """Compute how far the left sole is from flat, straight, beneath hip and mass, (6,).
-
-        The first is the lean of the torso.
-        """
+        """Compute how far the left sole is from flat, straight, beneath hip and mass, (6,)."""
         data, sole = self._data, self._soles[0]
         axes = data.site_xmat[sole].reshape(3, 3)
         position = data.site_xpos[sole]
-        balance = (data.subtree_com[1] - position) @ axes[:, 0] / self.leg_length
+        balance = (data.subtree_com[1, 0] - position[0]) / self.leg_length
         # Legs without roll at the ankle have flat soles at one width alone, whatever is wished.
         width = EASY * (position[1] - self._side - self._leg_width) / self.leg_length
-        length = ((self._hip() - position) @ axes[:, 2] - reach) / self.leg_length
+        length = (self._hip()[2] - position[2] - reach) / self.leg_length
         return np.array([axes[0, 2], axes[1, 2], axes[1, 0], balance, width, length])
 
     def _arm_errors(self, spread: float) -> Array:

@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 from action_files import Slot, write_action_file
 from human_clips import write_human_bvh
-from paths import REPOSITORY
+from paths import REPOSITORY, TINY
 from small_humanoid import small_humanoid, small_urdf
 
 from humanoid_getup.motions.motion import Motion
@@ -553,6 +553,15 @@ GROUPS: dict[str, list[Case]] = {
         case("replay folder", "folder"),
     ],
     "robot folders": [
+        case("robots check nao", "unknown robot 'nao'", "op3"),
+        case("robots check not_toml", "not_toml/robot.toml"),
+        case("robots check one_legged", "'op3' has no two legs with a knee, expected a left and"),
+        case("robots check op3 --out folder", "output file folder: is a folder"),
+        case("motions retarget --robot op3", "--from is op3, the robot itself"),
+        case("motions retarget --from nao", "unknown robot 'nao'"),
+        case("motions retarget moonwalk --robot no_keyframes", "unknown motion 'moonwalk'"),
+        case("motions retarget --robot one_legged", "no two legs with a knee"),
+        case("motions retarget --robot tiny --from no_keyframes", "no_keyframes/keyframes.toml"),
         case("motions list --robot folder", "unknown robot 'folder'"),
         case("motions list --robot not_toml", "not_toml/robot.toml: not TOML"),
         case("motions list --robot not_text", "not_text/robot.toml: not UTF-8 text"),
@@ -841,6 +850,10 @@ def _make_robots(folder: Path, robot: Robot) -> None:
     search = copy("broken_search", "motions") / "unfinished"
     search.mkdir()
     (search / f"{MOTION}.json").write_text("{")
+    toml = copy("one_legged", "motions", "keyframes.toml") / "robot.toml"
+    text = toml.read_text("utf-8").replace('["l_sole", "r_sole"]', '["l_sole"]')
+    toml.write_text(text, "utf-8")
+    shutil.copytree(TINY, folder / "tiny")
     (copy("not_toml", "motions") / "robot.toml").write_text("name = ")
     (copy("not_text", "motions") / "robot.toml").write_bytes(b"\xff\xfe")
     (copy("no_model", "motions") / "model.xml").unlink()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.motions.limbs import LIMB_NAMES, LimbName, LimbPose
+from humanoid_getup.motions.limb import LIMB_NAMES, LimbName, LimbPose
 from humanoid_getup.style.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, ClipError
 from robots.quaternion import Array
 

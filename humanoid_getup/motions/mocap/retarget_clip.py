@@ -13,7 +13,9 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation, Slerp
 
 from humanoid_getup.motions.keyframes import SPEED_SHARE
-from humanoid_getup.motions.limbs import LIMB_NAMES, LimbName, LimbPose, Limbs
+from humanoid_getup.motions.limb import LIMB_NAMES, LimbName, LimbPose
+from humanoid_getup.motions.limb_solver import LimbSolver
+from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.motions.mocap.clip_body import ClipBody, read_body
 from humanoid_getup.motions.mocap.trunk import Trunk
 from humanoid_getup.motions.motion import (
@@ -139,7 +141,7 @@ class ClipRetargeter:
             poses: dict[LimbName, LimbPose] = {
                 name: track.pose(row, torso) for name, track in body.limbs.items()
             }
-            before = self._limbs.solve(poses, before, is_near=count > 0)
+            before = LimbSolver(self._limbs).solve(poses, before, is_near=count > 0)
             angles.append(before)
             report((count + 1) / len(rows))
         return np.array(angles)

@@ -1,0 +1,129 @@
+"""Finds the arms and legs of any robot, from its joints, its soles and where they are."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.motions.limb import LEGS, Limb, LimbName
+from robots import Robot
+from robots.quaternion import Array
+from robots.reshaping.skeleton import Link, Skeleton
+
+TWIST = 0.8  # cosine between a joint's axis and its limb from which it only twists the limb
+SMALL = 1e-9
+SHORT = 0.02  # m; joints nearer to each other than this are one, such as those of an ankle
+
+
+def find_limbs(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> dict[LimbName, Limb]:
+    """Find a robot's limbs; it may lack arms.
+
+    Of several arms or legs on a side, the outermost counts.
+
+    Args:
+        robot: Robot.
+        model: Its compiled model.
+        data: Its kinematics and mass centers in the stance, in the torso's frame.
+
+    Raises:
+        ValueError: if it does not have two legs of at least two joints.
+    """
+    found = [*_LimbFinder(robot, model, data).list_limbs()]
+    limbs: dict[LimbName, Limb] = {
+        limb.name: limb for _, limb in sorted(found, key=lambda each: abs(each[0]))
+    }
+    if not set(LEGS) <= limbs.keys():
+        raise ValueError(
+            f"robot '{robot.name}' has no two legs with a knee, expected a left and a right leg "
+            "of two joints or more that end in sole_sites"
+        )
+    return limbs
+
+
+class _LimbFinder:
+    def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._robot, self._model, self._data = robot, model, data
+        self._ids = [model.joint(name).id for name in robot.joint_names]
+        self._skeleton = Skeleton(
+            robot.spec(),
+            torso=robot.torso,
+            sole_sites=robot.sole_sites,
+            head_joints=[joint.name for joint in robot.joints if joint.segment == "head"],
+        )
+
+    def list_limbs(self) -> list[tuple[float, Limb]]:
+        """List the limbs, and how far to the left each is [m]."""
+        skeleton = self._skeleton
+        found = [("leg", link) for _, link in skeleton.legs]
+        found += [("arm", link) for _, link in skeleton.arms]
+        return [limb for kind, link in found if (limb := self._describe(kind, link)) is not None]
+
+    def _describe(self, kind: str, first: Link) -> tuple[float, Limb] | None:
+        """Describe a limb; None if it has no joint that bends it in its middle."""
+        chain = self._list_chain(first)
+        joints = self._list_joints(chain)
+        if len(joints) < 2:
+            return None
+        anchors = {k: self._data.xanchor[self._ids[k]] for k in joints}
+        sole = self._find_sole(chain) if kind == "leg" else None
+        tip = self._locate_tip(joints, sole)
+        start, middle = self._find_bends(joints, anchors, tip)
+        below = joints[joints.index(middle) + 1 :]
+        ends = [k for k in below if np.linalg.norm(anchors[k] - anchors[middle]) > SHORT]
+        aside = float(anchors[joints[0]][1] + tip[1])
+        limb = Limb(
+            name=f"{'left' if aside > 0.0 else 'right'}_{kind}",  # type: ignore[arg-type]
+            joints=tuple(joints),
+            start=start,
+            middle=middle,
+            end=ends[0] if ends else None,
+            body=int(self._model.jnt_bodyid[self._ids[middle]]),
+            sole=sole,
+        )
+        return aside, limb
+
+    def _find_bends(
+        self, joints: list[int], anchors: dict[int, Array], tip: Array
+    ) -> tuple[int, int]:
+        """Find where the upper part begins, and where it ends: farthest from both ends."""
+        first = anchors[joints[0]]
+        middle = max(
+            joints[1:],
+            key=lambda k: min(np.linalg.norm(anchors[k] - first), np.linalg.norm(anchors[k] - tip)),
+        )
+        above = joints[: joints.index(middle)]
+        bends = [k for k in above if not self._twists(k, anchors[middle] - anchors[k])]
+        return (bends[-1] if bends else above[0]), middle
+
+    def _list_chain(self, first: Link) -> list[Link]:
+        """List the links along a limb: to its sole, or else to its longest end."""
+        chain = [first]
+        while chain[-1].children:
+            chain.append(max(chain[-1].children, key=self._rank))
+        return chain
+
+    def _rank(self, link: Link) -> tuple[bool, int]:
+        below = list(link.walk())
+        return any(self._skeleton.has_sole(part) for part in below), len(below)
+
+    def _list_joints(self, chain: list[Link]) -> list[int]:
+        """List the joints with servos along a chain, as places in the robot's order."""
+        places = {name: k for k, name in enumerate(self._robot.joint_names)}
+        found = [joint.name for link in chain for body in link.bodies for joint in body.joints]
+        return [places[name] for name in found if name in places]
+
+    def _find_sole(self, chain: list[Link]) -> int:
+        names = {name for link in chain for name in link.site_names}
+        return next(self._model.site(s).id for s in self._robot.sole_sites if s in names)
+
+    def _locate_tip(self, joints: list[int], sole: int | None) -> Array:
+        """Locate the end of a limb: its sole, or as far beyond its last mass as the joint is."""
+        if sole is not None:
+            return self._data.site_xpos[sole]
+        last = self._ids[joints[-1]]
+        center = self._data.subtree_com[self._model.jnt_bodyid[last]]
+        return 2.0 * center - self._data.xanchor[last]
+
+    def _twists(self, joint: int, way: Array) -> bool:
+        axis = self._data.xaxis[self._ids[joint]]
+        return bool(abs(axis @ way) > TWIST * max(float(np.linalg.norm(way)), SMALL))

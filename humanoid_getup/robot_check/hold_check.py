@@ -1,0 +1,96 @@
+"""Holding the stance in simulation: does the robot stay up, and do its servos stay cool?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
+from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
+from humanoid_getup.robot_check.finding import Finding
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout, Trace
+from humanoid_getup.simulation.touch import find_touching_bodies
+from humanoid_getup.simulation.world import World
+from robots import Robot
+from robots.kinematics import place
+from robots.quaternion import Array
+
+SETTLE_TIME = 1.0  # s before the hold
+COOL = 15.0  # °C below its limit that a servo should stay
+
+
+def check_hold(world: World) -> Iterator[Finding]:
+    """Let the robot stand on its servos, and see whether it stays up and cool."""
+    trace = _stand(world)
+    if not is_upright(measure_stance(world, trace), world.robot)[0].all():
+        yield _describe_fall(world, trace)
+        return
+    torque = trace.torque[0, -1]
+    share = np.abs(torque) / world.robot.max_torque
+    worst = int(np.argmax(share))
+    yield Finding(
+        level="ok",
+        subject="stance",
+        text=f"holds on its servos; the most strained joint is '{world.robot.joint_names[worst]}' "
+        f"with {share[worst]:.0%} of its stall torque",
+    )
+    yield from _check_heat(world.robot, torque)
+
+
+def _stand(world: World) -> Trace:
+    robot = world.robot
+    count = round((HOLD_TIME + SETTLE_TIME) / robot.control_period)
+    targets = np.tile(robot.standing.joint_pos, (1, count, 1))
+    start = place(robot, world.model, robot.standing)[None]
+    return Rollout(world, 1).play(start, targets, DomainParameters.nominal(world, 1))
+
+
+def _describe_fall(world: World, trace: Trace) -> Finding:
+    stance = measure_stance(world, trace)
+    bodies = ", ".join(find_touching_bodies(world, trace.qpos[0, -1]))
+    on = f", on the ground: {bodies}" if bodies else ""
+    height = float(stance.neck_height[0, -1] / world.robot.standing_neck_height)
+    tilt = float(np.degrees(stance.tilt[0, -1]))
+    return Finding(
+        level="fault",
+        subject="stance",
+        text=f"does not hold for {HOLD_TIME:g} s on its servos: neck at {height:.0%} of its "
+        f"height, tilted by {tilt:.0f}°{on}",
+        remedy="change [standing]; getup hold shows the fall",
+    )
+
+
+def _check_heat(robot: Robot, torque: Array) -> Iterator[Finding]:
+    """Compare the temperatures that servos come to, torques (n,) held for good, with limits."""
+    windings = Windings(robot)
+    rise = windings.compute_warming(windings.compute_current(torque))
+    limit = np.array([joint.servo.model.temperature_limit for joint in robot.joints])
+    room = limit - AMBIENT_TEMPERATURE - rise
+    for k in np.flatnonzero(room < COOL):
+        yield Finding(
+            level="warning",
+            subject=f"joint '{robot.joint_names[k]}'",
+            text=f"its servo warms to {AMBIENT_TEMPERATURE + rise[k]:.0f} °C in the stance, "
+            f"expected at most {limit[k] - COOL:.0f} °C"
+            + _tell_time(windings, int(k), rise[k], room[k]),
+            remedy="straighten the legs in [standing], or use a stronger servo",
+        )
+    hottest = int(np.argmin(room))
+    if room[hottest] >= COOL:
+        yield Finding(
+            level="ok",
+            subject="stance",
+            text=f"warms '{robot.joint_names[hottest]}' most, to "
+            f"{AMBIENT_TEMPERATURE + rise[hottest]:.0f} °C of {limit[hottest]:.0f} °C",
+        )
+
+
+def _tell_time(windings: Windings, k: int, rise: float, room: float) -> str:
+    """Tell when a servo switches itself off, if it does."""
+    if room >= 0.0:
+        return ""
+    constant = windings.heat_capacity[k] * windings.heat_resistance[k]
+    minutes = -constant * np.log1p(-(rise + room) / rise) / 60.0
+    return f": it switches itself off after {minutes:.0f} min"

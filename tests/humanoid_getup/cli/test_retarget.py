@@ -1,0 +1,46 @@
+"""`getup motions retarget`: keys and motions of OP3 in the folder of another robot."""
+
+from pathlib import Path
+
+import pytest
+from model_files import write_model
+from run_getup import Run
+
+from humanoid_getup.motions.build import load_robot_keyframes
+from humanoid_getup.motions.motion import Motion
+from robots import Robot, load_robot
+from robots.model_import.importer import ImportOptions, import_model
+from robots.model_import.robot_folder import write_robot
+
+
+@pytest.fixture
+def gnome(tmp_path: Path, op3: Robot) -> Path:
+    """The folder of an imported robot."""
+    model = write_model(tmp_path / "gnome.xml", op3)
+    write_robot(import_model(model, ImportOptions(name="gnome")), tmp_path / "gnome")
+    return tmp_path / "gnome"
+
+
+@pytest.mark.slow  # half a minute
+def test_a_motion_that_stands_is_kept_once(run: Run, gnome: Path):
+    line = ("motions", "retarget", "squat_to_stand", "--robot", "gnome", "--no-improve")
+    code, out, _ = run(*line)
+    assert code == 0
+    assert "1 of 1 stand as they are" in out
+    (file,) = (gnome / "motions").iterdir()
+    motion = Motion.load(file)
+    assert (motion.robot, motion.end_class) == ("gnome", "standing")
+    assert motion.provenance["program"] == "getup motions retarget"
+    assert [each.name for each in load_robot_keyframes(load_robot(gnome))] == ["squat_to_stand"]
+    before = file.read_bytes()
+    code, out, _ = run(*line)
+    assert code == 0
+    assert "kept as they are: squat_to_stand" in out
+    assert "0 of 0" not in out
+    assert file.read_bytes() == before
+
+
+def test_a_robot_is_not_retargeted_to_itself(run: Run):
+    code, _, error = run("motions", "retarget", "--robot", "op3")
+    assert code == 2
+    assert error == "getup: --from is op3, the robot itself, expected another robot\n"

@@ -1,0 +1,100 @@
+"""Key transfer: keys of OP3 for OP3 itself, and for OP3 under other names, orders and signs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_files import write_model
+
+from humanoid_getup.motions.build import load_robot_keyframes, try_out
+from humanoid_getup.motions.key_transfer import KeyTransfer
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.limbs import Limbs
+from humanoid_getup.simulation.world import World
+from robots import Robot, load_robot
+from robots.model_import.importer import ImportOptions, import_model
+from robots.model_import.robot_folder import write_robot
+from robots.quaternion import Array
+
+MOST = 2.0  # degrees by which a limb may point elsewhere
+
+
+@pytest.fixture(scope="module")
+def keyframes(op3: Robot) -> dict[str, Keyframes]:
+    return {each.name: each for each in load_robot_keyframes(op3)}
+
+
+@pytest.fixture(scope="module")
+def renamed(op3: Robot, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """OP3 as imported from a model that names and orders its joints otherwise."""
+    folder = tmp_path_factory.mktemp("gnome")
+    model = write_model(folder / "gnome.xml", op3)
+    write_robot(import_model(model, ImportOptions(name="gnome")), folder / "gnome")
+    return load_robot(folder / "gnome")
+
+
+def measure_error(source: Limbs, target: Limbs, key: Array, found: Array) -> float:
+    """Measure by how much the worst of the upper and lower limbs points elsewhere [deg]."""
+    wanted, got = source.measure(key), target.measure(found)
+    cosines = [
+        getattr(wanted[name], part) @ getattr(got[name], part)
+        for name in wanted
+        for part in ("upper", "lower")
+    ]
+    return float(np.degrees(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
+
+
+@pytest.mark.parametrize("name", ["squat_to_stand", "prone_push_up_gentle", "lateral_side_sit"])
+@pytest.mark.parametrize("target", ["op3", "renamed"])
+def test_limbs_point_as_those_of_the_source(name, target, op3, renamed, keyframes):
+    transfer = KeyTransfer.between(op3, {"op3": op3, "renamed": renamed}[target])
+    moved = transfer.transfer(keyframes[name])
+    errors = [
+        measure_error(transfer.source, transfer.target, key, found)
+        for key, found in zip(keyframes[name].keys[:-1], moved.keys[:-1], strict=True)
+    ]
+    assert max(errors) < MOST
+    assert moved.keys[-1] == pytest.approx(transfer.target.robot.standing.joint_pos)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["squat_to_stand", "supine_sit_up_fast", "prone_push_up_fast"])
+def test_motions_of_op3_transferred_to_itself_stand(name: str, op3: Robot, keyframes):
+    moved = KeyTransfer.between(op3, op3).transfer(keyframes[name])
+    assert try_out(World(op3), moved).succeeded
+
+
+def test_a_symmetric_motion_stays_symmetric(op3: Robot, renamed: Robot, keyframes):
+    moved = KeyTransfer.between(op3, renamed).transfer(keyframes["supine_long_sit"])
+    assert moved.mirrored.any()
+    assert renamed.mirror_joints(moved.keys) == pytest.approx(moved.keys, abs=1e-9)
+
+
+def test_mirrored_keys_become_mirrored_keys(op3: Robot, keyframes):
+    """Left and right are treated alike: mirror, then transfer, is transfer, then mirror."""
+    own = keyframes["lateral_side_sit"]
+    mirrored = replace(own, keys=op3.mirror_joints(own.keys))
+    transfer = KeyTransfer.between(op3, op3)
+    limbs, found = Limbs(op3), transfer.transfer(mirrored).keys
+    expected = op3.mirror_joints(transfer.transfer(own).keys)
+    errors = [measure_error(limbs, limbs, a, b) for a, b in zip(expected, found, strict=True)]
+    assert max(errors) < 2.0 * MOST
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 4.0])
+def test_times_grow_with_the_square_root_of_the_height(factor: float, op3: Robot, keyframes):
+    tall = replace(op3, standing_neck_height=factor * op3.standing_neck_height)
+    transfer = KeyTransfer(Limbs(op3), Limbs(tall))
+    assert transfer.time_scale == pytest.approx(np.sqrt(factor))
+    own = keyframes["squat_to_stand"]
+    assert transfer.transfer(own).duration == pytest.approx(np.sqrt(factor) * own.duration)
+
+
+def test_keys_are_within_the_ranges_of_the_target(op3: Robot, keyframes, tmp_path: Path):
+    text = op3.model_file.read_text("utf-8").replace('range="-138 152"', 'range="-60 152"')
+    (tmp_path / "model.xml").write_text(text.replace('range="-152 138"', 'range="-152 60"'))
+    (tmp_path / "robot.toml").write_text((op3.folder / "robot.toml").read_text("utf-8"))
+    stiff = load_robot(tmp_path)
+    keys = KeyTransfer.between(op3, stiff).transfer(keyframes["prone_push_up_fast"]).keys
+    assert np.all((stiff.lower - 1e-9 <= keys) & (keys <= stiff.upper + 1e-9))

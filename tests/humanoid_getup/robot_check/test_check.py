@@ -1,0 +1,216 @@
+"""What the check says of OP3, and of OP3 with one fault put in: one finding, and what to do."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from spoiling import spoil
+
+from humanoid_getup.robot_check.check import check_robot
+from humanoid_getup.robot_check.finding import Finding
+from robots import Robot, load_robot
+
+MODEL, TOML = "model.xml", "robot.toml"
+WEAK = "[mini]\nstall_torque = 0.5\n"  # N·m
+FEEBLE = "[mini]\nstall_torque = 1.2\n"  # N·m; OP3's squats down to 75 % take 1.24
+
+
+def find_faults(robot: Robot) -> list[Finding]:
+    return [found for found in check_robot(robot).findings if found.level != "ok"]
+
+
+def swap_servo(folder: Path, joint: str, figures: str) -> None:
+    """Give a joint a servo that is XM430-W350 but for some figures."""
+    own = (Path(load_robot("op3").folder).parent / "servos.toml").read_text("utf-8")
+    base = re.search(r"\[XM430-W350\]\n((?:\w.*\n)+)", own)
+    assert base
+    changed = {line.split(" = ")[0] for line in figures.splitlines()[1:]}
+    rest = [line for line in base[1].splitlines() if line.split(" = ")[0] not in changed]
+    (folder / "servos.toml").write_text(figures + "\n".join(rest) + "\n")
+    row = re.search(rf'name = "{joint}".*', (folder / TOML).read_text("utf-8"))
+    assert row
+    spoil(folder, row[0], row[0].replace("XM430-W350", "mini"))
+
+
+def test_nothing_is_wrong_with_op3(op3: Robot):
+    checked = check_robot(op3)
+    assert {finding.level for finding in checked.findings} == {"ok"}
+    assert {finding.subject for finding in checked.findings} == {
+        *("body", "soles", "mirror", "stance", "squat", "arms", "motions", "policies")
+    }
+    assert checked.is_sound
+    assert all(str(finding).isprintable() for finding in checked.findings)
+
+
+L_KNEE = 'mirror = "r_knee", mirror_sign = -1'
+R_KNEE = 'mirror = "l_knee", mirror_sign = -1'
+PAN = 'mirror = "head_pan", mirror_sign = -1'
+SOLE = 'name="l_sole" pos="0.024 0.0125 -0.0305"'
+YAW = 'name="l_hip_yaw" axis="0 0 -1" range="-50 162"'
+INERTIA = 'mass="0.01176" fullinertia="3.97e-06 1.65e-06 3.87e-06 0 -3.1e-07 0"'
+FAULTS = {
+    "a mirror sign is flipped": (
+        [(TOML, L_KNEE, L_KNEE.replace("-1", "1")), (TOML, R_KNEE, R_KNEE.replace("-1", "1"))],
+        "fault",
+        "joint 'r_knee': mirror_sign is +1, but its axis says -1 for its mirror 'l_knee'",
+    ),
+    "a sole site is 1 cm too high": (
+        [(MODEL, SOLE, SOLE.replace("-0.0305", "-0.0205"))],
+        "warning",
+        "site 'l_sole': is 10 mm above the lowest point of the foot",
+    ),
+    "a sole site is tilted": (
+        [(MODEL, SOLE, f'{SOLE} euler="0 3 0"')],
+        "fault",
+        "site 'l_sole': is tilted by 3° against the face of the foot",
+    ),
+    "ankles have a narrow range": (
+        [(MODEL, 'range="-92 92"', 'range="-31 31"')],
+        "warning",
+        "squat: crouches in balance down to 78% of its neck height, expected at most 75%; "
+        "at the end of their ranges: r_hip_pitch, l_hip_pitch, r_ank_pitch, l_ank_pitch",
+    ),
+    "the stance leans by 20 degrees": (
+        [
+            (TOML, "l_ank_pitch = 0.4887", "l_ank_pitch = 0.1396"),
+            (TOML, "r_ank_pitch = -0.4887", "r_ank_pitch = -0.1396"),
+        ],
+        "fault",
+        "stance: the center of mass is",
+    ),
+    "a hand is in a thigh": (
+        [
+            (TOML, "l_sho_roll = 0.7854", "l_sho_roll = 1.4"),
+            (TOML, "l_el = -0.7854", "l_el = -0.5"),
+        ],
+        "warning",
+        "stance: l_el_link reaches 5 mm into l_hip_pitch_link",
+    ),
+    "the IMU is on the head": (
+        [
+            (MODEL, '<site name="imu"/>', ""),
+            (MODEL, '<geom name="head_tilt_0"', '<site name="imu"/><geom name="head_tilt_0"'),
+        ],
+        "fault",
+        "site 'imu': is on body 'head_tilt_link', expected 'body_link'",
+    ),
+    "the IMU is far away": (
+        [(MODEL, '<site name="imu"/>', '<site name="imu" pos="0.4 0 0"/>')],
+        "warning",
+        "site 'imu': is 0.42 m from the torso's center of mass, expected at most 0.20 m",
+    ),
+    "the neck is below the shoulders": (
+        [(MODEL, '<site name="neck" pos="-0.001 0 0.1365"/>', '<site name="neck" pos="0 0 0.1"/>')],
+        "warning",
+        "site 'neck': is 11 mm below the shoulders, expected above them",
+    ),
+    "a link has an inertia of 1 kg m²": (
+        [(MODEL, INERTIA, 'mass="0.01176" diaginertia="1 1 1"')],
+        "warning",
+        "body 'head_pan_link': has the inertia of something of 9.22 m radius",
+    ),
+    "a link weighs nothing": (
+        [(MODEL, INERTIA, 'mass="1e-6" diaginertia="1e-9 1e-9 1e-9"')],
+        "warning",
+        "body 'head_pan_link': weighs 0.001 g, expected at least 0.31 g",
+    ),
+    "a joint mirrors one of another name": (
+        [
+            (TOML, PAN, PAN.replace("pan", "tilt")),
+            (TOML, PAN.replace("pan", "tilt").replace("-1", "1"), PAN),
+        ],
+        "fault",
+        "joint 'head_pan': its mirror is 'head_tilt', which is not its mirror image in the model; "
+        "'head_pan' is",
+    ),
+    "the ranges of a pair differ": (
+        [(MODEL, YAW, YAW.replace("162", "100"))],
+        "warning",
+        "joint 'l_hip_yaw': its range is -50 to 100°, that of its mirror 'r_hip_yaw' would be "
+        "-50 to 162°",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "level", "text"), FAULTS.values(), ids=FAULTS)
+def test_a_fault_is_found_by_one_finding(changes, level: str, text: str, copied_op3: Path):
+    for file, old, new in changes:
+        spoil(copied_op3, old, new, file)
+    found = find_faults(load_robot(copied_op3))
+    assert [finding.level for finding in found][:1] == [level]
+    assert str(found[0]).startswith(text)
+    assert found[0].remedy
+    assert len(found) == 1
+
+
+def test_a_leg_without_room_to_balance_is_named_on_both_sides(copied_op3: Path):
+    for side, range_, new in (("l", "-50 162", "-1 162"), ("r", "-162 50", "-162 1")):
+        axis = 'axis="0 0 -1"'
+        old = f'name="{side}_hip_yaw" {axis} range="{range_}"'
+        spoil(copied_op3, old, old.replace(range_, new), MODEL)
+    room = "stands 1.0° from the end of its range, expected at least 2° to balance with"
+    assert [(found.subject, found.text) for found in find_faults(load_robot(copied_op3))] == [
+        ("joint 'r_hip_yaw'", room),
+        ("joint 'l_hip_yaw'", room),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("figures", "level", "text"),
+    [
+        (WEAK, "fault", "joint 'l_knee': needs 0.54 N·m to hold the stance, 108% of the mini's"),
+        (FEEBLE, "fault", "joint 'l_knee': needs 1."),
+    ],
+)
+def test_a_knee_that_is_too_weak_is_named_once(figures, level, text, copied_op3: Path):
+    swap_servo(copied_op3, "l_knee", figures)
+    found = find_faults(load_robot(copied_op3))
+    assert [(finding.level, str(finding)[: len(text)]) for finding in found] == [(level, text)]
+
+
+def test_servos_that_become_hot_in_the_stance_are_named(copied_op3: Path):
+    # Three times the current at the same torque is nine times the 0.7 W of the knee's winding.
+    swap_servo(copied_op3, "l_knee", "[mini]\nstall_torque = 4.1\nstall_current = 15.0\n")
+    (found,) = find_faults(load_robot(copied_op3))
+    assert found.subject == "joint 'l_knee'"
+    assert "°C in the stance, expected at most 65 °C" in found.text
+
+
+def test_a_robot_without_motions_is_told_how_to_come_by_them(copied_op3: Path):
+    shutil.rmtree(copied_op3 / "motions")
+    findings = {
+        finding.subject: finding for finding in check_robot(load_robot(copied_op3)).findings
+    }
+    assert findings["motions"].level == "warning"
+    assert findings["motions"].remedy == f"getup motions retarget --robot {copied_op3} --from op3"
+    assert findings["policies"].level == "ok"
+    assert "getup train --robot" in findings["policies"].remedy
+
+
+def test_a_class_without_motion_is_named(copied_op3: Path):
+    for file in (copied_op3 / "motions").glob("lateral_*"):
+        file.unlink()
+    (found,) = find_faults(load_robot(copied_op3))
+    assert found.text.endswith("from supine, prone; none from left, right")
+
+
+def test_soles_that_are_listed_right_first_change_nothing(op3: Robot, copied_op3: Path):
+    spoil(copied_op3, '["l_sole", "r_sole"]', '["r_sole", "l_sole"]')
+    swapped = check_robot(load_robot(copied_op3)).findings
+    own = check_robot(op3).findings
+    assert [f.text for f in swapped[2:-1]] == [f.text for f in own[2:-1]]
+
+
+def test_faults_leave_unchecked_what_rests_on_them(copied_op3: Path):
+    spoil(copied_op3, L_KNEE, L_KNEE.replace("-1", "1"))
+    spoil(copied_op3, R_KNEE, R_KNEE.replace("-1", "1"))
+    checked = check_robot(load_robot(copied_op3))
+    assert checked.unchecked == ("squats", "strength", "arms", "holding the stance")
+    assert not checked.is_sound
+    assert checked.squats == ()
+
+
+def test_a_robot_without_knees_is_refused(tiny: Robot):
+    with pytest.raises(ValueError, match="no two legs with a knee"):
+        check_robot(tiny)

@@ -1,0 +1,116 @@
+"""Statics: the torques that they give hold the robot in MuJoCo."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.limbs import Limbs
+from humanoid_getup.robot_check.squats import list_squats
+from humanoid_getup.robot_check.statics import Statics
+from humanoid_getup.simulation.world import World
+from robots import Robot, load_robot
+from robots.kinematics import place
+from robots.quaternion import Array
+
+HELD = 0.05  # s: a squat without torque falls by several millimeters
+
+
+def fall(robot: Robot, joint_pos: Array, torque: Array) -> float:
+    """Return by how much joints move [rad] under constant torques, servos off, on flat ground."""
+    model = World(robot).model
+    model.actuator_forcerange[:], model.actuator_forcelimited[:] = 0.0, 1
+    model.dof_frictionloss[:] = 0.0
+    data, layout = mujoco.MjData(model), robot.layout(model)
+    data.qpos[:] = place(robot, model, Statics(robot).make_posture(joint_pos))
+    data.qfrc_applied[layout.dof] = torque
+    while data.time < HELD:
+        mujoco.mj_step(model, data)
+    return float(np.abs(data.qpos[layout.qpos] - joint_pos).max())
+
+
+@pytest.mark.parametrize("depth", [0, 4, -1])
+def test_the_torques_of_a_squat_hold_it_in_simulation(depth: int, op3: Robot):
+    statics = Statics(op3)
+    squat = list_squats(Limbs(op3), statics)[depth]
+    held = fall(op3, squat.joint_pos, squat.torque)
+    assert held < 0.1 * fall(op3, squat.joint_pos, 0.0 * squat.torque)
+
+
+class Heavy(Robot):
+    """A robot of twice the mass."""
+
+    def spec(self) -> mujoco.MjSpec:
+        spec = super().spec()
+        for body in spec.bodies[1:]:
+            body.mass *= 2.0
+        return spec
+
+
+def test_twice_the_mass_needs_twice_the_torque(op3: Robot):
+    heavy = Heavy(**{name: getattr(op3, name) for name in op3.__dataclass_fields__})
+    angles = op3.standing.joint_pos
+    once, twice = (Statics(robot).measure_torques(angles) for robot in (op3, heavy))
+    assert twice == pytest.approx(2.0 * once, rel=1e-6)
+    assert Statics(heavy).weight == pytest.approx(2.0 * Statics(op3).weight)
+
+
+def test_mirrored_angles_need_mirrored_torques(op3: Robot):
+    rng = np.random.default_rng(0)
+    angles = op3.standing.joint_pos + rng.uniform(-0.1, 0.1, op3.n)
+    statics = Statics(replace(op3, sole_sites=("l_sole", "r_sole")))
+    mirrored = Statics(replace(op3, sole_sites=("r_sole", "l_sole")))
+    expected = op3.mirror_joints(statics.measure_torques(angles))
+    # OP3's model is symmetric to within 0.1 mm and 0.3 g.
+    assert mirrored.measure_torques(op3.mirror_joints(angles)) == pytest.approx(expected, abs=5e-3)
+
+
+def test_a_knee_carries_half_the_weight_on_its_lever(op3: Robot):
+    """The knee's torque, by hand: half of the weight less shank and foot, times the lever."""
+    model = op3.spec().compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(op3, model, op3.standing)
+    mujoco.mj_forward(model, data)
+    center = data.subtree_com[op3.layout(model).torso]
+    knee = model.joint("l_knee").id
+    shank = model.jnt_bodyid[knee]
+    below, own = model.body_subtreemass[shank], data.subtree_com[shank]
+    mass = model.body_subtreemass[op3.layout(model).torso]
+    lever = center[0] - data.xanchor[knee][0]
+    by_hand = 9.81 * (0.5 * mass * lever - below * (own[0] - data.xanchor[knee][0]))
+    found = Statics(op3).measure_torques(op3.standing.joint_pos)
+    assert abs(found[op3.joint_names.index("l_knee")]) == pytest.approx(abs(by_hand), rel=0.02)
+
+
+def test_what_a_passive_joint_carries_is_handed_to_the_one_that_it_follows(
+    op3: Robot, tmp_path: Path
+):
+    """The oracle: static torques are the slopes of the potential energy, the torso held still."""
+    tail = (
+        '<body name="tail" pos="-0.1 0 0.05"><joint name="tail" axis="0 1 0"/>'
+        '<geom type="sphere" pos="-0.1 0 0" size="0.01" mass="0.3"/></body>'
+    )
+    coupling = '<equality><joint joint1="tail" joint2="head_tilt" polycoef="0 2 0 0 0"/></equality>'
+    head = '<body name="head_pan_link"'
+    text = op3.model_file.read_text("utf-8").replace(head, tail + head)
+    text = text.replace("</worldbody>", f"</worldbody>{coupling}")
+    (tmp_path / "model.xml").write_text(text, "utf-8")
+    toml = (op3.folder / "robot.toml").read_text("utf-8")
+    toml = toml.replace('torso = "body_link"', 'torso = "body_link"\npassive_joints = ["tail"]')
+    (tmp_path / "robot.toml").write_text(toml, "utf-8")
+    tailed = load_robot(tmp_path)
+    model, step, k = tailed.spec().compile(), 1e-4, tailed.joint_names.index("head_tilt")
+    data, stance = mujoco.MjData(model), tailed.standing
+
+    def potential(joint_pos: Array) -> float:
+        data.qpos[:] = place(tailed, model, replace(stance, joint_pos=joint_pos))
+        mujoco.mj_forward(model, data)
+        return float(9.81 * np.sum(model.body_mass * data.xipos[:, 2]))
+
+    shift = step * np.eye(tailed.n)[k]
+    slope = potential(stance.joint_pos + shift) - potential(stance.joint_pos - shift)
+    found = Statics(tailed).measure_torques(stance.joint_pos)[k]
+    assert found == pytest.approx(slope / (2.0 * step), abs=1e-3)
+    assert abs(found) > 0.4  # 2 x 0.3 kg x 9.81 m/s² x 0.1 m, less as the tail hangs, and the head

@@ -26,6 +26,7 @@ AFTERMATH = 0.3  # s of the stand that are shown
 
 TRUNK, LEFT, RIGHT = (0.93, 0.92, 0.90), (0.95, 0.61, 0.25), (0.25, 0.48, 0.70)
 SHADOW_REACH = 5.0  # m; where the shadow map ends, the ground is speckled
+SHADOW_OF_TALL = 12.0  # the same in standing neck heights, for robots far taller than OP3
 SOLE_SHADE = 0.72  # soles are darker than their limbs
 
 
@@ -146,7 +147,8 @@ def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
     """Color trunk, left and right limbs differently, in a copy of the model."""
     model = copy.copy(model)
     model.vis.global_.fovy = FIELD_OF_VIEW
-    model.vis.map.shadowclip = SHADOW_REACH / model.stat.extent
+    reach = max(SHADOW_REACH, SHADOW_OF_TALL * robot.standing_neck_height)
+    model.vis.map.shadowclip = reach / model.stat.extent
     color = np.tile(TRUNK, (model.nbody, 1))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

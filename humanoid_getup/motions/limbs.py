@@ -165,6 +165,11 @@ class Limbs:
         points = np.array([self.anchor(k) for k in ends])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
+    @property
+    def mass(self) -> float:
+        """Return the mass of the robot [kg]."""
+        return float(self.model.body_subtreemass[self._layout.torso])
+
     def _list_pitch_joints(self, limb: Limb) -> list[int]:
         self._look(self.robot.standing.joint_pos)
         return [k for k in limb.joints if abs(self.data.xaxis[self._ids[k]][1]) > TWIST]
@@ -249,7 +254,7 @@ class Limbs:
         far = self._tip(body, joints, sole)
         hip = anchors[joints[0]]
         middle = max(
-            joints[1:],
+            self._list_bending(joints, body, sole) or joints[1:],
             key=lambda k: min(np.linalg.norm(anchors[k] - hip), np.linalg.norm(anchors[k] - far)),
         )
         above = joints[: joints.index(middle)]
@@ -265,6 +270,15 @@ class Limbs:
             body=int(self.model.jnt_bodyid[self._ids[middle]]),
             sole=sole,
         )
+
+    def _list_bending(self, joints: list[int], body: int, sole: int | None) -> list[int]:
+        """List the joints beyond the first that do not only twist a limb, all joints at 0."""
+        robot = self.robot
+        self._look(np.clip(0.0, robot.lower, robot.upper))
+        far = self._tip(body, joints, sole)
+        bending = [k for k in joints[1:] if not self._twists(k, far - self.anchor(k))]
+        self._look(robot.standing.joint_pos)
+        return bending
 
     def _list_joints(self, first: Link) -> list[int]:
         """List the joints along a limb, to its longest end, in the robot's order of places."""

@@ -127,5 +127,8 @@ class Transmission:
             return values
         out = np.array(values, dtype=float)
         for c, matrix in zip(self.couplings, matrices, strict=True):
-            out[..., c.columns] = out[..., c.columns] @ matrix.T
+            # Term by term: the bits of a matrix product depend on how many rows it has.
+            first, second = (values[..., k] for k in c.joints)
+            for k, (a, b) in zip(c.joints, matrix, strict=True):
+                out[..., k] = a * first + b * second
         return out

@@ -46,15 +46,13 @@ class KeyTransfer:
     @property
     def time_scale(self) -> float:
         """Return the target's time over the source's."""
-        heights = [limbs.robot.standing_neck_height for limbs in (self.target, self.source)]
+        heights = [limbs.robot.standing_neck_height for limbs in self._both]
         return math.sqrt(heights[0] / heights[1])
 
     @property
     def torque_scale(self) -> float:
         """Return what the target's joints carry over what the source's do: weight times height."""
-        loads = [
-            limbs.mass * limbs.robot.standing_neck_height for limbs in (self.target, self.source)
-        ]
+        loads = [limbs.mass * limbs.robot.standing_neck_height for limbs in self._both]
         return loads[0] / loads[1]
 
     def transfer(self, keyframes: Keyframes) -> Keyframes:
@@ -71,7 +69,6 @@ class KeyTransfer:
         if keyframes.end_class == STANDING:
             keys[-1] = robot.standing.joint_pos
         free = self._find_free(np.array(keys), is_symmetric)
-        share = keyframes.torque_limit / float(self.source.robot.max_torque.max())
         return replace(
             keyframes,
             duration=keyframes.duration * self.time_scale,
@@ -80,10 +77,24 @@ class KeyTransfer:
             mirrored=np.array(
                 [is_symmetric and int(robot.mirror_index[k]) != k for k in free], dtype=bool
             ),
-            torque_limit=round(share * float(robot.max_torque.max()), 2),
+            torque_limit=self._scale_limit(keyframes.torque_limit),
             time_cost=round(keyframes.time_cost / self.time_scale, 3),
             torque_cost=round(keyframes.torque_cost / self.torque_scale, 3),
         )
+
+    def _scale_limit(self, limit: float) -> float:
+        """Scale a torque limit [N·m] by weight times leg length, and by the strength of the servos.
+
+        The larger one is taken, within that strength: a robot with weaker servos for its weight
+        needs a larger share of them.
+        """
+        full, source_full = (float(limbs.robot.max_torque.max()) for limbs in self._both)
+        needs, source_needs = (limbs.mass * limbs.leg_length for limbs in self._both)
+        return round(min(full, max(full * limit / source_full, limit * needs / source_needs)), 2)
+
+    @property
+    def _both(self) -> tuple[Limbs, Limbs]:
+        return self.target, self.source
 
     def _transfer_key(self, key: Array, before: Array) -> Array:
         poses = self.source.measure(key)

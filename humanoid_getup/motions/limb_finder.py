@@ -88,12 +88,25 @@ class _LimbFinder:
         """Find where the upper part begins, and where it ends: farthest from both ends."""
         first = anchors[joints[0]]
         middle = max(
-            joints[1:],
+            self._list_bending(joints) or joints[1:],
             key=lambda k: min(np.linalg.norm(anchors[k] - first), np.linalg.norm(anchors[k] - tip)),
         )
         above = joints[: joints.index(middle)]
         bends = [k for k in above if not self._twists(k, anchors[middle] - anchors[k])]
         return (bends[-1] if bends else above[0]), middle
+
+    def _list_bending(self, joints: list[int]) -> list[int]:
+        """List the joints beyond the first that do not only twist a limb, all joints at 0."""
+        robot, model = self._robot, self._model
+        data = mujoco.MjData(model)
+        data.qpos[robot.layout(model).qpos] = np.clip(0.0, robot.lower, robot.upper)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        last = self._ids[joints[-1]]
+        tip = 2.0 * data.subtree_com[model.jnt_bodyid[last]] - data.xanchor[last]
+        ways = {k: tip - data.xanchor[self._ids[k]] for k in joints[1:]}
+        axes = {k: data.xaxis[self._ids[k]] for k in joints[1:]}
+        return [k for k in joints[1:] if abs(axes[k] @ ways[k]) <= TWIST * np.linalg.norm(ways[k])]
 
     def _list_chain(self, first: Link) -> list[Link]:
         """List the links along a limb: to its sole, or else to its longest end."""

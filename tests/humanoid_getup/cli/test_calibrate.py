@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 from bus_stories import TINY, Served, copy_tiny, serving
+from spoiling import spoil
 
 from drivers.dynamixel.control_table import HardwareError
 from drivers.service import calibrate as service
@@ -131,6 +132,46 @@ def test_any_known_posture_will_do(calibrate, tmp_path):
     # Both angles are rounded to ticks, of 0.09 degrees.
     assert told["joints"]["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
     assert told["joints"]["r_hip"]["zero_ticks"] == pytest.approx(1000, abs=1)
+
+
+COUPLING = "\n[[couplings]]\njoints = ['l_hip', 'r_hip']\nmatrix = [[0.9, -0.5], [0.6, -0.7]]\n"
+
+
+@contextmanager
+def coupled_robot(folder: Path):
+    """Serve a robot whose hips hang on a differential, with a servo that sits otherwise."""
+    spoil(folder, "zero_ticks = 1000", "zero_ticks = 2000")  # for ranges within one turn
+    spoil(folder, "[bus]", COUPLING + "\n[bus]")
+    robot = Calibration(robot="tiny", joints={"l_hip": L_HIP}).apply(load_robot(folder))
+    with serving(robot) as served:
+        served.place()
+        yield served
+
+
+def test_zeros_of_coupled_servos_are_found_in_a_posture_of_both_joints(folder, calibrate, tmp_path):
+    held = tmp_path / "held.json"
+    with coupled_robot(folder) as served:
+        standing = replace(served.robot.standing, joint_pos=np.radians([20.0, -30.0]))
+        held.write_text(standing.to_json(served.robot))
+        served.place(l_hip=20.0, r_hip=-30.0)
+        code, _ = calibrate(served, Person("", "yes"), "--at", str(held))
+    assert code == 0
+    saved = read_saved(folder)["joints"]
+    assert saved["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
+    assert saved["r_hip"]["zero_ticks"] == pytest.approx(2000, abs=1)
+
+
+def test_signs_of_coupled_servos_are_found_by_turning_their_own_joints(folder, calibrate):
+    with coupled_robot(folder) as served:
+
+        def turn(**angles: float) -> Callable[[], str]:
+            return lambda: served.place(**angles) or ""
+
+        person = Person(turn(l_hip=20.0), turn(l_hip=20.0, r_hip=20.0), "yes")
+        code, _ = calibrate(served, person, "--signs")
+    assert code == 0
+    saved = read_saved(folder)["joints"]
+    assert (saved["l_hip"]["sign"], saved["r_hip"]["sign"]) == (1, -1)
 
 
 def test_op3_is_calibrated_in_its_stance(monkeypatch, capsys):

@@ -1,5 +1,6 @@
 """The twin is the vectorized simulation of one world: the same bits, whatever limits servos."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,3 +89,30 @@ def test_limits_of_one_world_leave_the_others_as_they_are(world: World, op3: Rob
     assert np.array_equal(together.qpos[1], alone.qpos[0])
     assert np.array_equal(together.qpos[[0, 2]], np.repeat(plain.qpos, 2, axis=0))
     assert not np.array_equal(alone.qpos, plain.qpos)
+
+
+@pytest.mark.parametrize("limit_by", ["current", "pwm"])
+def test_coupled_joints_move_as_on_the_twin_to_the_bit(coupled: Robot, limit_by: LimitMode):
+    world = World(coupled)
+    cycles = np.arange(80)[:, None] * coupled.control_period
+    swing = np.array([0.4, 0.3]) * np.sin(np.array([5.0, 7.0]) * cycles)
+    targets = ServoUnits(coupled).round_goal(swing)
+    by_twin = play_on_twin(Twin(world, limit_by=limit_by), coupled.standing, targets, 1.0)
+    qpos = place(coupled, world.model, coupled.standing)
+    parameters = DomainParameters.nominal(world, 1, torque_limit=1.0, limit_by=limit_by)
+    played = Rollout(world, 1).play(qpos[None], targets[None], parameters)
+    assert np.array_equal(played.qpos[0], by_twin)
+    assert np.ptp(by_twin[:, -2:], axis=0).min() > 0.1
+
+
+def test_rotors_and_friction_of_coupled_servos_are_randomized_too(coupled: Robot):
+    world = World(coupled)
+    sim = VecSim(world, 2)
+    heavy = replace(
+        sim.parameters, armature=np.array([1.0, 2.0]), friction_loss=np.array([1.0, 3.0])
+    )
+    sim.set_parameters(sim.everyone, heavy)
+    assert sim.batch.expand("tendon_armature") == pytest.approx(
+        np.array([[0.0025, 0.0025], [0.005, 0.005]])
+    )
+    assert sim.batch.expand("tendon_frictionloss")[:, 0] == pytest.approx([0.105, 0.315])

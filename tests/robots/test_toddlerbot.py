@@ -1,0 +1,158 @@
+"""ToddlerBot as loaded: its facts, its waist's differential, and standing on its servos."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from paths import SHARED
+
+from drivers import Command, SafetyGuard, Twin
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.servo_units import ServoUnits
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.evaluation.standing import MAX_TILT
+from robots import Robot, load_robot, quaternion
+from robots.kinematics import place
+
+FACTS = SHARED / "robots" / "toddlerbot.json"
+
+
+@pytest.fixture(scope="module")
+def toddlerbot() -> Robot:
+    return load_robot("toddlerbot")
+
+
+@pytest.fixture(scope="module")
+def facts() -> dict:
+    if not FACTS.exists():
+        pytest.skip("the robot facts (shared/robots/toddlerbot.json) are not beside this checkout")
+    return json.loads(FACTS.read_text("utf-8"))
+
+
+def place_bodies(facts: dict, angles: dict[str, float]) -> dict[str, tuple]:
+    """Place the bodies of the facts in the torso's frame: positions and orientations."""
+    joints = {joint["body"]: joint for joint in facts["joints"]}
+    poses = {"world": (np.zeros(3), quaternion.IDENTITY)}
+    for body in facts["bodies"]:
+        position, orientation = poses[body["parent"]]
+        position = position + quaternion.rotate(orientation, np.array(body["pos"]))
+        orientation = quaternion.multiply(orientation, np.array(body["quat"]))
+        if joint := joints.get(body["name"]):
+            axis = np.array(joint["axis"])
+            turn = quaternion.from_axis_angle(axis, angles.get(joint["name"], 0.0))
+            orientation = quaternion.multiply(orientation, turn)
+        poses[body["name"]] = (position, orientation)
+    return poses
+
+
+def test_every_body_is_where_the_facts_place_it(toddlerbot: Robot, facts: dict):
+    model = toddlerbot.spec().compile()
+    data = mujoco.MjData(model)
+    rng, names = np.random.default_rng(0), {joint["name"] for joint in facts["joints"]}
+    for _ in range(5):
+        share = rng.uniform(0.0, 1.0, toddlerbot.n)
+        angles = toddlerbot.lower + share * (toddlerbot.upper - toddlerbot.lower)
+        data.qpos[3] = 1.0
+        data.qpos[toddlerbot.layout(model).qpos] = angles
+        mujoco.mj_kinematics(model, data)
+        by_name = {
+            name if name in names else f"{name}_driven": angle
+            for name, angle in zip(toddlerbot.joint_names, angles, strict=True)
+        }
+        moved = {"neck_pitch_plate", "neck_rod", "neck_rod_2"}  # by rods, which are fixed here
+        for name, (position, _) in place_bodies(facts, by_name).items():
+            if name not in moved | {"world"}:
+                assert data.body(name).xpos == pytest.approx(position, abs=2e-5), name
+
+
+def test_mass_height_and_balance_are_those_of_the_facts(toddlerbot: Robot, facts: dict):
+    model = toddlerbot.spec().compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(toddlerbot, model, toddlerbot.standing)
+    mujoco.mj_fwdPosition(model, data)
+    home = facts["standing"]["home"]
+    assert model.body_mass.sum() == pytest.approx(facts["standing"]["mass"], abs=1e-4)
+    assert toddlerbot.standing.position[2] == pytest.approx(home["torso_z"], abs=5e-4)
+    assert data.body("pelvis_link").xpos[2] == pytest.approx(home["pelvis_z"], abs=5e-4)
+    assert data.subtree_com[1][2] == pytest.approx(home["com_z"], abs=5e-4)
+
+
+def test_ranges_ids_gains_and_gears_are_those_of_the_facts(toddlerbot: Robot, facts: dict):
+    joints = {joint["name"]: joint for joint in facts["joints"]}
+    gears = {each["driven"]: each for each in facts["gear_couplings"]}
+    renamed = {"waist_yaw": "waist_act_1", "waist_roll": "waist_act_2"}
+    for joint in toddlerbot.joints:
+        driven = joints.get(joint.name) or joints[f"{joint.name}_driven"]
+        gear = gears.get(driven["name"], {"motor": None, "ratio": 1.0})
+        motor = gear["motor"] or renamed.get(joint.name, joint.name)
+        motor = "neck_pitch_act" if joint.name == "neck_pitch" else motor
+        assert (joint.lower, joint.upper) == pytest.approx(driven["range_rad"], abs=1e-5)
+        assert joint.servo.id == joints[motor]["motor_id"]
+        assert joint.servo.p_gain == joints[motor]["kp_raw"]
+        assert joint.servo.model.name.startswith(joints[motor]["servo_2xc"])
+        assert joint.servo.gear * abs(gear["ratio"]) == pytest.approx(1.0, abs=1e-4)
+    assert sorted(joint.servo.id for joint in toddlerbot.joints) == list(range(30))
+
+
+def test_servos_never_have_more_torque_than_was_measured(toddlerbot: Robot, facts: dict):
+    kinds = {joint.get("motor_id"): joint["servo_2xc"] for joint in facts["joints"]}
+    for joint in toddlerbot.joints:
+        model = joint.servo.model
+        curve = facts["servo_identification"][kinds[joint.servo.id]]
+        speed = np.linspace(0.0, model.no_load_speed, 50)
+        knee, end = curve["q_dot_tau_max"], curve["q_dot_max"]
+        measured = np.interp(
+            speed, [0.0, knee, end], [curve["tau_max"]] * 2 + [curve["tau_q_dot_max"]]
+        )
+        assert np.all(model.stall_torque - model.torque_speed_slope * speed <= measured + 1e-9)
+
+
+def test_both_servos_of_the_waist_turn_it(toddlerbot: Robot):
+    """The facts: yaw = 0.20833 (m1 + m2), roll = -0.29167 (m1 - m2)."""
+    yaw, roll = (toddlerbot.joint_names.index(name) for name in ("waist_yaw", "waist_roll"))
+    units, angles = ServoUnits(toddlerbot), toddlerbot.standing.joint_pos.copy()
+    angles[yaw], angles[roll] = 0.3, -0.2
+    turn = 2.0 * np.pi / 4096
+    m1, m2 = (units.to_ticks(angles)[[yaw, roll]] - 2048) * turn
+    assert 0.20833 * (m1 + m2) == pytest.approx(0.3, abs=turn)
+    assert -0.29167 * (m1 - m2) == pytest.approx(-0.2, abs=turn)
+
+
+def test_it_stands_for_three_seconds_and_turns_its_waist(toddlerbot: Robot):
+    target, yaw = toddlerbot.standing.joint_pos.copy(), toddlerbot.joint_names.index("waist_yaw")
+    target[yaw] = 0.3
+    twin = Twin(toddlerbot)
+    with SafetyGuard(twin) as guard:
+        for cycle in range(300):
+            guard.read()
+            goal = toddlerbot.standing.joint_pos if cycle < 150 else target
+            guard.write(Command.position(toddlerbot, goal))
+        state = guard.read()
+    tilt = np.arccos(-quaternion.gravity_in_body(twin.truth.posture.orientation)[2])
+    assert tilt < MAX_TILT
+    assert state.joint_pos[yaw] == pytest.approx(0.3, abs=0.03)
+
+
+def test_driver_and_twin_measure_one_path_of_the_waist(toddlerbot: Robot):
+    def swing(backend) -> np.ndarray:
+        angles = []
+        with SafetyGuard(backend) as guard:
+            for cycle in range(40):
+                angles.append(guard.read().joint_pos)
+                target = toddlerbot.standing.joint_pos.copy()
+                target[2:4] = 0.3 * np.sin(0.2 * cycle), 0.2 * np.sin(0.3 * cycle)
+                guard.write(Command.position(toddlerbot, target))
+        return np.array(angles)
+
+    by_twin = swing(Twin(toddlerbot))
+    with VirtualPorts(VirtualRobot(Simulation(toddlerbot)), time_mode=TimeMode.LOCK_STEP) as ports:
+        driver = DynamixelBackend(
+            toddlerbot, ports.paths, clock=CycleClock(), answer_margin=0.2, imu=ports.imu
+        )
+        by_bus = swing(driver)
+    assert np.array_equal(by_bus, by_twin)
+    assert np.ptp(by_bus[:, 2:4], axis=0).min() > 0.08

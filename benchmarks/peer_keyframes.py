@@ -49,7 +49,7 @@ from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, TorqueLimit, load_robot
 from robots.files import write_atomically
-from robots.kinematics import GravitySense
+from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
 from robots.servo import LimitMode
 
@@ -113,7 +113,7 @@ class KeyframePlayer:
     ) -> None:
         self._robot, self._stance, self._pages = world.robot, stance, pages
         self._torque_limit = torque_limit
-        self._sense_gravity = GravitySense(world.model.site(world.robot.imu_site).quat)
+        self._sense_gravity = GravitySense(imu_in_torso(world.robot, world.model))
         self.longest = max(page.time[-1] for page in pages.values()) + HOLD
         """Time that the longest page and the hold take [s]."""
 

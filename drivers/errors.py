@@ -35,5 +35,16 @@ class NoBusError(SetupError):
         self.robot = robot
 
 
+class NoImuError(SetupError):
+    """A robot's description has no IMU."""
+
+    def __init__(self, robot: str) -> None:
+        super().__init__(
+            f"robot '{robot}' has no IMU, so no one knows how it is turned: add imu_site to its "
+            "robot.toml, or play a motion with --without-imu"
+        )
+        self.robot = robot
+
+
 class ModelError(SetupError):
     """A simulation model does not fit the robot or its control period."""

@@ -47,9 +47,10 @@ class State:
     joint_current: Array
     """Motor currents, positive in the actuator's positive direction [A], shape (n,)."""
     gyro: Array
-    """Angular velocity in the IMU frame [rad/s], shape (3,)."""
+    """Angular velocity in the IMU frame [rad/s], shape (3,); (0,) without an IMU."""
     orientation: Array
-    """IMU frame to world, unit quaternion w x y z, shape (4,); its yaw drifts."""
+    """IMU frame to world, unit quaternion w x y z, shape (4,); its yaw drifts. (0,) without an
+    IMU."""
     temperature: Array
     """Servo temperatures [°C], shape (n,)."""
     voltage: float
@@ -69,6 +70,11 @@ class State:
             object.__setattr__(self, "alert", np.zeros(n, dtype=int))
 
     @property
+    def has_imu(self) -> bool:
+        """Return whether it comes from a robot with an IMU."""
+        return len(self.orientation) > 0
+
+    @property
     def age(self) -> float:
         """Return the age of its oldest value [s]."""
         return max(float(self.joint_age.max()), self.imu_age)
@@ -79,6 +85,8 @@ class State:
         joints = self.joint_pos, self.joint_vel, self.joint_current, self.temperature
         others = self.gyro, self.orientation, (self.time, self.voltage)
         finite = bool(np.isfinite(np.concatenate((*joints, *others), dtype=float)).all())
+        if not self.has_imu:
+            return finite and not len(self.gyro)
         return finite and abs(float(self.orientation @ self.orientation) - 1.0) < MAX_NORM_ERROR
 
 

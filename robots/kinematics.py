@@ -83,10 +83,18 @@ def leg_length(robot: Robot) -> float:
     return float(np.linalg.norm(hip - data.site_xpos[sole]))
 
 
+def imu_in_torso(robot: Robot, model: mujoco.MjModel) -> Array:
+    """Return the orientation of the IMU in the torso, (4,).
+
+    Raises:
+        RobotError: if the robot has none.
+    """
+    return model.site(robot.require_imu_site()).quat
+
+
 def torso_orientation(robot: Robot, model: mujoco.MjModel, orientation: Array) -> Array:
     """Compute the torso's orientation (..., 4) from that of the IMU mounted on it."""
-    imu_in_torso = model.site(robot.imu_site).quat
-    return quaternion.multiply(orientation, quaternion.inverse(imu_in_torso))
+    return quaternion.multiply(orientation, quaternion.inverse(imu_in_torso(robot, model)))
 
 
 class GravitySense:

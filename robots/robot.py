@@ -138,7 +138,8 @@ class Robot:
     joints: tuple[Joint, ...]
     torso: str
     neck_site: str
-    imu_site: str
+    imu_site: str | None
+    """None without an IMU."""
     sole_sites: tuple[str, ...]
     control_period: float
     """[s]"""
@@ -181,6 +182,19 @@ class Robot:
         if self.imu is not None and self.imu.kind != "board":
             return self.imu.kind
         return "board" if self.bus is not None and self.bus.board is not None else None
+
+    def require_imu_site(self) -> str:
+        """Return the site of its IMU.
+
+        Raises:
+            RobotError: if it has none.
+        """
+        if self.imu_site is None:
+            raise RobotError(
+                f"robot '{self.name}' has no IMU: no one knows how it is turned, expected imu_site "
+                "in its robot.toml; without one, use `getup play MOTION --without-imu`"
+            )
+        return self.imu_site
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:

@@ -71,7 +71,6 @@ class RobotTable:
     model: str
     torso: str
     neck_site: str
-    imu_site: str
     sole_sites: Names
     control_period: Annotated[float, positive(MAX_CONTROL_PERIOD, "s")]
     supply_voltage: Annotated[float, positive(MAX_SUPPLY_VOLTAGE, "V")]
@@ -82,6 +81,8 @@ class RobotTable:
         dict[str, Angle], Meta(description="a table of joint names and angles in rad")
     ]
     """Angles by joint name [rad]; the joints not named stand at 0."""
+    imu_site: str | None = None
+    """None without an IMU."""
     bus: BusSettings | None = None
     imu: ImuSettings | None = None
     rising_joints: Names | None = None
@@ -208,6 +209,9 @@ def _wrong_imu(table: RobotTable) -> list[str]:
     bus, imu = table.bus, table.imu
     board = bus.board if bus else None
     problems = _wrong_board(board) if board else []
+    if table.imu_site is None and (imu is not None or board is not None):
+        carrier = "imu" if imu is not None else "bus.board"
+        problems.append(f"imu_site is missing, expected the site of the IMU of [{carrier}]")
     if imu is None:
         return problems
     if imu.is_serial and bus is not None and IMU_PORT in bus.ports:

@@ -78,6 +78,7 @@ class DynamixelBackend(Backend):
         release: Release = Release.LIMP,
         limit_by: LimitMode | None = None,
         imu: ImuSource | None = None,
+        without_imu: bool = False,
     ) -> None:
         """Prepare a backend; nothing is opened yet.
 
@@ -94,12 +95,14 @@ class DynamixelBackend(Backend):
             limit_by: What torque limits act on: the current, in current-based position mode, or
                 the PWM, in position mode; ``None`` for the robot's own.
             imu: Source of the IMU's samples; ``None`` for that of the robot's description.
+            without_imu: Measure neither angular velocity nor orientation, of a robot that has no
+                IMU.
 
         Raises:
-            SetupError: if the robot has no bus, no IMU, or other ports, or if its servos do not
-                limit torque like that.
+            SetupError: if the robot has no bus, no IMU (or, without it, has one), or other ports,
+                or if its servos do not limit torque like that.
         """
-        self.robot, self._bus_settings = robot, _check_robot(robot, ports)
+        self.robot, self._bus_settings = robot, _check_robot(robot, ports, without_imu)
         self.period = robot.control_period if period is None else period
         self._clock = clock or Clock()
         self.release = release
@@ -112,8 +115,8 @@ class DynamixelBackend(Backend):
         self.unreleased: tuple[str, ...] = ()
         """Joints that did not confirm torque off at the last `close`."""
         self.chains = self._build_chains(ports, make_port)
-        self.imu = imu or self._find_imu(ports.get(IMU_PORT, ""))
-        """Source of the IMU's samples."""
+        self.imu = None if without_imu else imu or self._find_imu(ports.get(IMU_PORT, ""))
+        """Source of the IMU's samples; None without one."""
         self._connected = False
         self._reset()
 
@@ -165,7 +168,9 @@ class DynamixelBackend(Backend):
                     raise DiagnosticsError(self.diagnostics.errors)
                 configure_servos(self.diagnostics, chains, states)
                 now = self._clock.now()
-                self._fusion.start(measure_once(chains, self.imu, states, now), now)
+                sample = measure_once(chains, self.imu, states, now)
+                if sample is not None:
+                    self._fusion.start(sample, now)
         except BaseException:
             self.close()
             raise
@@ -196,7 +201,8 @@ class DynamixelBackend(Backend):
                 unreleased += chain.release()
             chain.bus.port.close()
             chain.is_lost = False
-        self.imu.close()
+        if self.imu is not None:
+            self.imu.close()
         self.unreleased = tuple(joint.name for joint in unreleased)
 
     # The cycle --------------------------------------------------------------------------------
@@ -235,7 +241,8 @@ class DynamixelBackend(Backend):
         limit = np.inf
         if self._clock.is_real:
             limit = time.monotonic() + READ_SHARE * self.period
-        self.imu.request(now)  # what takes time on its own line
+        if self.imu is not None:
+            self.imu.request(now)  # what takes time on its own line
         for chain in chains:
             chain.begin_cyclic()
         for chain in chains:
@@ -251,25 +258,25 @@ class DynamixelBackend(Backend):
             chain.apply_cyclic(states, now)
         for chain in chains:
             chain.collect_background(states, limit)
-        if (sample := self.imu.poll(now)) is not None:
+        if self.imu is not None and (sample := self.imu.poll(now)) is not None:
             self._fusion.update(sample, now, float(np.abs(states.velocity).max()))
         for chain in chains:
             chain.maintain(states, limit)
             chain.note_loss(states)
 
     def _build_state(self, now: float) -> State:
-        states, imu = self._states, self._fusion
+        states, imu = self._states, None if self.imu is None else self._fusion
         return State(
             time=now,
             joint_pos=self._units.to_rad(states.ticks),
             joint_vel=self.robot.transmission.to_joint(states.velocity.copy()),
             joint_current=states.current.copy(),
-            gyro=imu.gyro,
-            orientation=imu.orientation,
+            gyro=imu.gyro if imu else np.zeros(0),
+            orientation=imu.orientation if imu else np.zeros(0),
             temperature=states.temperature.copy(),
             voltage=round(float(states.voltage.mean()), SI_DIGITS),
             joint_age=now - states.stamp,
-            imu_age=now - imu.stamp,
+            imu_age=now - imu.stamp if imu else 0.0,
             alert=states.alert.copy(),
         )
 
@@ -360,14 +367,19 @@ def _check_limit_mode(robot: Robot, by: LimitMode) -> LimitMode:
     return by
 
 
-def _check_robot(robot: Robot, ports: Mapping[str, str]) -> BusSettings:
+def _check_robot(robot: Robot, ports: Mapping[str, str], without_imu: bool) -> BusSettings:
     bus = robot.bus
     if bus is None:
         raise NoBusError(robot.name)
-    if robot.imu_kind is None:
+    if robot.imu_kind is None and not without_imu:
         raise SetupError(
             f"robot '{robot.name}' has no IMU: add an [imu] table, or a [bus.board] table for one "
-            "on the servo bus, to its robot.toml"
+            "on the servo bus, to its robot.toml, or play a motion with --without-imu"
+        )
+    if robot.imu_kind is not None and without_imu:
+        raise SetupError(
+            f"robot '{robot.name}' has an IMU ({robot.imu_kind}), expected a robot without one, or "
+            "without_imu=False"
         )
     wanted, has_own_port = list(bus.ports), robot.imu is not None and robot.imu.is_serial
     if sorted(set(ports) - ({IMU_PORT} if has_own_port else set())) != sorted(wanted):

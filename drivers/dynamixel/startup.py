@@ -79,12 +79,12 @@ def await_servos(servos: Iterable[tuple[DynamixelBus, Joint]]) -> None:
 
 
 def diagnose_robot(
-    robot: Robot, chains: Sequence[ServoChain], imu: ImuSource, period: float | None
+    robot: Robot, chains: Sequence[ServoChain], imu: ImuSource | None, period: float | None
 ) -> Diagnostics:
     """Power the servos, switch their torque off, open the IMU, and find all that is wrong.
 
-    The ports are open. ``period`` is the control period that they must keep [s], ``None`` if
-    time is simulated.
+    The ports are open; a robot may be without an IMU. ``period`` is the control period that they
+    must keep [s], ``None`` if time is simulated.
     """
     findings = find_duplicate_ids(robot)
     for chain in chains:
@@ -97,7 +97,7 @@ def diagnose_robot(
         findings += found
         if found and chain.board and chain.board.settings.powers_servos:
             return Diagnostics((), tuple(findings))  # servos without power are silent anyway
-    findings += open_imu(imu)
+    findings += open_imu(imu) if imu else []
     await_servos((chain.bus, joint) for chain in chains for joint in chain.joints)
     servos = []
     for chain in chains:
@@ -144,9 +144,11 @@ def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: S
 
 
 def measure_once(
-    chains: Sequence[ServoChain], imu: ImuSource, states: ServoStates, now: float
-) -> ImuSample:
+    chains: Sequence[ServoChain], imu: ImuSource | None, states: ServoStates, now: float
+) -> ImuSample | None:
     """Read every joint and the IMU once, so that no value is ever invented.
+
+    Without an IMU, no sample is returned.
 
     Raises:
         DiagnosticsError: naming all devices that stay silent.
@@ -169,10 +171,10 @@ def measure_once(
         text = "set up, but silent when its position is read"
         remedy = "check cables and power along the chain"
         findings.append(Finding.error(name_all(silent), text, remedy))
-    sample = imu.measure()
-    if sample is None:
+    sample = imu.measure() if imu else None
+    if imu is not None and sample is None:
         remedy = "check its power and its cable, and how robot.toml describes it"
         findings.append(Finding.error(imu.name, "its IMU cannot be read", remedy))
-    if findings or sample is None:
+    if findings:
         raise DiagnosticsError(findings)
     return sample

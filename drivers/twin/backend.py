@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.backend import Backend, Release
-from drivers.errors import NotConnectedError
+from drivers.errors import NoImuError, NotConnectedError
 from drivers.orientation_filter import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
@@ -42,12 +42,17 @@ class Twin(Backend):
         period: float | None = None,
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
+        without_imu: bool = False,
     ) -> None:
         """Build a twin, torque off; what is not listed here is as in `Simulation`.
 
         Args:
             start: Where the robot is, at rest; ``None`` for its standing posture.
             limit_by: What torque limits act on; ``None`` for the robot's own.
+            without_imu: Measure neither angular velocity nor orientation.
+
+        Raises:
+            NoImuError: if the robot has no IMU and should measure with it.
         """
         self.simulation = Simulation(
             world,
@@ -64,7 +69,9 @@ class Twin(Backend):
         steps = np.full(self.robot.n, VELOCITY_STEP)
         self._velocity_step = self.robot.transmission.motion_at_actuator(steps)
         self.limit_by: LimitMode = limit_by or self.robot.limit_by
-        self._filter = OrientationFilter(self.period)
+        if self.robot.imu_site is None and not without_imu:
+            raise NoImuError(self.robot.name)
+        self._filter = None if without_imu else OrientationFilter(self.period)
         self._connected = False
         if start is not None:
             self.place(start)
@@ -95,8 +102,8 @@ class Twin(Backend):
             joint_pos=self._units.quantize(body.joint_pos),
             joint_vel=self._quantize_speed(body.joint_vel),
             joint_current=quantize(body.joint_current, CURRENT_STEP),
-            gyro=body.imu.gyro,
-            orientation=self._filter.orientation,
+            gyro=body.imu.gyro if self._filter else np.zeros(0),
+            orientation=self._filter.orientation if self._filter else np.zeros(0),
             temperature=np.rint(body.temperature),
             voltage=round(body.voltage / VOLTAGE_STEP) * VOLTAGE_STEP,
         )
@@ -126,7 +133,8 @@ class Twin(Backend):
         body.drive(sent.joint_pos, drive)
         body.step(body.steps_per_period)
         body.update_sensors(self.period)
-        self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
+        if self._filter:
+            self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
         return sent
 
     def _quantize_speed(self, joint_vel: Array) -> Array:
@@ -137,7 +145,8 @@ class Twin(Backend):
         )
 
     def _start_filter(self) -> None:
-        self._filter.start(self.simulation.imu.accelerometer)
+        if self._filter:
+            self._filter.start(self.simulation.imu.accelerometer)
 
     def _check_connected(self) -> None:
         if not self._connected:

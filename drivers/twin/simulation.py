@@ -10,7 +10,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from drivers.errors import ModelError
+from drivers.errors import ModelError, NoImuError
 from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
@@ -84,11 +84,24 @@ class Simulation:
         self._noise = noise or SensorNoise()
         self._rng = rng or np.random.default_rng(0)
         self._windings = Windings(robot)
-        self.imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
+        self._imu: TwinImu | None = None
+        if robot.imu_site is not None:
+            self._imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
         self.truth = GroundTruth(robot, self.model, self.data)
         self.on_sensor_update: list[Callable[[], None]] = []
         """Called after each `update_sensors`."""
         self.place(robot.standing)
+
+    @property
+    def imu(self) -> TwinImu:
+        """Return its IMU.
+
+        Raises:
+            NoImuError: if the robot has none.
+        """
+        if self._imu is None:
+            raise NoImuError(self.robot.name)
+        return self._imu
 
     @property
     def time(self) -> float:
@@ -141,7 +154,8 @@ class Simulation:
         self._drive: Drive | None = None
         self.drive(posture.joint_pos, Drive.released(self.robot.n))
         mujoco.mj_step1(self.model, data)
-        self.imu.start(data)
+        if self._imu is not None:
+            self._imu.start(data)
 
     def drive(self, target: Array, drive: Drive) -> None:
         """Set the joint targets [rad], (n,), and the gains and limits of the servos from now on."""
@@ -179,7 +193,8 @@ class Simulation:
         self._current = self._windings.compute_current(torque)
         self._windings.heat(self._current, duration)
         self._update_pwm_share(torque)
-        self.imu.advance(self.data, duration)
+        if self._imu is not None:
+            self._imu.advance(self.data, duration)
         self._hold_at_rest(duration)
         if self._supply_resistance:
             velocity = self._read_actuator_speed()

@@ -38,16 +38,20 @@ class BackendChoice:
 
 @contextmanager
 def open_backend(
-    command: BackendOptions, world: World, torque_limit: TorqueLimit
+    command: BackendOptions, world: World, torque_limit: TorqueLimit, *, without_imu: bool = False
 ) -> Iterator[BackendChoice]:
-    """Open the backend of a command, ready to connect; remove what was created at the end."""
+    """Open the backend of a command, ready to connect; remove what was created at the end.
+
+    ``without_imu`` is True for a robot that has none.
+    """
     robot, realtime, limit_by = world.robot, command.realtime, torque_limit.mode
     if command.backend == "twin":
-        twin = Twin(world)
+        twin = Twin(world, without_imu=without_imu)
         yield BackendChoice(backend=twin, realtime=realtime, place=twin.place)
         return
     if command.port:  # a robot, or a virtual bus of another process
-        driver = DynamixelBackend(robot, name_ports(robot, command.port), limit_by=limit_by)
+        ports = name_ports(robot, command.port)
+        driver = DynamixelBackend(robot, ports, limit_by=limit_by, without_imu=without_imu)
         with driver:  # a problem of the port or of servos is reported before anything is planned
             pass
         yield BackendChoice(backend=driver, realtime=True)
@@ -63,6 +67,7 @@ def open_backend(
             answer_margin=ANSWER_MARGIN if realtime else LOCK_STEP_MARGIN,
             limit_by=limit_by,
             imu=served.imu,
+            without_imu=without_imu,
         )
         with driver:  # switches servo power on, as on a robot that was used before
             pass

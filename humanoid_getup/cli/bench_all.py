@@ -197,7 +197,7 @@ def _draw(
             file = f"strip_{name}.png"
             rise = whole.repeat(method, number)
             if rise.outcome is not None:
-                title = f"{whole.world.robot.name}, {name}: {rise.plan.label}"
+                title = f"{whole.world.robot.name}, {name} fall: {rise.plan.label}"
                 end = rise.outcome.stand.start_time + AFTERMATH if rise.stood else math.inf
                 rows = end / whole.world.robot.control_period
                 qpos, robot = rise.outcome.qpos, whole.world.robot

@@ -34,7 +34,7 @@ class PartStore:
         Raises:
             ValueError: if the file is damaged, or that of another benchmark.
         """
-        path = self._path(part)
+        path = self.path(part.name)
         if not path.exists():
             return None
         try:
@@ -61,13 +61,13 @@ class PartStore:
             "sha256": _hash(result),
             "result": result,
         }
-        write_atomically(self._path(part), to_json(content))
+        write_atomically(self.path(part.name), to_json(content))
         return result
 
-    def _path(self, part: Part) -> Path:
+    def path(self, name: str) -> Path:
         """Return the file of a part; names that differ have files that differ."""
-        short = re.sub(r"[^a-z0-9]+", "_", part.name.lower()).strip("_")[:60]
-        digest = hashlib.sha256(part.name.encode("utf-8", "replace")).hexdigest()[:6]
+        short = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:60]
+        digest = hashlib.sha256(name.encode("utf-8", "replace")).hexdigest()[:6]
         return self._folder / f"{short}_{digest}.json"
 
 

@@ -2,37 +2,31 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.inputs import (
     find_motion,
-    find_start,
     load_keys,
     load_world,
     make_torque_limit,
 )
-from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
-from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.plan_cache import use_cache
+from humanoid_getup.cli.play_without_imu import play_without_imu
 from humanoid_getup.cli.policies import load_policy, name_robot
-from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over, reporting_hand_over
+from humanoid_getup.cli.session import run_session
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.dead_reckoning import DeadReckoning
-from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.falls import Fall, settle_posture
-from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import Strategy
@@ -47,10 +41,7 @@ from humanoid_getup.strategies.track_record import (
     TrackRecord,
     load_track_record,
 )
-from robots.kinematics import read_posture
 
-WHERE_IT_LAY = "where the robot lay"
-OWN_START = "the motion's own"
 DEFAULT_POLICY = "robust"
 STYLED_POLICY = "styled"
 
@@ -89,6 +80,8 @@ def play(command: Play) -> int:
     motion = find_motion(world.robot, command.motion)
     with refusing():
         strategy = StoredMotion(world, motion, torque_limit=make_torque_limit(command, world.robot))
+    if command.without_imu:
+        return play_without_imu(command, strategy)
     return _get_up(
         command,
         strategy,
@@ -155,69 +148,23 @@ def _get_up(
 ) -> int:
     """Get the robot of a command up and hand the result over; return the exit code.
 
-    A simulated robot is placed at the start of the command, or else at that of the motion. The
-    extra keys are those of the report.
+    The extra keys are those of the report.
     """
-    world, rng = strategy.world, np.random.default_rng(command.seed)
-    opened = open_backend(command, world, strategy.torque_limit)
-    with phase("opening the backend") as report, opened as choice:
-        start = _choose_start(command, world, motion, rng)
-        if start is not None and choice.place is not None:
-            choice.place(start.posture)
-        own_start = start if command.origin is None else None
-        about = {} if motion is None else {"motion": motion.name}
-        log = make_log(command, world.robot, own_start and own_start.posture, **about)
-        with recording(log) as recorder:
-            key = OperatorKey(realtime=choice.realtime)
 
-            def note(change: PhaseChange) -> None:
-                key.note(change)
-                report(change.phase.value)
-                recorder.note(change)
+    def prepare(session: RiseSession, rng: np.random.Generator) -> Callable[[], RiseResult]:
+        manager = AttemptManager(session)
+        return lambda: manager.get_up(rng)
 
-            session = RiseSession.on(
-                choice.backend,
-                strategy,
-                max_attempts=max_attempts,
-                start_class=start and start.start_class,
-                settle=own_start is None,
-                preflight=preflight,
-                balance=command.balance,
-                then=command.ending,
-                is_released=key.is_released,
-                realtime=choice.realtime,
-                simulation=choice.simulation,
-                **_locate(command),
-                on_phase=note,
-                on_cycle=recorder.log,
-            )
-            with refusing():
-                manager = AttemptManager(session)
-            with key.watch(session.guard):
-                result = manager.get_up(rng)
-        report("drawing")
-        origin = command.origin or (OWN_START if own_start else WHERE_IT_LAY)
+    def finish(result: RiseResult, start: str) -> int:
         with reporting_hand_over(result.after):
-            return hand_over(result, world, command, origin, extra)
+            return hand_over(result, strategy.world, command, start, extra)
 
-
-def _locate(command: RunOptions) -> dict[str, Any]:
-    """Return what tells a session where a real robot lies; a simulated one knows."""
-    if command.at is None:
-        return {}
-    x, y, heading = command.at
-    reckoning = DeadReckoning(Placement(x=x, y=y, heading=math.radians(heading)))
-    return {"locate": reckoning.locate, "moved": reckoning.move}
-
-
-def _choose_start(
-    command: RunOptions, world: World, motion: Motion | None, rng: np.random.Generator
-) -> Fall | None:
-    """Find where a simulated robot starts; ``None`` for a real one, which starts as it lies."""
-    if command.origin is not None:
-        return find_start(world, command.origin, rng)
-    if command.is_real or motion is None:
-        return None
-    at_rest = settle_posture(world, motion.posture(0))
-    posture = read_posture(world.robot, world.model, at_rest)
-    return Fall(posture=posture, start_class=motion.start_class)
+    return run_session(
+        command,
+        strategy,
+        prepare,
+        finish,
+        motion=motion,
+        max_attempts=max_attempts,
+        preflight=preflight,
+    )

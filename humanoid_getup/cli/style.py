@@ -25,7 +25,7 @@ from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import list_styles as list_names
 from humanoid_getup.style.style_file import load_style, write_style
 from robots import Robot
-from robots.kinematics import GravitySense, leg_length
+from robots.kinematics import GravitySense, imu_in_torso, leg_length
 from robots.quaternion import Array
 
 MOTION, LOG = ".npz", ".mcap"
@@ -166,7 +166,7 @@ def _read_log(file: Path, robot: Robot) -> tuple[Array, Array]:
     time, orientation, joint_pos = (
         state[name][known] for name in ("time", "orientation", "joint_pos")
     )
-    gravity = GravitySense(robot.spec().compile().site(robot.imu_site).quat)
+    gravity = GravitySense(imu_in_torso(robot, robot.spec().compile()))
     down = np.array([gravity(row) for row in orientation])
     return time - time[0], FeatureSense(robot, len(down))(down, joint_pos)
 

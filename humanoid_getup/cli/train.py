@@ -53,6 +53,7 @@ def train(command: Train) -> int:
         robots=command.robots or recipe.robots,
     )
     with refusing():
+        robot.require_imu_site()
         check_inputs(robot, recipe, command.out, command.parent, command.prior)
     leads = DistributedProcess.from_environment(os.environ).leads
     checkpoint = command.out / CHECKPOINT

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import Cycle, State
+from drivers.errors import NoImuError
 from drivers.twin.simulation import Simulation
 from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, compute_delta_v
 from humanoid_getup.evaluation.standing import (
@@ -74,6 +75,12 @@ def count_episodes(present: np.ndarray, apart: int) -> list[int]:
     """Count the episodes in each column of (T, k) flags, more than ``apart`` rows apart."""
     rows = [np.flatnonzero(column) for column in present.T]
     return [int(len(r) > 0) + int(np.sum(np.diff(r) > apart)) for r in rows]
+
+
+def count_left_ranges(robot: Robot, joint_pos: Array, period: float) -> int:
+    """Count how often a joint left its range, by angles (T, n), one row every period [s]."""
+    beyond = np.maximum(robot.lower - joint_pos, joint_pos - robot.upper) > LIMIT_SLACK
+    return count_episodes(beyond.any(axis=1)[:, None], round(APART / period))[0]
 
 
 def limit_torque(robot: Robot, torque_limit: float | None) -> Array:
@@ -269,7 +276,13 @@ class SensorJudge:
         self._has_ended = False
 
     def __call__(self, cycle: Cycle) -> None:
-        """Keep the measurement of a cycle."""
+        """Keep the measurement of a cycle.
+
+        Raises:
+            NoImuError: if the orientation was not measured: no stand can be judged without it.
+        """
+        if not cycle.state.has_imu:
+            raise NoImuError(self._world.robot.name)
         if not self._has_ended:
             self._states.append(cycle.state)
 
@@ -299,8 +312,6 @@ class SensorJudge:
         measured = np.array([s.orientation for s in states]).reshape(-1, 4)
         torso = torso_orientation(robot, model, measured)
         stand = self._judge_stand(states)
-        beyond = np.maximum(robot.lower - angles, angles - robot.upper) > LIMIT_SLACK
-        left = count_episodes(beyond.any(axis=1)[:, None], round(APART / self._period))
         return _make_outcome(
             stand,
             estimate_torque(robot, current),
@@ -310,7 +321,7 @@ class SensorJudge:
             peak_velocity=float(np.abs(velocity).max(initial=0.0)),
             self_collisions=None,
             ground_penetrations=None,
-            limit_violations=left[0],
+            limit_violations=count_left_ranges(robot, angles, self._period),
             head_impact=None,
             torso_impact=None,
             neck_delta_v=None,

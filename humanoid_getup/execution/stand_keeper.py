@@ -17,6 +17,7 @@ from drivers import (
     engaged,
     run_engaged,
 )
+from drivers.errors import NoImuError
 from humanoid_getup.evaluation.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
@@ -143,6 +144,8 @@ class StandKeeper:
     def _find_lean(self, state: State) -> str | None:
         """Return why a robot does not stand, by its sensors."""
         robot, model = self._session.world.robot, self._session.world.model
+        if not state.has_imu:
+            raise NoImuError(robot.name)
         torso = torso_orientation(robot, model, state.orientation)
         stance = StanceMeter(robot, model).estimate(torso[None], state.joint_pos[None])
         if is_upright(stance, robot)[0]:

@@ -12,7 +12,7 @@ from drivers import State
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.world import World
 from robots import quaternion
-from robots.kinematics import GravitySense, place
+from robots.kinematics import GravitySense, imu_in_torso, place
 from robots.quaternion import Array
 
 TIME_SLACK = 1e-6  # s; clocks that sum up periods differ by their rounding
@@ -53,7 +53,7 @@ class Balance:
     def __init__(self, world: World, motion: Motion, gains: BalanceGains = GAINS) -> None:
         """Prepare to balance a motion that ends standing."""
         self._robot, self._gains = world.robot, gains
-        self._sense_gravity = GravitySense(world.model.site(world.robot.imu_site).quat)
+        self._sense_gravity = GravitySense(imu_in_torso(world.robot, world.model))
         self._time = motion.time - motion.time[0]
         self._gravity_b = quaternion.gravity_in_body(motion.orientation)  # (T, 3)
         self._stance_b = quaternion.gravity_in_body(world.robot.standing.orientation)  # (3,)
@@ -103,8 +103,9 @@ class Balance:
 
 
 def make_balance(world: World, motion: Motion) -> Balance | None:
-    """Make the balance of a motion; ``None`` for one that does not end standing."""
-    return Balance(world, motion) if motion.rises else None
+    """Make the balance of a motion; ``None`` if it does not end standing, or without an IMU."""
+    has_imu = world.robot.imu_site is not None
+    return Balance(world, motion) if motion.rises and has_imu else None
 
 
 def find_ankles(world: World) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from drivers import Command, DriverError, Fault, SafetyGuard, State
 from drivers.control_loop import Pacer
+from drivers.errors import NoImuError
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.placement import Placement
@@ -88,6 +89,8 @@ def _check_intrusion(depths: dict[str, float], allowed: dict[str, float]) -> Non
 def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
     """Wait, torque off, until the robot is still; return the last measurement.
 
+    Without an IMU, its joints alone tell.
+
     All times are the backend's own, so it works on a twin that runs faster than real time, too.
 
     The guard is connected here, and closed afterwards. A backend that does not pace itself needs
@@ -117,17 +120,23 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
                 break
     angles = np.ptp([s.joint_pos for s in recent], axis=0)
     worst = guard.robot.joint_names[int(angles.argmax())]
-    speed = max(float(np.abs(s.gyro).max()) for s in recent)
-    raise StartError(
+    told = (
         f"the robot does not come to rest: in the last {REST_TIME:g} of {MAX_SETTLE:g} s joint "
-        f"'{worst}' moved by {angles.max():.2f} rad, expected at most {REST_ANGLE:.2f} rad, and "
-        f"the torso turned at up to {speed:.2f} rad/s, expected at most {REST_SPEED} rad/s"
+        f"'{worst}' moved by {angles.max():.2f} rad, expected at most {REST_ANGLE:.2f} rad"
     )
+    if all(s.has_imu for s in recent):
+        speed = max(float(np.abs(s.gyro).max()) for s in recent)
+        told += f", and the torso turned at up to {speed:.2f} rad/s, expected at most {REST_SPEED} "
+        told += "rad/s"
+    raise StartError(told)
 
 
 def _is_still(recent: Iterable[State]) -> bool:
-    """Return whether neither the torso turned nor any joint moved in some measurements."""
-    if any(np.abs(state.gyro).max() >= REST_SPEED for state in recent):
+    """Return whether neither the torso turned nor any joint moved in some measurements.
+
+    Without an IMU, whether the torso turned is unknown, and the joints decide.
+    """
+    if any(np.abs(state.gyro).max(initial=0.0) >= REST_SPEED for state in recent):
         return False
     return bool(np.ptp([state.joint_pos for state in recent], axis=0).max() <= REST_ANGLE)
 
@@ -137,8 +146,13 @@ def estimate_posture(world: World, state: State, placement: Placement | None = N
 
     It lies on what is under it. Without a placement, its place and the zero of its heading are
     arbitrary, which is enough on flat ground alone.
+
+    Raises:
+        NoImuError: if the orientation was not measured.
     """
     robot = world.robot
+    if not state.has_imu:
+        raise NoImuError(robot.name)
     orientation = torso_orientation(robot, world.model, state.orientation)
     raised = Posture(
         position=np.array([0.0, 0.0, 1.0]),

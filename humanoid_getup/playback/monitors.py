@@ -17,7 +17,7 @@ from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
-from robots.kinematics import GravitySense
+from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
 from robots.servo import VOLTAGE_ROUNDING
 
@@ -215,7 +215,10 @@ class MotionMonitor:
         """
         self._robot, self._motion, self._player = world.robot, motion, player
         self._limits, self._tracked = limits, tracked
-        self._sense_gravity = GravitySense(world.model.site(world.robot.imu_site).quat)
+        has_imu = world.robot.imu_site is not None
+        self._sense_gravity = (
+            GravitySense(imu_in_torso(world.robot, world.model)) if has_imu else None
+        )
         self._gravity_b = quaternion.gravity_in_body(motion.orientation)  # (T, 3)
         self.warnings: list[str] = []
 
@@ -229,8 +232,12 @@ class MotionMonitor:
         self._is_up = self._was_up = False
 
     def check(self, state: State, target: Array) -> Finding | None:
-        """Check for a fall, a wrong tilt or a stuck joint."""
+        """Check for a fall, a wrong tilt or a stuck joint; without an IMU for the last only."""
         expected, angles = self._expect(state.time - self._begin - self._player.approach_time)
+        if self._sense_gravity is None or not state.has_imu:
+            # Only whether a joint is stuck can be told, where the motion does not stand.
+            self._is_up = vector_angle(expected, DOWN) < UPRIGHT
+            return self._check_progress(state, target, angles)
         gravity_b = self._sense_gravity(state.orientation)
         findings = (  # all are updated, the first finding counts
             self._check_fall(gravity_b, expected, state.time),

@@ -131,7 +131,12 @@ def _roll_out(
 ) -> _Rollout:
     """Play the motion on a twin, without the guard's limits of supply and temperature."""
     robot = world.robot
-    twin = Twin(world, voltage=voltage, limit_by=torque_limit.by)
+    twin = Twin(
+        world,
+        voltage=voltage,
+        limit_by=torque_limit.by,
+        without_imu=robot.imu_site is None,  # nothing but balance asks for it
+    )
     twin.place(start)
     limits = replace(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf

@@ -46,6 +46,19 @@ class StandHolder(MotionPlayer):
         return is_released and self._is_over(self._least)
 
 
+def make_end(motion: Motion, period: float) -> Motion:
+    """Make the motion of one frame that is the end of another, for a control period [s]."""
+    return Motion.through(
+        [motion.posture(len(motion.time) - 1)],
+        period,
+        name=motion.name,
+        robot=motion.robot,
+        start_class=motion.end_class,
+        strategy="keeping still",
+        joint_target=motion.joint_target[-1:],
+    )
+
+
 def make_stand(robot: Robot) -> Motion:
     """Make the motion of one frame that is a robot's standing posture."""
     return Motion.through(

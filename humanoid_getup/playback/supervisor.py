@@ -17,9 +17,10 @@ from humanoid_getup.playback.monitors import (
 )
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import TimedController
-from humanoid_getup.playback.stand_holder import StandHolder, make_stand
+from humanoid_getup.playback.stand_holder import StandHolder, make_end, make_stand
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
+from robots import Robot
 from robots.quaternion import Array
 
 
@@ -117,6 +118,29 @@ def supervise_stand(
         balance=Balance(world, stand) if balanced else None,
     )
     return Supervisor(holder, [MotionMonitor(world, stand, holder), ServoMonitor(world.robot)])
+
+
+def supervise_hold(
+    robot: Robot,
+    motion: Motion,
+    *,
+    is_released: Callable[[], bool],
+    torque_limit: float | None = None,
+    held: Array | None = None,
+) -> Supervisor:
+    """Make a supervised holder of a motion's last targets, which monitors the servos alone.
+
+    The arguments are those of `StandHolder`.
+    """
+    holder = StandHolder(
+        robot,
+        make_end(motion, robot.control_period),
+        least=0.0,
+        is_released=is_released,
+        torque_limit=torque_limit,
+        held=held,
+    )
+    return Supervisor(holder, [ServoMonitor(robot)])
 
 
 def supervise_policy(policy: OnnxPolicy) -> Supervisor:

@@ -25,7 +25,7 @@ from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_errors import FollowedStyle
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
-from robots.kinematics import GravitySense
+from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
 
 POLICY_FOLDER = "policies"
@@ -85,9 +85,7 @@ class OnnxPolicy:
         self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
         self._torque_share = compute_torque_share(robot, self.action, limit)
-        self._sense_gravity = GravitySense(
-            robot.spec().compile().site(robot.imu_site).quat  # orientation of the IMU in the torso
-        )
+        self._sense_gravity = GravitySense(imu_in_torso(robot, robot.spec().compile()))
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
         self._start_at(robot.standing.joint_pos)

@@ -25,7 +25,7 @@ DEFINITIONS = (
 def write_page(result: Mapping[str, Any]) -> str:
     """Write the page of a result of `getup bench all`."""
     blocks = [
-        f"# {result['robot']}: getting up from {result['n']} falls of each class",
+        f"# {result['robot']}: getting up, n = {result['n']} falls of each class",
         *_write_notes(result),
         *_write_results(result),
         *_write_motions(result["motions"], result["n"]),
@@ -106,7 +106,7 @@ def _write_motions(motions: Mapping[str, Any], n: int) -> list[str]:
     return [
         "## Stored motions",
         "Each from its own start, at stall torque; then under ideal limits, from stall torque down "
-        f"to the lowest under which it succeeds, and {n} times disturbed.",
+        f"to the lowest under which it succeeds, and disturbed (n = {n}).",
         _write_table((*headings, "head [m/s]", "lowest limit [N·m]", "disturbed"), rows),
     ]
 

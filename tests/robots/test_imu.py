@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from spoiling import complaint, spoil
 
-from robots import load_robot
+from robots import RobotError, load_robot
 from robots.imu import SensorAxes
 
 AXES = st.permutations("xyz").flatmap(
@@ -92,5 +92,26 @@ def test_a_board_by_its_addresses_is_accepted_and_overlaps_are_told(own_robot):
     assert load_robot(own_robot).imu_kind == "board"
     spoil(own_robot, "accelerometer_address = 66", "accelerometer_address = 64")
     assert "gyro_address is 60 and accelerometer_address 64, expected 6 bytes" in complaint(
+        own_robot
+    )
+
+
+def test_a_robot_may_be_without_an_imu(own_robot: Path):
+    file = own_robot / "robot.toml"
+    file.write_text(file.read_text().split("[bus.board]")[0])
+    spoil(own_robot, 'imu_site = "imu"\n', "")
+    robot = load_robot(own_robot)
+    assert (robot.imu_site, robot.imu_kind) == (None, None)
+    with pytest.raises(RobotError, match=r"'tiny' has no IMU.*expected imu_site in"):
+        robot.require_imu_site()
+
+
+@pytest.mark.parametrize("carrier", ["bus.board", "imu"])
+def test_an_imu_needs_its_site(own_robot: Path, carrier: str):
+    file = own_robot / "robot.toml"
+    if carrier == "imu":
+        file.write_text(file.read_text().split("[bus.board]")[0] + '[imu]\nkind = "bno055"\n')
+    spoil(own_robot, 'imu_site = "imu"\n', "")
+    assert f"imu_site is missing, expected the site of the IMU of [{carrier}]" in complaint(
         own_robot
     )

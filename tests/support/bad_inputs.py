@@ -25,6 +25,7 @@ from human_clips import write_human_bvh
 from paths import REPOSITORY, TINY
 from small_humanoid import small_humanoid, small_urdf
 
+from humanoid_getup.cli.part_store import PartStore
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache
@@ -85,6 +86,19 @@ GROUPS: dict[str, list[Case]] = {
         case("scenes upside.toml", "start 'left': z is 1 to 0, expected the lower number"),
         case("bench planner --planners", "--planners is empty, expected a name or more"),
         case("bench scenes --ways plan plan", "--ways has 'plan' twice, expected each name once"),
+        case("bench all --n 0", "--n is 0, expected 1 or more"),
+        case("bench all --limit-by luck", "--limit-by is 'luck', expected current, pwm or ideal"),
+        case("bench all --out text.txt", "text.txt is not a folder"),
+        case("bench all --out begun --quick --resume", "parts/plan_stall_torque", "anew"),
+        case(
+            "play squat_to_stand --without-imu",
+            "robot 'op3' has an IMU (board)",
+            "neither [imu] nor [bus.board]",
+        ),
+        case(
+            "play squat_to_stand --without-imu --then sit", "--then is sit, expected hold or limp"
+        ),
+        case("play squat_to_stand --without-imu --scene wall", "--scene is wall, expected flat"),
         case("scenes moon", "unknown scene 'moon'"),
         case("scenes wall --picture folder", "output file folder: is a folder"),
         case("rise --from supine --at 0 0 90", "--at is given, expected a real robot"),
@@ -666,6 +680,9 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "off.toml").write_text(
         "[ground]\nheights = [[0, 1], [0, 0]]\n[[starts]]\nlying = 'prone'\nx = [2, 3]\n"
     )
+    begun = PartStore(folder / "begun" / "parts").path("plan, stall torque")
+    begun.parent.mkdir(parents=True)
+    begun.write_text("half a part")
     _make_styles(folder)
     (folder / "upside.toml").write_text("[[starts]]\nlying = 'left'\nz = [1, 0]\n")
     (folder / "unreadable").write_text("{}")

@@ -31,7 +31,7 @@ class ImuReading:
     def of(cls, simulation: Simulation, axes: SensorAxes, time: float) -> ImuReading:
         """Measure a simulated robot at a bus time [s]."""
         site_in_world, sensor_in_site = np.zeros(4), np.zeros(4)
-        site = simulation.model.site(simulation.robot.imu_site).id
+        site = simulation.model.site(simulation.robot.require_imu_site()).id
         mujoco.mju_mat2Quat(site_in_world, simulation.data.site_xmat[site])
         mujoco.mju_mat2Quat(sensor_in_site, axes.matrix.ravel())
         return cls(

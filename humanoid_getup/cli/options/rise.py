@@ -96,10 +96,25 @@ class Play(RunOptions):
     needs_origin: ClassVar[bool] = False
     preflight: bool = True
     """Play only what the preflight passes; --no-preflight requires a simulated robot."""
+    without_imu: bool = False
+    """Play it with a robot that has no IMU: open loop, and no one knows whether it stands. Where it
+    is held in the end, a key press switches torque off."""
 
     def find_faults(self) -> list[str]:
         """Report an option that does not fit the backend, too."""
         faults = super().find_faults()
         if self.is_real and not self.preflight:
             faults.append("--no-preflight requires a simulated robot")
+        return faults + (self._find_blind_faults() if self.without_imu else [])
+
+    def _find_blind_faults(self) -> list[str]:
+        """Report what requires an orientation."""
+        faults = []
+        if self.then not in (None, "hold", "limp"):
+            faults.append(
+                f"--then is {self.then}, expected hold or limp with --without-imu: no one knows "
+                "whether the robot stands"
+            )
+        if self.scene != "flat":
+            faults.append(f"--scene is {self.scene}, expected flat with --without-imu")
         return faults

@@ -11,6 +11,7 @@ import numpy as np
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World, add_contact_sensor, add_stance_sensors
 from robots import Robot
+from robots.kinematics import imu_in_torso
 from sim2real.environment.physics.model_variants import ModelVariant
 
 WHOLE = 1e-9  # of a step, within which a quotient counts as whole
@@ -40,7 +41,7 @@ def build_training_world(
             spec.add_sensor(
                 name=f"{label}_{name}", type=kind, objtype=obj.mjOBJ_JOINT, objname=name
             )
-    imu = {"objtype": obj.mjOBJ_SITE, "objname": robot.imu_site}
+    imu = {"objtype": obj.mjOBJ_SITE, "objname": robot.require_imu_site()}
     spec.add_sensor(name="imu_gyro", type=sensor.mjSENS_GYRO, **imu)
     spec.add_sensor(name="imu_orientation", type=sensor.mjSENS_FRAMEQUAT, **imu)
     for element in (*spec.sensors, *spec.actuators):
@@ -81,7 +82,7 @@ class SensorAddresses:
         self.joint_vel = np.array([at(f"vel_{name}") for name in robot.joint_names])
         self.gyro = at("imu_gyro") + np.arange(3)
         self.orientation = at("imu_orientation") + np.arange(4)
-        self.imu_in_torso = np.array(model.site(robot.imu_site).quat)
+        self.imu_in_torso = np.array(imu_in_torso(robot, model))
         has_head = bool(_list_head_joints(robot))
         self.head_contact = at("head_contact") + np.arange(1) if has_head else np.arange(0)
         self.head_velocity = at("head_velocity") + np.arange(3) if has_head else np.arange(0)

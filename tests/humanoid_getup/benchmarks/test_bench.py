@@ -2,14 +2,16 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from humanoid_getup.benchmarks.motions import bench_motions, find_lowest_limit
+from humanoid_getup.benchmarks.motions import LIMITS, bench_motions, find_lowest_limit
 from humanoid_getup.benchmarks.rise import bench_methods, bench_rise
 from humanoid_getup.cli.main import main
 from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import StoredMotion
@@ -73,6 +75,23 @@ def test_a_motion_of_a_robot_that_stays_down_has_no_lowest_limit(world, one_moti
         one_motion, joint_target=one_motion.joint_target[:1].repeat(len(one_motion.time), axis=0)
     )
     assert find_lowest_limit(world, still, start) is None
+
+
+def test_the_limits_of_a_motion_are_shares_of_the_robots_own_servos(op3, one_motion):
+    start = settle_posture(World(op3), one_motion.posture(0))
+    lowest = find_lowest_limit(World(with_stall(op3, 3.28)), one_motion, start)
+    assert lowest is not None
+    assert np.abs(0.8 * LIMITS - lowest).min() < 1e-9
+    assert lowest < 1.5
+
+
+def with_stall(robot, stall):
+    """Give all servos another stall torque [N·m]."""
+    joints = [
+        replace(j, servo=replace(j.servo, model=replace(j.servo.model, stall_torque=stall)))
+        for j in robot.joints
+    ]
+    return replace(robot, joints=tuple(joints))
 
 
 def test_the_command_writes_what_it_ran_with(tmp_path: Path):

@@ -1,0 +1,69 @@
+"""Figures of a run that joints and servos measure by themselves, without an orientation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drivers import State
+from humanoid_getup.evaluation.judge import count_left_ranges, estimate_torque, limit_torque
+from humanoid_getup.evaluation.torque import split_torque
+from robots import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointFigures:
+    """Figures of a run; torques are estimated from currents."""
+
+    peak_torque: float
+    """Greatest torque with which a servo drove its joint [N·m]."""
+    peak_braking_torque: float
+    """Greatest torque with which a servo was turned from outside [N·m]."""
+    rms_torque: float
+    """RMS over all joints and the whole run [N·m]."""
+    torque_use: float
+    """Largest driving torque of any servo as a share of its limit."""
+    peak_velocity: float
+    """[rad/s]"""
+    limit_violations: int
+    """Number of times a joint left its range."""
+
+    @staticmethod
+    def of(robot: Robot, torque_limit: float | None, states: Sequence[State]) -> JointFigures:
+        """Measure a run, one state a control period, under a torque limit [N·m]."""
+        current, velocity, angles = (
+            np.array([getattr(state, name) for state in states]).reshape(-1, robot.n)
+            for name in ("joint_current", "joint_vel", "joint_pos")
+        )
+        torque = estimate_torque(robot, current)
+        shares = split_torque(torque, velocity)
+        limit = limit_torque(robot, torque_limit)
+        return JointFigures(
+            peak_torque=float(shares.driving.max(initial=0.0)),
+            peak_braking_torque=float(shares.braking.max(initial=0.0)),
+            rms_torque=float(np.sqrt(np.mean(torque**2))) if len(torque) else 0.0,
+            torque_use=float((shares.driving / limit).max(initial=0.0)),
+            peak_velocity=float(np.abs(velocity).max(initial=0.0)),
+            limit_violations=count_left_ranges(robot, angles, robot.control_period),
+        )
+
+    def __str__(self) -> str:
+        """Say in one line how hard the servos worked."""
+        return (
+            f"peak about {self.peak_torque:.2f} N·m ({self.torque_use:.0%} of the limit), RMS "
+            f"{self.rms_torque:.2f} N·m, peak {self.peak_velocity:.1f} rad/s"
+        )
+
+    def record(self) -> dict[str, Any]:
+        """Return the figures under report.json's keys."""
+        return {
+            "peak_torque_nm": self.peak_torque,
+            "peak_braking_torque_nm": self.peak_braking_torque,
+            "rms_torque_nm": self.rms_torque,
+            "torque_use": self.torque_use,
+            "peak_velocity_rad_s": self.peak_velocity,
+            "limit_violations": self.limit_violations,
+        }

@@ -1,0 +1,152 @@
+"""The whole benchmark: parts that depend on what they say, and add up."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from humanoid_getup.benchmarks.rise_method import RiseMethod
+from humanoid_getup.benchmarks.torque_cap import make_caps
+from humanoid_getup.benchmarks.whole import Whole, sample_by_class, summarize_parts
+from humanoid_getup.cli.output import to_json
+from humanoid_getup.cli.part_store import PartStore
+from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.reporting.benchmark_page import write_page
+from humanoid_getup.reporting.benchmark_plot import save_benchmark
+from humanoid_getup.reporting.conditions import describe_conditions
+from humanoid_getup.simulation.falls import CLASSES
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.stored_motion import StoredMotion
+
+MOTION = "prone_push_up_gentle"
+
+
+class NothingPlanned:
+    """A way of getting up that finds nothing to do."""
+
+    def __init__(self, world, limit):
+        self.world, self.torque_limit = world, limit
+
+    def plan(self, _start, _rng):
+        return RisePlan(status=RiseStatus.NOT_PLANNED)
+
+
+@pytest.fixture(scope="module")
+def whole(op3, world):
+    motion = find_motion(op3, MOTION)
+    return Whole(
+        world=world,
+        methods=[
+            RiseMethod(
+                name="push up",
+                make=lambda limit: StoredMotion(world, motion, torque_limit=limit),
+                fingerprint="1",
+                preflight=False,
+            ),
+            RiseMethod(
+                name="nothing",
+                make=lambda limit: NothingPlanned(world, limit),
+                fingerprint="2",
+            ),
+        ],
+        motions=[motion],
+        caps=make_caps(op3, "pwm", (1.0, 0.61)),
+        planner=None,
+        policies={},
+        disturbances={},
+        seed=4,
+        each=1,
+    )
+
+
+@pytest.fixture(scope="module")
+def results(whole):
+    steps = {}
+    results = {}
+    for part in whole.parts():
+        seen = []
+        results[part.name] = json.loads(to_json(part.run(seen.append)))
+        steps[part.name] = (len(seen), part.count)
+    assert all(done == count for done, count in steps.values()), steps
+    return results
+
+
+@pytest.fixture(scope="module")
+def summary(whole, results):
+    return summarize_parts(whole, results)
+
+
+def test_every_method_gets_the_same_falls_under_every_cap(results):
+    rises = [result["rises"] for result in results.values() if "rises" in result]
+    assert len(rises) == 4
+    assert {tuple(rise["start_class"] for rise in some) for some in rises} == {CLASSES}
+
+
+def test_the_summary_counts_what_the_rises_say(results, summary):
+    for name, case in summary["cases"].items():
+        stood = [rise["stood"] for rise in results[name]["rises"]]
+        assert (case["n"], case["stood"]) == (4, sum(stood)), name
+        assert case["stood_interval_95"] == list(wilson_interval(sum(stood), 4))
+        assert [c["stood"] for c in case["classes"].values()] == stood
+    assert summary["cases"]["push up, stall torque"]["classes"]["prone"]["stood"] == 1
+    assert summary["cases"]["nothing, 61%"]["stood"] == 0
+    assert summary["cases"]["nothing, 61%"]["torque_limit_nm"] == 2.5
+
+
+def test_a_rise_that_is_repeated_is_the_same(whole, results):
+    again = whole.repeat(whole.methods[0], 1).record()
+    before = results["push up, stall torque"]["rises"][1]
+    kept = json.loads(to_json({key: again[key] for key in before if key != "bench_class"}))
+    assert kept == {key: value for key, value in before.items() if key != "bench_class"}
+
+
+def test_a_part_depends_on_what_changes_its_result(whole):
+    first = {part.name: part.depends for part in whole.parts()}
+    for changed, among in (
+        (replace(whole, seed=5), first),
+        (replace(whole, each=2), first),
+        (replace(whole, methods=[replace(whole.methods[0], fingerprint="3")]), ["push up, 61%"]),
+    ):
+        other = {part.name: part.depends for part in changed.parts()}
+        assert all(other[name] != first[name] for name in among)
+    assert {part.name: part.depends for part in whole.parts()} == first
+
+
+def test_a_run_that_was_interrupted_ends_as_one_that_was_not(whole, results, tmp_path):
+    parts, store = whole.parts(), PartStore(tmp_path / "parts")
+    for part in parts[::2]:
+        store.run(part, lambda _: None)
+    later = PartStore(tmp_path / "parts")
+    resumed = {p.name: later.load(p) or later.run(p, lambda _: None) for p in parts}
+    assert resumed == results
+    assert len(list((tmp_path / "parts").iterdir())) == len(parts)
+
+
+def test_classes_in_which_a_robot_never_lies_are_left_out_with_the_reason(op3):
+    falls = sample_by_class(World(op3, "beam"), 1, seed=0)
+    assert falls.classes == ("prone",)
+    assert [fall.start_class for fall in falls.falls] == ["prone"]
+    assert sorted(falls.missing) == ["left", "right", "supine"]
+    assert "no start supine" in falls.missing["supine"]
+
+
+def test_the_page_has_every_figure_and_how_to_repeat_it(whole, summary, tmp_path):
+    result = summary | {
+        "notes": ["This robot flies."],
+        "command": "getup bench all --robot op3",
+        "conditions": describe_conditions(whole.world, whole.caps[0].limit),
+        "pictures": {"plot": "benchmark.png", "strips": {}, "method": "", "reason": "no GL"},
+    }
+    save_benchmark(result, tmp_path / "benchmark.png")
+    assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
+    page = write_page(result)
+    rows = [line for line in page.splitlines() if line.startswith("| ")]
+    for case in result["cases"].values():
+        assert sum(line.startswith(f"| {case['method']} | {case['cap']}") for line in rows) == 3
+    low, high = wilson_interval(0, 4)
+    assert f"| nothing | 61%, 2.5 N·m | 0 of 4 ({low:.0%} to {high:.0%}) | –" in page
+    for text in ("This robot flies.", "20 × XM430-W350", "12 V", MOTION, result["command"], "pwm"):
+        assert text in page
+    assert all(line.count("|") == rows[0].count("|") for line in rows[:6])

@@ -1,0 +1,56 @@
+"""`getup bench all`, as a person runs it."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from run_getup import Run
+
+from robots import Robot
+
+
+def test_a_robot_that_can_do_nothing_gets_a_page_that_says_so(own_robot: Path, run: Run):
+    arguments = ("bench", "all", "--robot", str(own_robot), "--quick", "--out", "all")
+    code, out, _ = run(*arguments, "--json", "-")
+    assert code == 0
+    page, result = Path("all/benchmark.md").read_text(), json.loads(out)
+    assert "Robot 'tiny' has no motions" in page
+    assert "Robot 'tiny' has no policies" in page
+    assert "2 × XM430-W350" in page
+    assert (result["cases"], result["n"]) == ({}, 4)
+    assert result == json.loads(Path("all/benchmark.json").read_text()) | {"body": ""}
+    assert f"getup bench all --robot {own_robot} --n 4 --seed 0 --quick\n" in page
+
+
+@pytest.mark.slow
+def test_a_run_is_resumed_and_ends_the_same(op3: Robot, tmp_path: Path, run: Run):
+    folder = tmp_path / "mine"
+    shutil.copytree(op3.folder, folder)
+    for file in (*folder.glob("policies/*"), *folder.glob("motions/*")):
+        if file.stem != "prone_push_up_gentle":
+            file.unlink()
+    arguments = ("bench", "all", "--robot", str(folder), "--quick", "--n", "1", "--out", "all")
+    assert run(*arguments)[0] == 0
+    parts = sorted(Path("all/parts").iterdir())
+    assert len(parts) == 2 * 2 + 1 + 2  # two ways under two caps, a motion, two disturbances
+    first = Path("all/benchmark.json").read_text()
+    kept = {path: path.stat().st_mtime_ns for path in parts[1:]}
+    parts[0].unlink()
+    code, out, _ = run(*arguments, "--resume")
+    assert code == 0
+    assert "6 of 7 parts are finished" in out
+    assert {path: path.stat().st_mtime_ns for path in parts[1:]} == kept
+    again = json.loads(Path("all/benchmark.json").read_text())
+    assert without_wall_time(again) == without_wall_time(json.loads(first))
+    code, _, error = run(*arguments, "--resume", "--seed", "1")
+    assert code == 2
+    assert "made with another seed (0, now 1)" in error
+
+
+def without_wall_time(value):
+    """Remove what depends on the machine."""
+    if isinstance(value, dict):
+        wall = ("plan_s", "filter_s")
+        return {key: without_wall_time(item) for key, item in value.items() if key not in wall}
+    return value

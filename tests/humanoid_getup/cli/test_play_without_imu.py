@@ -1,0 +1,57 @@
+"""`getup play --without-imu`, as a person uses it."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from run_getup import Run
+from spoiling import spoil
+
+from robots import Robot
+
+MOTION = "squat_to_stand"
+
+
+@pytest.fixture
+def bare(op3: Robot, tmp_path: Path) -> str:
+    """A folder of an OP3 without an IMU, with one motion."""
+    folder = Path(shutil.copytree(op3.folder, tmp_path / "bare"))
+    for file in folder.glob("motions/*"):
+        if file.stem != MOTION:
+            file.unlink()
+    spoil(folder, 'imu_site = "imu"\n', "")
+    text = (folder / "robot.toml").read_text()
+    (folder / "robot.toml").write_text(text.split("[bus.board]")[0])
+    return str(folder)
+
+
+@pytest.mark.parametrize("backend", ["twin", "virtual"])
+def test_it_is_played_and_the_exit_code_claims_no_stand(bare: str, backend: str, run: Run):
+    arguments = ("play", MOTION, "--robot", bare, "--without-imu", "--backend", backend)
+    code, out, error = run(*arguments, "--out", "out", "--json", "-")
+    assert code == 1
+    report = json.loads(out)
+    assert report == json.loads(Path("out/report.json").read_text())
+    assert report["reason"] == "played; without an IMU no one knows whether it stands"
+    assert report["stood"] is None
+    assert "no one knows" in error
+    assert sorted(path.name for path in Path("out").iterdir()) == ["flight.mcap", "report.json"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["rise --from supine", f"play {MOTION}", f"play {MOTION} --backend virtual", "hold", "sit"],
+)
+def test_everything_else_refuses_in_one_line(bare: str, command: str, run: Run):
+    code, out, error = run(*command.split(), "--robot", bare)
+    assert (code, out) == (2, "")
+    assert error.startswith("getup: robot 'op3' has no ")
+    assert error.count("\n") == 1
+
+
+def test_a_flight_without_an_imu_is_read_back_and_replayed_or_refused(bare: str, run: Run):
+    assert run("play", MOTION, "--robot", bare, "--without-imu", "--out", "out")[0] == 1
+    code, _, error = run("replay", "out/flight.mcap", "--robot", bare)
+    assert code == 2
+    assert error.count("\n") == 1

@@ -1,0 +1,195 @@
+"""A motion on a robot without an IMU: played open loop, and nothing claimed about its stand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recording_backend import still_state
+
+from drivers import Ending, SafetyGuard, Twin, run
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.errors import NoImuError, SetupError
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.evaluation.judge import SensorJudge
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.blind_play import UNKNOWN, play_blind
+from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.playback.balance import make_balance
+from humanoid_getup.playback.monitors import AbortKind, MotionMonitor
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.stored_motion import StoredMotion
+from robots import Posture, Robot, quaternion
+from robots.kinematics import read_posture
+
+SUPINE = "supine_sit_up_gentle"
+NOTHING = {"gyro": np.zeros(0), "orientation": np.zeros(0)}
+
+
+@pytest.fixture(scope="module")
+def bare(op3: Robot) -> World:
+    """An OP3 without an IMU, and without the board that carries it."""
+    assert op3.bus is not None
+    bus = replace(op3.bus, board=None)
+    return World(replace(op3, imu_site=None, bus=bus))
+
+
+@pytest.fixture(scope="module")
+def squat(bare: World):
+    return find_motion(bare.robot, "squat_to_stand")
+
+
+def place_at_start(world: World, motion) -> Posture:
+    return read_posture(world.robot, world.model, settle_posture(world, motion.posture(0)))
+
+
+def play_on_twin(world: World, motion, start: Posture, **options):
+    """Play on a twin; return the result and the targets of every cycle."""
+    sent = []
+    session = RiseSession.on(
+        Twin(world, start, without_imu=True),
+        StoredMotion(world, motion),
+        settle=False,
+        on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos),
+        **options,
+    )
+    return play_blind(session, motion), np.array(sent)
+
+
+def test_a_motion_is_played_and_no_stand_is_claimed(bare, squat):
+    result, sent = play_on_twin(bare, squat, place_at_start(bare, squat))
+    assert result.played
+    assert result.reason == UNKNOWN
+    record = result.record()
+    assert (record["stood"], record["judged_by"], record["start_class"]) == (None, None, None)
+    assert 0.0 < record["peak_torque_nm"] <= bare.robot.max_torque.max()
+    assert np.abs(sent[-1] - squat.joint_target[-1]).max() < 0.002  # whole ticks
+
+
+@pytest.mark.parametrize("tilt", [0.5 * np.pi, np.pi])
+def test_what_is_sent_does_not_depend_on_how_the_robot_is_turned(bare, squat, tilt):
+    start = place_at_start(bare, squat)
+    turn = np.array([np.cos(0.5 * tilt), np.sin(0.5 * tilt), 0.0, 0.0])
+    turned = replace(
+        start,
+        position=start.position + np.array([0.0, 0.0, 1.0]),
+        orientation=quaternion.multiply(start.orientation, turn),
+    )
+    _, sent = play_on_twin(bare, squat, start)
+    result, again = play_on_twin(bare, squat, turned)
+    cycles = min(len(sent), len(again))
+    assert cycles > round(squat.duration / bare.robot.control_period)
+    assert np.array_equal(sent[:cycles], again[:cycles])
+    assert result.reason == UNKNOWN  # it lies, which no one knows either
+
+
+def test_a_robot_that_is_held_keeps_its_last_targets_until_a_key_is_pressed(bare, squat):
+    asked = []
+
+    def is_released() -> bool:
+        asked.append(True)
+        return len(asked) > 50
+
+    start = place_at_start(bare, squat)
+    twin = Twin(bare, start, without_imu=True)
+    sent = []
+    session = RiseSession.on(
+        twin,
+        StoredMotion(bare, squat),
+        settle=False,
+        then="hold",
+        is_released=is_released,
+        on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos),
+    )
+    result = play_blind(session, squat)
+    assert result.hold is not None
+    assert result.hold.duration >= 45 * bare.robot.control_period
+    assert np.array_equal(sent[-1], sent[-40])
+    assert not twin.simulation.has_torque
+    assert result.reason == UNKNOWN
+
+
+def test_a_motion_that_falls_by_itself_is_refused_before_any_torque(bare, squat):
+    backwards = replace(squat, joint_target=squat.joint_target[:1].repeat(len(squat.time), axis=0))
+    result, sent = play_on_twin(bare, backwards, place_at_start(bare, squat))
+    assert result.run is None
+    assert "does not end in a held stand" in result.reason
+    assert len(sent) == 0
+
+
+def test_the_virtual_bus_plays_it_without_board_and_imu(bare, squat):
+    virtual = VirtualRobot(Simulation(bare), powered=True)
+    virtual.place(place_at_start(bare, squat))
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        driver = DynamixelBackend(
+            bare.robot, ports.paths, clock=CycleClock(), answer_margin=0.2, without_imu=True
+        )
+        session = RiseSession.on(driver, StoredMotion(bare, squat), settle=False)
+        result = play_blind(session, squat)
+        assert result.reason == UNKNOWN
+
+
+def test_a_robot_with_an_imu_is_not_driven_without_it(op3):
+    ports = dict.fromkeys(op3.bus.ports, "p")
+    with pytest.raises(SetupError, match="'op3' has an IMU"):
+        DynamixelBackend(op3, ports, without_imu=True)
+
+
+def test_a_twin_whose_robot_has_no_imu_says_so(bare):
+    with pytest.raises(NoImuError, match="'op3' has no IMU"):
+        Twin(bare)
+
+
+def test_no_attempt_is_made_without_an_orientation(world, squat):
+    backend = Twin(world, place_at_start(world, squat), without_imu=True)
+    session = RiseSession.on(backend, StoredMotion(world, squat), max_attempts=1)
+    result = AttemptManager(session).get_up(np.random.default_rng(0))
+    assert not result.stood
+    assert "has no IMU" in result.reason
+    assert result.run is None
+
+
+def test_the_judge_by_sensors_ends_a_run_without_an_orientation(world, squat):
+    judge = SensorJudge(world, world.robot.control_period, None)
+    guard = SafetyGuard(Twin(world, place_at_start(world, squat), without_imu=True))
+    report = run(MotionPlayer(world.robot, squat, hold=0.0), guard, max_time=1.0, on_cycle=judge)
+    assert report.ending is Ending.FAULT
+    assert "has no IMU" in report.reason
+    assert not judge.end()
+
+
+def test_there_is_no_balance_without_an_imu(bare, squat):
+    assert make_balance(bare, squat) is None
+
+
+@pytest.mark.parametrize(("part", "aborts"), [("lying", True), ("standing", False)])
+def test_a_stuck_joint_ends_a_run_where_the_motion_lies(bare, part, aborts):
+    motion = find_motion(bare.robot, SUPINE)
+    player = MotionPlayer(bare.robot, motion, hold=10.0)
+    monitor = MotionMonitor(bare, motion, player)
+    begin = 0.0 if part == "lying" else -motion.duration - 1.0
+    far = motion.joint_pos[0] + 1.0
+    player.reset(still_state(bare.robot, joint_pos=motion.joint_target[0], time=begin, **NOTHING))
+    monitor.reset(still_state(bare.robot, joint_pos=far, time=begin, **NOTHING))
+    findings = [
+        monitor.check(still_state(bare.robot, joint_pos=far, time=time, **NOTHING), far - 1.0)
+        for time in np.arange(0.0, 1.3, 0.1)
+    ]
+    assert any(findings) is aborts
+    assert all(found[0] is AbortKind.STUCK for found in findings if found)
+
+
+def test_a_guard_still_stands_between_the_motion_and_the_servos(bare, squat):
+    start = place_at_start(bare, squat)
+    guard = SafetyGuard(Twin(bare, start, without_imu=True))
+    guard.stop("a key")
+    session = RiseSession.on(guard, StoredMotion(bare, squat), settle=False)
+    result = play_blind(session, squat)
+    assert result.by_fault
+    assert not result.played
+    assert "stands" not in result.reason

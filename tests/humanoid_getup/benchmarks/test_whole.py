@@ -24,13 +24,13 @@ MOTION = "prone_push_up_gentle"
 
 
 class NothingPlanned:
-    """A way of getting up that finds nothing to do."""
+    """A way of getting up that finds nothing to do, and says what it drew."""
 
     def __init__(self, world, limit):
         self.world, self.torque_limit = world, limit
 
-    def plan(self, _start, _rng):
-        return RisePlan(status=RiseStatus.NOT_PLANNED)
+    def plan(self, _start, rng):
+        return RisePlan(status=RiseStatus.NOT_PLANNED, detail=str(rng.random()))
 
 
 @pytest.fixture(scope="module")
@@ -95,10 +95,11 @@ def test_the_summary_counts_what_the_rises_say(results, summary):
     assert summary["cases"]["nothing, 61%"]["torque_limit_nm"] == 2.5
 
 
-def test_a_rise_that_is_repeated_is_the_same(whole, results):
-    again = whole.repeat(whole.methods[0], 1).record()
-    before = results["push up, stall torque"]["rises"][1]
-    kept = json.loads(to_json({key: again[key] for key in before if key != "bench_class"}))
+@pytest.mark.parametrize(("method", "name"), [(0, "push up"), (1, "nothing")])
+def test_a_rise_that_is_repeated_is_the_same(whole, results, method, name):
+    again = whole.repeat(whole.methods[method], 1).record()
+    before = results[f"{name}, stall torque"]["rises"][1]
+    kept = json.loads(to_json({key: again.get(key) for key in before if key != "bench_class"}))
     assert kept == {key: value for key, value in before.items() if key != "bench_class"}
 
 

@@ -9,6 +9,7 @@ from spoiling import complaint, spoil
 
 from drivers import Command, GuardLimits, Twin
 from drivers.servo_units import ServoUnits
+from humanoid_getup.robot_check.statics import Statics
 from robots import Robot, load_robot
 from robots.drive import Drive
 from robots.transmission import Coupling, Transmission
@@ -168,6 +169,14 @@ def test_targets_lead_and_lag_by_the_servos_own_laws(coupled: Robot):
     # Both servos are of one type, so that the pair lags as each of them does.
     lag = coupled.torque_speed_slope[0] / stiffness
     assert coupled.compute_lag(speed) == pytest.approx(lag * speed)
+
+
+def test_a_squat_is_judged_by_the_torques_of_coupled_servos(tiny: Robot, coupled: Robot):
+    bent = np.array([0.4, 0.4])
+    alone = Statics(tiny).measure_torques(bent)  # equal on both sides, of one sign
+    assert alone[0] == pytest.approx(alone[1], rel=1e-6)
+    inverse = np.linalg.inv(np.array([[0.9, -0.5], [0.6, 0.7]]))
+    assert Statics(coupled).measure_torques(bent) == pytest.approx(np.abs(inverse.T @ alone))
 
 
 def test_a_coupling_is_read_from_a_robots_file(own_robot, coupled: Robot):

@@ -125,6 +125,7 @@ def test_coupled_servos_are_placed_without_torque_and_held_as_they_advance(coupl
     for sim in (held, advanced):
         sim.place(sim.everyone, qpos)
         assert sim.torque == pytest.approx(0.0, abs=1e-9)
-    held.hold(np.zeros((1, 2)), 20)
-    advanced.advance(np.zeros((1, 1, 2)), 20)
+    target = np.array([[0.1, 0.2]])
+    held.hold(target, 20)
+    advanced.advance(target[None], 20)
     assert np.array_equal(held.qpos, advanced.qpos)

@@ -14,10 +14,15 @@ from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.evaluation.standing import MAX_TILT
+from humanoid_getup.evaluation.standing import HOLD_TIME, MAX_TILT, is_upright, measure_stance
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.limbs import Limbs
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.optimization import SWAY_TIME
+from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import place
 
@@ -138,6 +143,18 @@ def test_it_stands_for_three_seconds_and_turns_its_waist(toddlerbot: Robot):
     tilt = np.arccos(-quaternion.gravity_in_body(twin.truth.posture.orientation)[2])
     assert tilt < MAX_TILT
     assert state.joint_pos[yaw] == pytest.approx(0.3, abs=0.03)
+
+
+def test_its_stored_motion_ends_in_a_held_stand(toddlerbot: Robot):
+    motion = Motion.load(toddlerbot.folder / "motions" / "squat_to_stand.npz")
+    world, length = World(toddlerbot), motion.duration + SWAY_TIME + HOLD_TIME
+    targets = motion.sample(np.arange(0.0, length, toddlerbot.control_period))
+    start = place(toddlerbot, world.model, motion.posture(0))
+    trace = Rollout(world, 1).play(start[None], targets[None], DomainParameters.nominal(world, 1))
+    stance = measure_stance(world, trace)
+    assert stance.neck_height[0, 0] < 0.85 * toddlerbot.standing_neck_height
+    held = round(HOLD_TIME / toddlerbot.control_period)
+    assert is_upright(stance, toddlerbot)[0, -held:].all()
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

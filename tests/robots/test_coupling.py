@@ -9,6 +9,7 @@ from spoiling import complaint, spoil
 
 from drivers import Command, GuardLimits, Twin
 from drivers.servo_units import ServoUnits
+from humanoid_getup.robot_check.statics import Statics
 from robots import Robot, load_robot
 from robots.drive import Drive
 from robots.transmission import Coupling, Transmission
@@ -168,6 +169,15 @@ def test_targets_lead_and_lag_by_the_servos_own_laws(coupled: Robot):
     # Both servos are of one type, so that the pair lags as each of them does.
     lag = coupled.torque_speed_slope[0] / stiffness
     assert coupled.compute_lag(speed) == pytest.approx(lag * speed)
+
+
+def test_a_squat_is_judged_by_the_torques_of_coupled_servos(tiny: Robot, coupled: Robot):
+    bent = np.array([0.4, 0.1])
+    alone = Statics(tiny).measure_torques(bent)  # without signs: one leg pushes back, one forward
+    assert alone.min() > 0.005
+    inverse = np.linalg.inv(np.array([[0.9, -0.5], [0.6, 0.7]]))
+    needed = np.abs(inverse.T @ (alone * [1.0, -1.0]))
+    assert Statics(coupled).measure_torques(bent) == pytest.approx(needed)
 
 
 def test_a_coupling_is_read_from_a_robots_file(own_robot, coupled: Robot):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,12 +122,16 @@ def test_torque_may_go_in_the_middle_of_a_motion(op3: Robot):
 
 
 @pytest.fixture
-def floating(tiny: Robot) -> Iterator[VirtualRobot]:
-    simulation = Simulation(tiny)
+def floating(tiny: Robot) -> VirtualRobot:
+    return float_in_space(tiny)
+
+
+def float_in_space(robot: Robot) -> VirtualRobot:
+    simulation = Simulation(robot)
     simulation.model.opt.gravity[:] = 0.0
     virtual = VirtualRobot(simulation, powered=True)
     virtual.place(IN_THE_AIR)
-    yield virtual
+    return virtual
 
 
 def drive_in(
@@ -146,6 +149,17 @@ def test_in_velocity_mode_a_servo_turns_at_its_goal(floating: VirtualRobot):
     drive_in(floating, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
     speed = [servo.peek("present_velocity") for servo in floating.servos]
     assert speed == pytest.approx([40, 40], abs=3)
+
+
+def test_coupled_servos_turn_at_their_goals_and_their_joints_by_both(coupled: Robot):
+    virtual = float_in_space(coupled)
+    drive_in(virtual, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
+    speed = [servo.peek("present_velocity") for servo in virtual.servos]
+    assert speed == pytest.approx([40, 40], abs=3)
+    # By hand, with 40 counts of 0.229 rev/min; the second servo sits the other way round.
+    turning = np.array([[0.9, -0.5], [0.6, 0.7]]) @ virtual.simulation.joint_vel
+    assert turning == pytest.approx([0.959, -0.959], abs=0.08)
+    assert virtual.simulation.torque_vel == pytest.approx(turning, abs=0.02)
 
 
 def test_in_pwm_mode_a_share_of_the_supply_gives_a_share_of_the_top_speed(floating: VirtualRobot):

@@ -188,15 +188,20 @@ def test_a_motion_is_shown_as_a_film_strip_or_not_at_all(run: Run):
 def test_robots_are_listed(run: Run, op3: Robot):
     code, out, _ = run("robots", "--json", "-")
     assert code == 0
-    (row,) = json.loads(out)["robots"]
-    assert row["name"] == "op3"
+    rows = {row["name"]: row for row in json.loads(out)["robots"]}
+    assert list(rows) == ["human", "op3", "toddlerbot"]
+    row = rows["op3"]
     assert row["dof"] == 20
     assert row["mass_kg"] == pytest.approx(3.147, abs=0.001)  # the sum of the links
     assert row["neck_height_m"] == pytest.approx(op3.standing_neck_height)
     assert row["motions"] == len(list((op3.folder / "motions").glob("*.npz")))
     code, out, _ = run("robots")
     assert code == 0
-    assert out.splitlines()[1].split()[:2] == ["op3", "20"]
+    assert [line.split()[:2] for line in out.splitlines()[1:]] == [
+        ["human", "49"],
+        ["op3", "20"],
+        ["toddlerbot", "30"],
+    ]
 
 
 @pytest.mark.slow  # half a minute

@@ -187,12 +187,18 @@ def list_commands(group: str = "", *, load: bool = False) -> Any:
         parent, _, own_name = name.rpartition(" ")
         if parent != group:
             continue
-        if load:
-            kind = load_options(name) if target else list_commands(name, load=True)
-        else:
-            kind = _Unread
+        kind = (load_options(name) if target else _load_group(name)) if load else _Unread
         members.append(Annotated[kind, subcommand(own_name, description=summary)])
     return Union[tuple(members)]  # noqa: UP007  (as many as there are)
+
+
+def _load_group(name: str) -> Any:
+    """Return the commands of a group with their options.
+
+    A union of one would be that one, and bear two names: a single command is taken without its own.
+    """
+    members = [member for member in COMMANDS if member.startswith(f"{name} ")]
+    return load_options(members[0]) if len(members) == 1 else list_commands(name, load=True)
 
 
 def _read(options: Any, program: str, arguments: Sequence[str], about: str | None = None) -> Any:

@@ -557,7 +557,8 @@ GROUPS: dict[str, list[Case]] = {
         case("run text.onnx --from supine", "policy file text.onnx"),
         case("run half.onnx --from supine", "policy file half.onnx"),
         case("run folder.onnx --from supine", "folder.onnx: Is a directory"),
-        case("run unfit.onnx --from supine", "unfit.onnx", "made for 'nao'", extra="onnx"),
+        case("run unfit.onnx --from supine", "unfit.onnx is of robot 'nao'", extra="onnx"),
+        case("run unfit.onnx --from left --robot op3", "made for 'nao'", extra="onnx"),
         case("run bare.onnx --from supine", "bare.onnx", extra="onnx"),
     ],
     "flight logs": [

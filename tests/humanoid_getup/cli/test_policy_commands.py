@@ -108,7 +108,7 @@ def test_a_policy_that_does_not_fit_is_refused_with_every_reason(
     contract = contract_of(op3, robot="nao", mode="torque").to_json()
     save_policy(tmp_path / "p.onnx", op3, contract=contract)
     monkeypatch.chdir(tmp_path)
-    line = refuse(capsys, "run", "p.onnx", "--from", "supine", "--out", "out")
+    line = refuse(capsys, "run", "p.onnx", "--robot", "op3", "--from", "supine", "--out", "out")
     assert "policy file p.onnx: robot: made for 'nao'" in line
     assert "action mode: 'torque'" in line
 

@@ -110,6 +110,8 @@ class _SquatSearch:
         self._before = self._robot.standing.joint_pos
         limbs.look(self._before)
         self._feet = [self._describe(limbs.all[name]) for name in LEGS]
+        left, right = (limbs.sole_position(foot.leg)[0] for foot in self._feet)
+        self._stride = float(left - right)  # by which the left sole is in front [m]
         self._length = self._measure_length()
         self._bends = self._list_bends()
 
@@ -155,7 +157,7 @@ class _SquatSearch:
 
         Returns:
             Sines of the angles between the torso and each sole, about y, (2,), and errors of unit
-            vectors and of places in leg lengths, (10,).
+            vectors and of places in leg lengths, (13,).
         """
         limbs = self._limbs
         axes = np.array([limbs.sole_axes(foot.leg) for foot in self._feet])
@@ -165,8 +167,10 @@ class _SquatSearch:
             width = (sole[1] - hip[1] - foot.width) / self._length
             height = ((hip - sole) @ own[:, 2] - reach) / self._length
             errors.append(np.array([own[1, 2], own[1, 0] - foot.yaw, width, height]))
+        left, right = (limbs.sole_position(foot.leg) for foot in self._feet)
+        stride = ((left - right)[0] - self._stride) / self._length
         balance = limbs.over_soles()[0] * limbs.leg_length / self._length
-        return axes[:, 0, 2], np.concatenate([*errors, [balance]])
+        return axes[:, 0, 2], np.concatenate([*errors, [stride, balance]])
 
     def _list_pitch_joints(self, leg: Limb) -> list[int]:
         return [k for k in leg.joints if abs(self._limbs.axis(k)[1]) > TWIST]

@@ -28,7 +28,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "train": ("policies.Train", "train.train", "Train a policy, or continue a training."),
     "eval": ("policies.Evaluate", "evaluate.evaluate", "Evaluate a policy on settled falls."),
     "export": ("policies.Export", "export.export", "Export the policy of a training."),
-    "motions": ("", "", "List, build, import, record, preview, show or play motions."),
+    "motions": ("", "", "List, build, discover, import, record, preview, show or play motions."),
     "motions list": ("motions.ListMotions", "motions.list_motions", "List a robot's motions."),
     "motions build": ("motions.BuildMotions", "building.build", "Build motions from keyframes."),
     "motions import": (
@@ -50,6 +50,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "motions.RetargetMotions",
         "retarget.retarget",
         "Take the keyframes of another robot.",
+    ),
+    "motions discover": (
+        "discover.DiscoverMotions",
+        "discover.discover",
+        "Make motions from the rises of a policy.",
     ),
     "motions show": ("motions.ShowMotion", "motions.show", "Draw a motion as a film strip."),
     "motions play": ("rise.Play", "rise.play", "Play a rising motion, as getup play does."),

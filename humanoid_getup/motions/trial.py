@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -97,17 +98,16 @@ class Trial:
         robot, period = self.world.robot, self.world.robot.control_period
         hold = HOLD_TIME if self.rises else LYING_TIME
         moving = len(self.targets) - round((hold + 0.5) / period)
-        # Where the robot was at the time of each target.
-        went = np.concatenate([self.start[None], self.trace.qpos[0, : moving - 1]])
-        return Motion.through(
-            [read_posture(robot, self.world.model, q) for q in went],
-            period,
+        return record_motion(
+            self.world,
+            self.start,
+            self.targets[:moving],
+            self.trace.qpos[0],
             name=self.keyframes.name,
             robot=robot.name,
             start_class=self.keyframes.start_class,
             end_class=self.keyframes.end_class if self.succeeded else NO_END,
             strategy=self.keyframes.strategy,
-            joint_target=self.targets[:moving],
             provenance=provenance | (self.figures if self.succeeded else {}),
         )
 
@@ -148,3 +148,23 @@ class Trial:
     def _lying(self) -> Lying:
         assert self.keyframes.end_class != STANDING
         return measure_lying(self.world, self.trace, self.keyframes.end_class)
+
+
+def record_motion(world: World, start: Array, target: Array, qpos: Array, **fields: Any) -> Motion:
+    """Make a motion of what a robot was sent and where it was.
+
+    Args:
+        world: Robot and scene.
+        start: MuJoCo positions at the start, (nq,).
+        target: Targets at each control period [rad], (T, n).
+        qpos: MuJoCo positions at the end of each control period, (T or more, nq).
+        fields: All else of the motion.
+    """
+    # Where the robot was at the time of each target.
+    went = np.concatenate([start[None], qpos[: len(target) - 1]])
+    return Motion.through(
+        [read_posture(world.robot, world.model, q) for q in went],
+        world.robot.control_period,
+        joint_target=target,
+        **fields,
+    )

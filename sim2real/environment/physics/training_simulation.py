@@ -33,6 +33,8 @@ class Record:
 
     qpos: Array
     """MuJoCo positions at the end of each policy step, (N, steps, nq)."""
+    target: Array
+    """Targets of the servos at the end of each policy step [rad], (N, steps, n)."""
     upright: NDArray[np.bool_]
     """Whether the standing condition held, (N, T); false for a robot whose physics diverged."""
     torque: Array
@@ -131,6 +133,7 @@ class TrainingSim(VecSim):
         stance = self._meter.measure(record["qpos"], record["site_xpos"], contact)
         return Record(
             qpos=record["qpos"][:, -1:],
+            target=following[:, np.newaxis],
             features=self.measure_features()[:, np.newaxis],
             upright=is_upright(stance, self.robot),
             torque=record["actuator_force"][..., self._servos],

@@ -1,0 +1,144 @@
+"""Discovery: the motions of a robot, found in what a learned policy does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.trial import record_motion
+from humanoid_getup.playback.preflight import preflight
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.simulation.falls import LyingSide
+from humanoid_getup.simulation.world import World
+from sim2real.motion_discovery.learned_rise import LearnedRise, collect_rises
+from sim2real.motion_discovery.rehearsal import ALL, FIRST, MORE, Rehearsal, RehearsalRoom
+from sim2real.motion_discovery.shaping import SMOOTHINGS
+from sim2real.motion_discovery.strategies import group_rises, name_strategy
+
+SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
+"""From which rises are sought; those from the right mirror those from the left."""
+FINALISTS = 4  # of each wanted motion: rises that are played in all disturbed worlds
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Discovery:
+    """What was found from one side."""
+
+    start_class: LyingSide
+    tried: int
+    learned: int
+    """Rises of the policy that stood."""
+    replayed: int
+    """Those that stand without the policy's feedback, undisturbed."""
+    best_share: float
+    """Largest share of disturbed worlds in which one of them stands."""
+    motions: tuple[Motion, ...]
+    """The best of each strategy, the most robust first."""
+
+
+class MotionDiscovery:
+    """Finds motions in the rises of a policy.
+
+    Every rise that stands is played again without the policy, as smooth as it bears, in disturbed
+    worlds; the best of each strategy becomes a motion.
+    """
+
+    def __init__(self, world: World, policy: OnnxPolicy, *, policy_name: str, seed: int) -> None:
+        """Prepare to search in a scene, with the random numbers of a seed."""
+        self._world, self._policy, self._seed = world, policy, seed
+        self._policy_name = policy_name
+        self._room = RehearsalRoom(world, seed)
+
+    def search(
+        self,
+        start_class: LyingSide,
+        count: int,
+        most: int,
+        report: Callable[[float], None] = lambda _: None,
+    ) -> Discovery:
+        """Find at most so many motions in rises from so many postures on one side.
+
+        The work done is reported in postures, in steps.
+        """
+        rng = np.random.default_rng([self._seed, SIDES.index(start_class)])
+        rises = collect_rises(self._world, self._policy, start_class, count, rng)
+        report(count - len(rises))
+        rehearsed: list[Rehearsal] = []
+        for rise in rises:
+            rehearsed += self._rehearse(rise)
+            report(1)
+        judged = self._judge(rehearsed, most)
+        return Discovery(
+            start_class=start_class,
+            tried=count,
+            learned=len(rises),
+            replayed=len(rehearsed),
+            best_share=max((each.share for each in judged), default=0.0),
+            motions=tuple(self._record(judged, start_class, most)),
+        )
+
+    def _rehearse(self, rise: LearnedRise) -> list[Rehearsal]:
+        """Play a rise as smooth as it stands undisturbed; return it in more worlds, or nothing."""
+        for smoothing in SMOOTHINGS:
+            tried = self._room.play(rise, smoothing, FIRST)
+            if tried.stood.all():
+                return [self._room.repeat(tried, MORE)]
+        return []
+
+    def _judge(self, rehearsed: Sequence[Rehearsal], most: int) -> list[Rehearsal]:
+        """Play the best of each strategy in all disturbed worlds; return the best first."""
+        groups = [sorted(group, key=_rank) for group in group_rises(self._world, rehearsed)]
+        turns = max((len(group) for group in groups), default=0)
+        in_turn = [group[k] for k in range(turns) for group in groups if k < len(group)]
+        finalists = sorted(in_turn[: FINALISTS * most], key=_rank)
+        return sorted((self._room.repeat(each, ALL) for each in finalists), key=_rank)
+
+    def _record(self, judged: Sequence[Rehearsal], side: LyingSide, most: int) -> list[Motion]:
+        """Record the best of each strategy that is sound and that a preflight passes."""
+        motions: list[Motion] = []
+        sound = [each for each in judged if each.share >= SOUND]
+        for group in sorted(group_rises(self._world, sound), key=lambda g: _rank(g[0])):
+            name = f"{side}_{self._policy_name}_{len(motions) + 1}"
+            found = (self._make_motion(each, name) for each in group)
+            if motion := next((each for each in found if each is not None), None):
+                motions.append(motion)
+            if len(motions) == most:
+                break
+        return motions
+
+    def _make_motion(self, rehearsal: Rehearsal, name: str) -> Motion | None:
+        """Make a motion with its entries; None if it cannot be entered at rest, or is refused."""
+        world = self._world
+        motion = record_motion(
+            world,
+            rehearsal.rise.start,
+            rehearsal.target,
+            rehearsal.qpos,
+            name=name,
+            robot=world.robot.name,
+            start_class=rehearsal.rise.start_class,
+            strategy=name_strategy(world, rehearsal),
+            provenance={
+                "program": "getup motions discover",
+                "policy": self._policy_name,
+                "seed": self._seed,
+                "disturbed_success": rehearsal.share,
+                "torque_limit": self._room.torque_limit,
+                "stand_time_s": rehearsal.stand_time,
+            },
+        )
+        try:
+            motion = with_entries(world, motion)
+        except NoEntryError:
+            return None
+        verdict = preflight(world, motion, voltage=world.robot.supply_voltage)
+        return motion if verdict.passed else None
+
+
+def _rank(rehearsal: Rehearsal) -> tuple[float, float]:
+    """Rank by robustness, in steps of a twelfth, and then by torque."""
+    return -round(MORE * rehearsal.share), rehearsal.rms_torque

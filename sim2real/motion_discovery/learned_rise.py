@@ -1,0 +1,90 @@
+"""Learned rises: what a policy sent to the servos on its way from lying to a stand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.motions.build import ATTITUDES
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.simulation.falls import LyingSide, sample_falls, settle_posture
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, quaternion
+from robots.kinematics import place, read_posture
+from robots.quaternion import Array
+from sim2real.perturbations import Perturbation, evaluate_policy
+
+MOST_SPREAD = 1.0  # of the way from the stance to a random posture within the joints' ranges
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LearnedRise:
+    """One rise of a policy that stood, undisturbed."""
+
+    start_class: LyingSide
+    start: Array
+    """MuJoCo positions of the lying robot, (nq,)."""
+    target: Array
+    """Targets of the servos at each control period [rad], (T, n); the first are the angles of the
+    lying robot, the last ones still balance it."""
+    stand_time: float
+    """When the stand that it held began [s]."""
+
+
+def collect_rises(
+    world: World, policy: OnnxPolicy, start_class: LyingSide, count: int, rng: np.random.Generator
+) -> list[LearnedRise]:
+    """Let a policy rise from postures on one side; return the rises that stood.
+
+    Half of the robots lie as they fell, half as people would lay them: straight, both sides alike.
+    """
+    fallen = sample_falls(world, {start_class: count // 2}, rng)
+    starts = [place(world.robot, world.model, fall.posture) for fall in fallen]
+    starts += [_lay_down(world, start_class, rng) for _ in range(count - len(starts))]
+    postures = [read_posture(world.robot, world.model, qpos) for qpos in starts]
+    found = evaluate_policy(
+        world.robot, policy.action, policy.act, postures, Perturbation(), seed=0, scene=world.scene
+    )
+    sent = [row for rollouts in found for row in rollouts.target]
+    times = [float(time) for rollouts in found for time in rollouts.stand_time]
+    return [
+        LearnedRise(
+            start_class=start_class,
+            start=start,
+            target=_interpolate(posture.joint_pos, target, policy.action.cycles),
+            stand_time=time,
+        )
+        for start, posture, target, time in zip(starts, postures, sent, times, strict=True)
+        if not math.isnan(time)
+    ]
+
+
+def _lay_down(world: World, start_class: LyingSide, rng: np.random.Generator) -> Array:
+    """Lay a robot down in a random symmetric posture that its servos hold; return (nq,)."""
+    robot = world.robot
+    home, share = robot.standing.joint_pos, rng.uniform(0.0, MOST_SPREAD)
+    anywhere = rng.uniform(robot.lower, robot.upper)
+    joint_pos = _symmetrize(robot, home + share * (anywhere - home))
+    axis, angle = ATTITUDES[start_class]
+    posture = Posture(
+        position=np.array([0.0, 0.0, 1.0]),
+        orientation=quaternion.from_axis_angle(np.array(axis), angle),
+        joint_pos=joint_pos,
+    )
+    return settle_posture(world, posture)
+
+
+def _symmetrize(robot: Robot, joint_pos: Array) -> Array:
+    """Return the mean of angles (n,) and their mirror image, within the ranges."""
+    mean = 0.5 * (joint_pos + robot.mirror_joints(joint_pos))
+    return np.clip(mean, robot.lower, robot.upper)
+
+
+def _interpolate(first: Array, target: Array, cycles: int) -> Array:
+    """Sample targets of policy steps (S, n) at every control period from angles (n,)."""
+    knots = np.arange(len(target) + 1) * cycles
+    rows = np.concatenate([first[None], target])
+    time = np.arange(knots[-1] + 1)
+    return np.stack([np.interp(time, knots, column) for column in rows.T], axis=1)

@@ -43,8 +43,9 @@ class VirtualBno08xRvc:
         pending, self._pending = self._pending, b""
         return pending if self.alive else b""
 
-    def hear(self, data: bytes) -> bytes:  # noqa: ARG002
+    def hear(self, data: bytes) -> bytes:
         """Ignore what is sent to it."""
+        del data
         return b""
 
     def repeat(self) -> bytes:

@@ -26,8 +26,9 @@ class VirtualSerialLine:
         pending, self._pending = self._pending, b""
         return pending if self.alive else b""
 
-    def hear(self, data: bytes) -> bytes:  # noqa: ARG002
+    def hear(self, data: bytes) -> bytes:
         """Ignore what is sent to it."""
+        del data
         return b""
 
     def repeat(self) -> bytes:

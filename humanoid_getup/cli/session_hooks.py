@@ -19,11 +19,18 @@ class SessionHooks:
     """The hooks of a session, and the operator's key that they listen to."""
 
     def __init__(
-        self, choice: BackendChoice, recorder: Recorder, report: Callable[[str], None]
+        self,
+        choice: BackendChoice,
+        recorder: Recorder,
+        report: Callable[[str], None],
+        terminal: int | None = None,
     ) -> None:
-        """Prepare for an open backend; ``report`` shows a phase in the terminal."""
+        """Prepare for an open backend; ``report`` shows a phase.
+
+        The terminal of the key is a file descriptor; ``None`` for standard input.
+        """
         self._choice, self._recorder, self._report = choice, recorder, report
-        self._key = OperatorKey(realtime=choice.realtime)
+        self._key = OperatorKey(realtime=choice.realtime, terminal=terminal)
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of a session that its backend and its hooks decide."""

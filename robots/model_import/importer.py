@@ -11,9 +11,9 @@ import mujoco
 from robots.model_import.anatomy import find_anatomy
 from robots.model_import.body import describe_body, find_contradictions
 from robots.model_import.contacts import exclude_brackets, find_overlaps
-from robots.model_import.couplings import reduce_couplings
 from robots.model_import.folding import Fold
 from robots.model_import.joint_roles import list_rising, list_segments, list_spreading
+from robots.model_import.loose_ties import reduce_ties
 from robots.model_import.reading import read_model
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.rebuilt import RebuiltModel
@@ -80,7 +80,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     if unknown:
         listed = ", ".join(hinge.name for hinge in tree.hinges)
         raise ImportFault([f"--fix is {shown(name)}, expected one of {listed}" for name in unknown])
-    reduction = reduce_couplings(source, tree, notes)
+    reduction = reduce_ties(source, tree, notes)
     fixed = {*options.fixed, *reduction.motors}
     builder = Rebuilder(anatomy, keep_hulls=options.keep_hulls, fixed=fixed, notes=notes)
     rebuilt = RebuiltModel(path, options.name, anatomy, builder, fixed)

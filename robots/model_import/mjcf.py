@@ -1,4 +1,4 @@
-"""MJCF files: a model, what its actuators can do, what is coupled, and a keyframe."""
+"""MJCF files: a model, what its actuators can do, what is tied, and a keyframe."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 
 from robots.model_import.folding import find_folds, fold
-from robots.model_import.source import ActuatorFigures, Coupling, ImportFault, ModelSource
-
-TIGHT = 0.1  # rad; a tendon with less room couples its joints
+from robots.model_import.source import ActuatorFigures, ImportFault, ModelSource
+from robots.model_import.ties import list_ties
 
 
 def read_mjcf(path: Path) -> ModelSource:
@@ -38,18 +37,20 @@ def read_mjcf(path: Path) -> ModelSource:
             if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         }
     actuators = _list_actuators(model)
-    if folds := find_folds(model, qpos):
+    ties = list_ties(model, qpos)
+    if folds := find_folds(model, ties):
         fold(spec, folds)
         model = spec.compile()
         moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
         actuators = {moved.get(name, name): figures for name, figures in actuators.items()}
+    folded = {name for each in folds for name in (*each.motors, *each.joints, *each.rods)}
     return ModelSource(
         path=path,
         model=model,
         actuators=actuators,
         stance=stance,
         folds=tuple(folds),
-        couplings=(*_list_equalities(model), *_list_tendons(model)),
+        ties=tuple(tie for tie in ties if not (tie.is_loop or set(tie.joints) & folded)),
         loops=tuple(_list_loops(model)),
     )
 
@@ -66,26 +67,6 @@ def _forget_scene(spec: mujoco.MjSpec) -> None:
         spec.delete(pair)
     for sensor in list(spec.sensors):
         spec.delete(sensor)
-
-
-def _list_equalities(model: mujoco.MjModel) -> Iterator[Coupling]:
-    for k in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
-        follower, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-        ratio = float(model.eq_data[k, 1])
-        if leader >= 0 and ratio != 0.0:
-            yield Coupling((model.joint(follower).name, model.joint(leader).name), (1.0, -ratio))
-
-
-def _list_tendons(model: mujoco.MjModel) -> Iterator[Coupling]:
-    """List couplings by fixed tendons that can hardly move."""
-    for tendon in range(model.ntendon):
-        first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
-        parts = range(first, first + count)
-        is_fixed = all(model.wrap_type[k] == mujoco.mjtWrap.mjWRAP_JOINT for k in parts)
-        is_tight = model.tendon_limited[tendon] and np.ptp(model.tendon_range[tendon]) < TIGHT
-        if count > 1 and is_fixed and is_tight:
-            joints = tuple(model.joint(int(model.wrap_objid[k])).name for k in parts)
-            yield Coupling(joints, tuple(float(model.wrap_prm[k]) for k in parts))
 
 
 def _list_loops(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:

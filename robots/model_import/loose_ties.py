@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robots.model_import.source import ActuatorFigures, ModelSource
-from robots.model_import.ties import Tie
+from robots.model_import.ties import Tie, describe_separate
 from robots.model_import.tree import Tree
 
 LIGHT = 0.1  # share of what the output moves, below which a hinge is only its motor's
@@ -70,8 +70,7 @@ def _describe(tie: Tie, output: int, drives: Sequence[int], notes: list[str]) ->
         )
         notes.append(f"joint {name} is driven by {driven}, welded here: its servo turns the output")
     else:
-        others = ", ".join(joint for joint in tie.joints if joint != name)
-        notes.append(f"joints {name} and {others} are coupled in the model, and separate here")
+        notes.append(describe_separate(tie.joints))
 
 
 def _combine(tie: Tie, output: int, drives: Sequence[int], source: ModelSource) -> ActuatorFigures:

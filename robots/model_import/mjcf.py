@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from robots.model_import.folding import find_folds, fold
+from robots.model_import.folding import Fold, find_folds, fold
 from robots.model_import.source import ActuatorFigures, ImportFault, ModelSource
-from robots.model_import.ties import list_ties
+from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
 
 
 def read_mjcf(path: Path) -> ModelSource:
@@ -43,16 +43,23 @@ def read_mjcf(path: Path) -> ModelSource:
         model = spec.compile()
         moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
         actuators = {moved.get(name, name): figures for name, figures in actuators.items()}
-    folded = {name for each in folds for name in (*each.motors, *each.joints, *each.rods)}
     return ModelSource(
         path=path,
         model=model,
         actuators=actuators,
         stance=stance,
         folds=tuple(folds),
-        ties=tuple(tie for tie in ties if not (tie.is_loop or set(tie.joints) & folded)),
+        ties=() if folds else tuple(tie for tie in ties if not tie.is_loop),
         loops=tuple(_list_loops(model)),
+        notes=tuple(_list_separate(ties, folds)) if folds else (),
     )
+
+
+def _list_separate(ties: Sequence[Tie], folds: Sequence[Fold]) -> Iterator[str]:
+    """List the ties that are lost as folds are made, which they are not part of."""
+    folded = {name for each in folds for name in (*each.motors, *each.joints, *each.rods)}
+    for group in group_ties(tie for tie in ties if not folded & {*tie.joints}):
+        yield describe_separate(dict.fromkeys(name for tie in group for name in tie.joints))
 
 
 def _forget_scene(spec: mujoco.MjSpec) -> None:

@@ -56,6 +56,11 @@ def group_ties(ties: Iterable[Tie]) -> Iterator[list[Tie]]:
         yield group
 
 
+def describe_separate(joints: Iterable[str]) -> str:
+    """Describe what becomes of joints whose tie is not kept."""
+    return f"joints {', '.join(joints)} are coupled in the model, and separate here"
+
+
 def _tie(row: Array, names: list[str], is_loop: bool) -> Tie:
     """Make a tie of a row (h,) of shares, which may hold none."""
     members = np.flatnonzero(np.abs(row) > NOTHING)

@@ -1,4 +1,4 @@
-"""Import model files that nobody prepared; say what was found and whether the stance holds.
+"""Import published model files; say what was found and whether the stance holds.
 
     python benchmarks/import_models.py FOLDER --pictures FOLDER
 

@@ -124,15 +124,15 @@ def find_imu_problems(imu: ImuSettings, *, has_board: bool) -> list[str]:
 
 
 def find_axes_problems(key: str, setting: tuple[AxisName, AxisName, AxisName]) -> list[str]:
-    """Find out whether names of axes are no rotation; three signs are taken as they are."""
+    """Find out whether names of axes are not a rotation; three signs are taken as they are."""
     if 0 in setting or all(isinstance(name, int) for name in setting):  # 0: reported already
         return []
-    told = f"{key} is {list(setting)}, expected"
+    problem = f"{key} is {list(setting)}, expected"
     if any(isinstance(name, int) for name in setting):
-        return [f"{told} three signs or three axes, not both"]
+        return [f"{problem} three signs or three axes, not both"]
     axes = SensorAxes.of(setting)
     if len(set(axes.index)) < 3:
-        return [f"{told} each of x, y and z once"]
+        return [f"{problem} each of x, y and z once"]
     if np.linalg.det(axes.matrix) < 0.0:
-        return [f"{told} right-handed axes: turn the sign of one of them"]
+        return [f"{problem} right-handed axes: turn the sign of one of them"]
     return []

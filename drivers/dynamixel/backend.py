@@ -258,7 +258,7 @@ class DynamixelBackend(Backend):
             chain.apply_cyclic(states, now)
         for chain in chains:
             chain.collect_background(states, limit)
-        if self.imu is not None and (sample := self.imu.poll(now)) is not None:
+        if self.imu is not None and (sample := self.imu.poll()) is not None:
             self._fusion.update(sample, now, float(np.abs(states.velocity).max()))
         for chain in chains:
             chain.maintain(states, limit)

@@ -110,7 +110,7 @@ class Board:
     def request(self, now: float) -> None:
         """Do nothing: its registers are read with those of the servos."""
 
-    def poll(self, now: float) -> ImuSample | None:  # noqa: ARG002
+    def poll(self) -> ImuSample | None:
         """Return the sample of this cycle."""
         newest, self._newest = self._newest, None
         return newest

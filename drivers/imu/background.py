@@ -52,7 +52,7 @@ class BackgroundImu:
     def request(self, now: float) -> None:
         """Do nothing: the thread asks."""
 
-    def poll(self, now: float) -> ImuSample | None:  # noqa: ARG002
+    def poll(self) -> ImuSample | None:
         """Return the newest sample with its age."""
         with self._lock:
             newest, self._newest = self._newest, None
@@ -69,7 +69,7 @@ class BackgroundImu:
         while not self._stopping.wait(INTERVAL):
             now = time.monotonic()
             self._source.request(now)
-            sample = self._source.poll(now)
+            sample = self._source.poll()
             if sample is not None:
                 with self._lock:
                     self._newest = sample, now

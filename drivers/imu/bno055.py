@@ -57,7 +57,7 @@ class Bno055:
         self.name, self._line = name, line
         self._axes = SensorAxes.of(settings.axes)
         self._steps: deque[tuple[int, int, float]] = deque()
-        self._ready_at = self._asked_at = 0.0
+        self._ready_at = self._now = self._asked_at = 0.0
         self._set_up_in = -1  # connection in which the chip was configured
         self._asked = Asked.DATA
         self._is_in_doubt = self._may_be_blank = False
@@ -92,7 +92,7 @@ class Bno055:
 
     def request(self, now: float) -> None:
         """Ask for a sample, or go on configuring a chip that may have restarted."""
-        line = self._line
+        self._now, line = now, self._line
         if line.is_busy or time.monotonic() < self._ready_at:
             return
         if self._set_up_in != line.connections:
@@ -109,7 +109,7 @@ class Bno055:
             self._asked = Asked.DATA
             line.read(CHIP_IDS, DATA_END)
 
-    def poll(self, now: float) -> ImuSample | None:
+    def poll(self) -> ImuSample | None:
         """Return the sample of this cycle, or of the last if its reply took longer."""
         reply = self._line.take()
         if reply is None:
@@ -120,7 +120,7 @@ class Bno055:
         elif self._asked is Asked.MODE:
             self._check_mode(reply[0])
         else:
-            return self._decode(reply, now - self._asked_at)
+            return self._decode(reply, self._now - self._asked_at)
         return None
 
     def measure(self) -> ImuSample | None:

@@ -73,7 +73,7 @@ class Bno08xI2c:
     def request(self, now: float) -> None:
         """Do nothing: its reports wait to be read."""
 
-    def poll(self, now: float) -> ImuSample | None:  # noqa: ARG002
+    def poll(self) -> ImuSample | None:
         """Return the newest pair of reports, if a gyro report has come."""
         self._gyro = b""
         try:

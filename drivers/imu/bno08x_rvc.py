@@ -71,7 +71,7 @@ class Bno08xRvc:
         self._axes = SensorAxes.of(settings.axes)
         self._buffer = b""
         self._last: RvcFrame | None = None
-        self._last_at = 0.0
+        self._now = self._last_at = 0.0
 
     def open(self) -> None:
         """Open the port."""
@@ -83,9 +83,10 @@ class Bno08xRvc:
         self._link.close()
 
     def request(self, now: float) -> None:
-        """Do nothing: it sends by itself."""
+        """Note the time: it sends by itself."""
+        self._now = now
 
-    def poll(self, now: float) -> ImuSample | None:
+    def poll(self) -> ImuSample | None:
         """Return the sample between the last frame of the call before and the newest."""
         self._buffer += self._link.receive()
         newest = None
@@ -93,7 +94,8 @@ class Bno08xRvc:
             newest = frame
         if newest is None:
             return None
-        last, gap, self._last, self._last_at = self._last, now - self._last_at, newest, now
+        last, gap = self._last, self._now - self._last_at
+        self._last, self._last_at = newest, self._now
         if last is None or gap > MAX_GAP:
             return None
         frames = (newest.index - last.index) % INDICES

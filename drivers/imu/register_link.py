@@ -150,7 +150,7 @@ class UartRegisters:
         return None
 
     def _drop(self) -> None:
-        """Give up a reply that is damaged or an error: the next request begins anew."""
+        """Give up a reply that is damaged or an error: the next request starts afresh."""
         self._buffer, self.is_busy = b"", False
         self.damaged += 1
 

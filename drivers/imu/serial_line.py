@@ -93,7 +93,7 @@ class SerialLineImu:
     def request(self, now: float) -> None:
         """Do nothing: it sends by itself."""
 
-    def poll(self, now: float) -> ImuSample | None:  # noqa: ARG002
+    def poll(self) -> ImuSample | None:
         """Return the newest complete line's sample."""
         connections = self._link.connections
         data = self._link.receive()

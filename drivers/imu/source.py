@@ -56,7 +56,7 @@ class ImuSource(Protocol):
     def request(self, now: float) -> None:
         """Begin a cycle at a time [s]: ask a sensor that does not send by itself."""
 
-    def poll(self, now: float) -> ImuSample | None:
+    def poll(self) -> ImuSample | None:
         """Return the newest sample that arrived since the last call, None for none."""
         ...
 
@@ -71,6 +71,6 @@ def await_sample(source: ImuSource) -> ImuSample | None:
     while True:
         now = time.monotonic()
         source.request(now)
-        if (sample := source.poll(now)) is not None or now > until:
+        if (sample := source.poll()) is not None or now > until:
             return sample
         time.sleep(POLL_STEP)

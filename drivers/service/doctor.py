@@ -260,7 +260,7 @@ def measure_rate(imu: ImuSource) -> float:
     count, until = 0, time.monotonic() + RATE_TIME
     while (now := time.monotonic()) < until:
         imu.request(now)
-        count += imu.poll(now) is not None
+        count += imu.poll() is not None
         time.sleep(POLL_STEP)
     return count / RATE_TIME
 

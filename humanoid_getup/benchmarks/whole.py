@@ -53,7 +53,7 @@ KEPT = (
 )
 """What is kept of each rise."""
 PLAYED, DISTURBED = "motion ", "disturbed "
-"""How names of parts begin that are no rises by a method."""
+"""How names of parts begin that are not rises by a method."""
 
 
 @dataclass(frozen=True, kw_only=True)

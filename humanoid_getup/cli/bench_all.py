@@ -144,8 +144,8 @@ def _run_parts(command: BenchAll, whole: Whole) -> Results:
         kept = {part.name: store.load(part) for part in parts}
     results: Results = {name: result for name, result in kept.items() if result is not None}
     if command.resume:
-        told = f"{len(results)} of {len(parts)} parts are finished"
-        console_for(command.json).print(told, markup=False)
+        message = f"{len(results)} of {len(parts)} parts are finished"
+        console_for(command.json).print(message, markup=False)
     try:
         _run_rest([part for part in parts if part.name not in results], store, results)
     except KeyboardInterrupt as interrupt:

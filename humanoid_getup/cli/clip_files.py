@@ -18,7 +18,7 @@ def read_clip(
 
     Raises:
         OSError: if a file cannot be read.
-        ClipError: if it is no clip.
+        ClipError: if it is not a clip.
     """
     from humanoid_getup.style.clips.acclaim import RATE, read_acclaim
     from humanoid_getup.style.clips.bvh import read_bvh

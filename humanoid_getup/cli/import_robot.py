@@ -17,7 +17,7 @@ from robots.model_import.source import ImportFault
 
 
 def import_robot(command: ImportRobot) -> int:
-    """Import the model, write the folder, and tell what was found and guessed."""
+    """Import the model, write the folder, and report what was found and guessed."""
     options = ImportOptions(
         name=command.name or command.out.resolve().name,
         servos=command.servo,

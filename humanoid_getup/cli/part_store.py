@@ -14,7 +14,7 @@ from humanoid_getup.cli.output import to_json
 from robots.files import write_atomically
 from robots.validation import parse_file
 
-ANEW = "a run without --resume begins anew"
+HINT = "a run without --resume starts over"
 
 
 class PartStore:
@@ -41,14 +41,14 @@ class PartStore:
             content = parse_file(path, "JSON", json.loads)
             depends, result = _open(content)
         except ValueError as error:
-            raise ValueError(f"{path}: {error} ({ANEW})") from error
+            raise ValueError(f"{path}: {error} ({HINT})") from error
         now = _plain(part.depends)
         if changed := [key for key in now if depends.get(key) != now[key]]:
             listed = ", ".join(
                 f"{key} ({depends.get(key)}, now {now[key]})" if _is_short(now[key]) else key
                 for key in changed
             )
-            raise ValueError(f"{path}: made with another {listed}, expected the same ({ANEW})")
+            raise ValueError(f"{path}: made with another {listed}, expected the same ({HINT})")
         return result
 
     def run(self, part: Part, report: Report) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def _open(content: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         ValueError: if it was changed.
     """
     if not isinstance(content, dict) or not isinstance(content.get("depends"), dict):
-        raise ValueError("it is no part of a benchmark, expected the key depends")
+        raise ValueError("it is not a part of a benchmark, expected the key depends")
     if content.get("sha256") != _hash(content.get("result")):
         raise ValueError("its checksum differs, expected the result as it was written")
     return content["depends"], content["result"]

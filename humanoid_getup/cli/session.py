@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from humanoid_getup.cli.backends import open_backend
-from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.inputs import find_start
-from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
+from humanoid_getup.cli.session_hooks import Result, SessionHooks
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
-from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.falls import Fall, settle_posture
@@ -27,8 +25,6 @@ from robots.kinematics import read_posture
 
 WHERE_IT_LAY = "where the robot lay"
 OWN_START = "the motion's own"
-
-Result = TypeVar("Result")
 
 
 def run_session(
@@ -64,13 +60,7 @@ def run_session(
         about = {} if motion is None else {"motion": motion.name}
         log = make_log(command, world.robot, own_start and own_start.posture, **about)
         with recording(log) as recorder:
-            key = OperatorKey(realtime=choice.realtime)
-
-            def note(change: PhaseChange) -> None:
-                key.note(change)
-                report(change.phase.value)
-                recorder.note(change)
-
+            hooks = SessionHooks(choice, recorder, report)
             session = RiseSession.on(
                 choice.backend,
                 strategy,
@@ -78,18 +68,11 @@ def run_session(
                 settle=own_start is None,
                 balance=command.balance,
                 then=command.ending,
-                is_released=key.is_released,
-                realtime=choice.realtime,
-                simulation=choice.simulation,
+                **hooks.fields(),
                 **_locate(command),
-                on_phase=note,
-                on_cycle=recorder.log,
                 **options,
             )
-            with refusing():
-                work = prepare(session, rng)
-            with key.watch(session.guard):
-                result = work()
+            result = hooks.work(session.guard, lambda: prepare(session, rng))
         report("drawing")
         origin = command.origin or (OWN_START if own_start else WHERE_IT_LAY)
         return finish(result, origin)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from humanoid_getup.cli.backends import open_backend
-from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.inputs import load_world, make_torque_limit
-from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.options.stand import Hold, Sit
 from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over_stand, reporting_hand_over
-from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.cli.session_hooks import SessionHooks
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.execution.stand_session import StandSession
 from humanoid_getup.simulation.falls import settle_posture
@@ -34,29 +32,16 @@ def _keep_stand(command: Sit | Hold) -> int:
     opened = open_backend(command, world, limit)
     with phase("opening the backend") as report, opened as choice:
         with recording(make_log(command, world.robot)) as recorder:
-            key, place = OperatorKey(realtime=choice.realtime), choice.place
-
-            def note(change: PhaseChange) -> None:
-                key.note(change)
-                report(change.phase.value)
-                recorder.note(change)
-
+            hooks, place = SessionHooks(choice, recorder, report), choice.place
             session = StandSession.on(
                 choice.backend,
                 world,
                 limit,
                 then=command.ending,
-                is_released=key.is_released,
-                realtime=choice.realtime,
-                simulation=choice.simulation,
                 place=place and (lambda: place(at_rest)),
-                on_phase=note,
-                on_cycle=recorder.log,
+                **hooks.fields(),
             )
-            with refusing():
-                keeper = StandKeeper(session)
-            with key.watch(session.guard):
-                result = keeper.start()
+            result = hooks.work(session.guard, lambda: StandKeeper(session).start)
         report("drawing")
         with reporting_hand_over(result):
             return hand_over_stand(result, world, command)

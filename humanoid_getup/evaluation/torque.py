@@ -39,7 +39,7 @@ def find_saturation(
     """Find where servos have all the torque of their supply [V], (...), as (..., n).
 
     Torques [N·m] and speeds [rad/s] of the actuators are (..., n). A torque limit below the
-    torque-speed line of the supply is no saturation.
+    torque-speed line of the supply is not saturation.
     """
     share = np.asarray(voltage)[..., None] / robot.nominal_voltage
     stall = share * robot.max_torque

@@ -80,7 +80,7 @@ class HandRecorder:
         """Whether the person wants what was recorded."""
 
     def reset(self, state: State) -> None:
-        """Begin anew."""
+        """Start over."""
         del state
         self.keys.clear()
         self.done, self.is_kept = False, True

@@ -79,12 +79,12 @@ class SearchLog:
             if len(each.cost) != POPULATION and not problems
         ]
         if problems:
-            raise ValueError(f"{path}: {'; '.join(problems)} (a search without --resume begins)")
+            raise ValueError(f"{path}: {'; '.join(problems)} (without --resume it starts over)")
         mine, other = asdict(task), asdict(file.task)
         if changed := [key for key in mine if mine[key] != other[key]]:
             raise ValueError(
-                f"{path}: made with another {', '.join(changed)}, expected the same (a search "
-                "without --resume begins anew)"
+                f"{path}: made with another {', '.join(changed)}, expected the same "
+                "(without --resume it starts over)"
             )
         return cls(path, task, list(file.generations))
 

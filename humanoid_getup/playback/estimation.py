@@ -76,14 +76,14 @@ def _allow_intrusion(scene: Scene) -> dict[str, float]:
 
 
 def _check_intrusion(depths: dict[str, float], allowed: dict[str, float]) -> None:
-    told = [
+    problems = [
         f"{1000 * depth:.1f} mm into {'the ground' if name == GROUND else f'obstacle {name!r}'}, "
         f"expected at most {1000 * allowed[name]:.0f} mm"
         for name, depth in depths.items()
         if depth > allowed[name]
     ]
-    if told:
-        raise StartError(f"start posture reaches {'; '.join(told)}")
+    if problems:
+        raise StartError(f"start posture reaches {'; '.join(problems)}")
 
 
 def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
@@ -120,15 +120,15 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
                 break
     angles = np.ptp([s.joint_pos for s in recent], axis=0)
     worst = guard.robot.joint_names[int(angles.argmax())]
-    told = (
+    text = (
         f"the robot does not come to rest: in the last {REST_TIME:g} of {MAX_SETTLE:g} s joint "
         f"'{worst}' moved by {angles.max():.2f} rad, expected at most {REST_ANGLE:.2f} rad"
     )
     if all(s.has_imu for s in recent):
         speed = max(float(np.abs(s.gyro).max()) for s in recent)
-        told += f", and the torso turned at up to {speed:.2f} rad/s, expected at most {REST_SPEED} "
-        told += "rad/s"
-    raise StartError(told)
+        text += f", and the torso turned at up to {speed:.2f} rad/s, expected at most {REST_SPEED} "
+        text += "rad/s"
+    raise StartError(text)
 
 
 def _is_still(recent: Iterable[State]) -> bool:

@@ -235,7 +235,7 @@ class MotionMonitor:
         """Check for a fall, a wrong tilt or a stuck joint; without an IMU for the last only."""
         expected, angles = self._expect(state.time - self._begin - self._player.approach_time)
         if self._sense_gravity is None or not state.has_imu:
-            # Only whether a joint is stuck can be told, where the motion does not stand.
+            # Only whether a joint is stuck is known where the motion does not stand.
             self._is_up = vector_angle(expected, DOWN) < UPRIGHT
             return self._check_progress(state, target, angles)
         gravity_b = self._sense_gravity(state.orientation)

@@ -44,7 +44,7 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
 
     What overlaps in the stance may overlap in squats.
     """
-    search, allowed = _SquatSearch(limbs), _find_overlaps(limbs, limbs.robot.standing.joint_pos)
+    search, usual = _SquatSearch(limbs), _find_overlaps(limbs, limbs.robot.standing.joint_pos)
     squats: list[Squat] = []
     missed = 0
     for extension in EXTENSIONS:
@@ -52,7 +52,7 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
         if (
             angles is None
             or statics.measure_lean(angles) > MOST_LEAN
-            or _find_overlaps(limbs, angles) - allowed
+            or _find_overlaps(limbs, angles) - usual
         ):
             missed += bool(squats)
             if missed >= GAP:

@@ -58,7 +58,7 @@ class Anatomy:
 
     @cached_property
     def arms(self) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
-        """Return pairs of limbs, left and right, that are no legs; each to its longest end."""
+        """Return pairs of limbs, left and right, that are not legs; each to its longest end."""
         in_legs = {hinge for leg in self.legs for hinge in leg}
         found: dict[int, tuple[int, ...]] = {}
         for leaf in self.tree.leaves:

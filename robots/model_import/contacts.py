@@ -49,6 +49,17 @@ def find_brackets(
     return sorted(always)
 
 
+def exclude_brackets(spec: mujoco.MjSpec, model: mujoco.MjModel, stance: Array) -> str:
+    """Switch the contacts off that `find_brackets` finds; return which, or "" for none."""
+    pairs = [
+        (model.body(first).name, model.body(second).name)
+        for first, second in find_brackets(model, stance, np.random.default_rng(0))
+    ]
+    for first, second in pairs:
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+    return ", ".join(f"{first} with {second}" for first, second in pairs)
+
+
 def count_hinges_between(model: mujoco.MjModel, first: int, second: int) -> int:
     """Count the hinges on the way from one body to another."""
     ways = [_way_up(model, body) for body in (first, second)]

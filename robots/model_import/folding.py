@@ -7,16 +7,15 @@ motors and rods are fixed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from robots.model_import.ties import NOTHING, Tie, group_ties
 from robots.quaternion import Array
 
-NARROW = 0.1  # rad; a tendon that is limited to less couples its joints, with backlash
-NOTHING = 1e-6  # of a constraint's rows
 LOOSE = 0.02  # share by which constraints may miss each other
 LIGHT = 0.05  # share of the robot's mass that motors and rods may carry
 LOOP_STEP = 0.01  # to which the turns of a closed loop are rounded: they change with the pose
@@ -54,23 +53,10 @@ class Fold:
         return f"{joints} driven by {motors} through {by}: {fixed} fixed{measured}"
 
 
-def find_folds(model: mujoco.MjModel, qpos: Array) -> list[Fold]:
-    """Find the drives of a model, by its constraints at MuJoCo positions (nq,)."""
-    if not model.neq + model.ntendon:
-        return []
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_fwdPosition(model, data)
-    equalities, rows = _list_rows(model, data)
-    hinges = model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]
-    rows = rows[:, hinges]
-    folds = []
-    for members, own in _list_components(rows):
-        dofs = [int(hinges[k]) for k in members]
-        is_loop = any(equalities[r] for r in own)
-        fold = _fold(model, [int(model.dof_jntid[d]) for d in dofs], rows[own][:, members], is_loop)
-        folds += [fold] if fold else []
-    return folds
+def find_folds(model: mujoco.MjModel, ties: Iterable[Tie]) -> list[Fold]:
+    """Find the drives of a model among what ties its hinges."""
+    folds = [_fold(model, group) for group in group_ties(ties)]
+    return [each for each in folds if each is not None]
 
 
 def fold(spec: mujoco.MjSpec, folds: Sequence[Fold]) -> None:
@@ -82,51 +68,10 @@ def fold(spec: mujoco.MjSpec, folds: Sequence[Fold]) -> None:
         spec.delete(spec.joint(name))
 
 
-def _list_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[bool], Array]:
-    """List linear relations between speeds, (r, nv), and whether each is of a closed loop."""
-    jacobian = np.zeros((data.nefc, model.nv))
-    if mujoco.mj_isSparse(model):
-        mujoco.mju_sparse2dense(
-            jacobian, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
-        )
-    else:
-        jacobian[:] = data.efc_J.reshape(data.nefc, model.nv)
-    ties = np.flatnonzero(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-    loops = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-    kinds = np.isin(model.eq_type[data.efc_id[ties]], [int(kind) for kind in loops]).tolist()
-    tendons = np.array(list(_list_narrow_tendons(model))).reshape(-1, model.nv)
-    return kinds + [False] * len(tendons), np.concatenate([jacobian[ties], tendons])
-
-
-def _list_narrow_tendons(model: mujoco.MjModel) -> Iterator[Array]:
-    """List fixed tendons that can hardly change their length, as rows (nv,)."""
-    for tendon in range(model.ntendon):
-        first = int(model.tendon_adr[tendon])
-        own = slice(first, first + int(model.tendon_num[tendon]))
-        is_fixed = np.all(model.wrap_type[own] == mujoco.mjtWrap.mjWRAP_JOINT)
-        if not (is_fixed and model.tendon_limited[tendon]):
-            continue
-        row = np.zeros(model.nv)
-        row[model.jnt_dofadr[model.wrap_objid[own]]] = model.wrap_prm[own]
-        if np.ptp(model.tendon_range[tendon]) <= NARROW * np.abs(row).max():
-            yield row
-
-
-def _list_components(rows: Array) -> Iterator[tuple[list[int], list[int]]]:
-    """List columns that rows tie together, and those rows."""
-    left = [set(np.flatnonzero(np.abs(row) > NOTHING).tolist()) for row in rows]
-    open_rows = [r for r, members in enumerate(left) if members]
-    while open_rows:
-        members, own = set(left[open_rows[0]]), [open_rows.pop(0)]
-        while found := [r for r in open_rows if left[r] & members]:
-            members |= set().union(*(left[r] for r in found))
-            own += found
-            open_rows = [r for r in open_rows if r not in found]
-        yield sorted(members), own
-
-
-def _fold(model: mujoco.MjModel, joints: list[int], rows: Array, is_loop: bool) -> Fold | None:
-    """Fold joints that rows (r, len(joints)) tie together, if motors drive as many of them."""
+def _fold(model: mujoco.MjModel, ties: Sequence[Tie]) -> Fold | None:
+    """Fold joints that are tied together, if motors drive as many of them."""
+    is_loop = any(tie.is_loop for tie in ties)
+    joints, rows = _read_rows(model, ties)
     driven = set(model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, 0])
     motors = [k for k, joint in enumerate(joints) if joint in driven]
     others = [k for k, joint in enumerate(joints) if joint not in driven]
@@ -159,6 +104,15 @@ def _fold(model: mujoco.MjModel, joints: list[int], rows: Array, is_loop: bool) 
         matrix=matrix,
         is_loop=is_loop,
     )
+
+
+def _read_rows(model: mujoco.MjModel, ties: Sequence[Tie]) -> tuple[list[int], Array]:
+    """Return the joints that are tied, (j,), and their shares in each tie, (r, j)."""
+    joints = sorted({model.joint(name).id for tie in ties for name in tie.joints})
+    rows = np.zeros((len(ties), len(joints)))
+    for row, tie in zip(rows, ties, strict=True):
+        row[[joints.index(model.joint(name).id) for name in tie.joints]] = tie.shares
+    return joints, rows
 
 
 def _is_light(model: mujoco.MjModel, fixed: list[int], outputs: list[int]) -> bool:

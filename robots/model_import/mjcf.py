@@ -1,17 +1,16 @@
-"""MJCF files: a model, what its actuators can do, what is coupled, and a keyframe."""
+"""MJCF files: a model, what its actuators can do, what is tied, and a keyframe."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from robots.model_import.folding import find_folds, fold
-from robots.model_import.source import ActuatorFigures, Coupling, ImportFault, ModelSource
-
-TIGHT = 0.1  # rad; a tendon with less room couples its joints
+from robots.model_import.folding import Fold, find_folds, fold
+from robots.model_import.source import ActuatorFigures, ImportFault, ModelSource
+from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
 
 
 def read_mjcf(path: Path) -> ModelSource:
@@ -38,7 +37,8 @@ def read_mjcf(path: Path) -> ModelSource:
             if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         }
     actuators = _list_actuators(model)
-    if folds := find_folds(model, qpos):
+    ties = list_ties(model, qpos)
+    if folds := find_folds(model, ties):
         fold(spec, folds)
         model = spec.compile()
         moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
@@ -49,9 +49,17 @@ def read_mjcf(path: Path) -> ModelSource:
         actuators=actuators,
         stance=stance,
         folds=tuple(folds),
-        couplings=(*_list_equalities(model), *_list_tendons(model)),
+        ties=() if folds else tuple(tie for tie in ties if not tie.is_loop),
         loops=tuple(_list_loops(model)),
+        notes=tuple(_list_separate(ties, folds)) if folds else (),
     )
+
+
+def _list_separate(ties: Sequence[Tie], folds: Sequence[Fold]) -> Iterator[str]:
+    """List the ties that are lost as folds are made, which they are not part of."""
+    folded = {name for each in folds for name in (*each.motors, *each.joints, *each.rods)}
+    for group in group_ties(tie for tie in ties if not folded & {*tie.joints}):
+        yield describe_separate(dict.fromkeys(name for tie in group for name in tie.joints))
 
 
 def _forget_scene(spec: mujoco.MjSpec) -> None:
@@ -66,26 +74,6 @@ def _forget_scene(spec: mujoco.MjSpec) -> None:
         spec.delete(pair)
     for sensor in list(spec.sensors):
         spec.delete(sensor)
-
-
-def _list_equalities(model: mujoco.MjModel) -> Iterator[Coupling]:
-    for k in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
-        follower, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-        ratio = float(model.eq_data[k, 1])
-        if leader >= 0 and ratio != 0.0:
-            yield Coupling((model.joint(follower).name, model.joint(leader).name), (1.0, -ratio))
-
-
-def _list_tendons(model: mujoco.MjModel) -> Iterator[Coupling]:
-    """List couplings by fixed tendons that can hardly move."""
-    for tendon in range(model.ntendon):
-        first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
-        parts = range(first, first + count)
-        is_fixed = all(model.wrap_type[k] == mujoco.mjtWrap.mjWRAP_JOINT for k in parts)
-        is_tight = model.tendon_limited[tendon] and np.ptp(model.tendon_range[tendon]) < TIGHT
-        if count > 1 and is_fixed and is_tight:
-            joints = tuple(model.joint(int(model.wrap_objid[k])).name for k in parts)
-            yield Coupling(joints, tuple(float(model.wrap_prm[k]) for k in parts))
 
 
 def _list_loops(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:

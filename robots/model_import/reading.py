@@ -1,4 +1,4 @@
-"""Model files: MJCF or URDF, told apart by their root element."""
+"""Model files: MJCF or URDF, distinguished by their root element."""
 
 from __future__ import annotations
 

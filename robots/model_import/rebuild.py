@@ -1,4 +1,4 @@
-"""A robot's own model: built anew from a tree, its torso's axes forward, left and up."""
+"""A robot's own model: rebuilt from a tree, its torso's axes forward, left and up."""
 
 from __future__ import annotations
 

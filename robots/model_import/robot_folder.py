@@ -136,7 +136,7 @@ def _list_guesses(robot: ImportedRobot) -> list[str]:
 
 
 def describe_servos(robot: ImportedRobot) -> str:
-    """Write the servos.toml of an imported robot: motors that are no Dynamixel."""
+    """Write the servos.toml of an imported robot: motors that are not Dynamixels."""
     lines = [
         "# Motors that the package does not know. Torque and speed are the model's; the rest is",
         "# scaled from the XM540-W270 by the torque: replace it by what you know.",

@@ -201,7 +201,7 @@ def _match(figures: ActuatorFigures, supply: float, own: dict[str, dict[str, flo
 
 
 def describe_motor(effort: float, speed: float, supply: float) -> dict[str, float]:
-    """Derive the figures of a motor that is no Dynamixel from its torque [N·m] and speed [rad/s].
+    """Derive the figures of another motor than a Dynamixel from torque [N·m] and speed [rad/s].
 
     Rotor, friction and mass scale with the torque as those of the XM540-W270 do, current with
     torque over voltage.

@@ -28,7 +28,7 @@ class SitePlacer:
     def __init__(
         self, path: Path, anatomy: Anatomy, builder: Rebuilder, guesses: list[str]
     ) -> None:
-        """Prepare to add sites; ``guesses`` is told what to confirm."""
+        """Prepare to add sites; what is to be confirmed is added to ``guesses``."""
         self._path, self._anatomy, self._builder = path, anatomy, builder
         self._guesses = guesses
 

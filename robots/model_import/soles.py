@@ -40,7 +40,7 @@ def find_sole(
         model: Rebuilt model: x forward, z up.
         data: Its kinematics in a pose in which the soles look down, more or less.
         body: Of a foot.
-        least_area: Below which a face is no sole [m²].
+        least_area: Below which a face is not a sole [m²].
     """
     best: Sole | None = None
     rotation = data.xmat[body].reshape(3, 3)

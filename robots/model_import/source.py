@@ -1,4 +1,4 @@
-"""What a model file says: a compiled model, its actuators, couplings and a stance."""
+"""What a model file says: a compiled model, its actuators, ties and a stance."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 
 from robots.model_import.folding import Fold
+from robots.model_import.ties import Tie
 
 
 class ImportFault(ValueError):
@@ -29,14 +30,6 @@ class ActuatorFigures:
     """Largest speed of the joint [rad/s]."""
 
 
-@dataclass(frozen=True)
-class Coupling:
-    """Joints that a gear or a linkage ties together: the sum of share times angle is constant."""
-
-    joints: tuple[str, ...]
-    shares: tuple[float, ...]
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ModelSource:
     """A model file as read."""
@@ -47,7 +40,8 @@ class ModelSource:
     """By joint name, of the joints that have one; empty if the model says nothing."""
     stance: dict[str, float] = field(default_factory=dict)
     """Angles of a keyframe by joint name [rad]; empty without keyframes."""
-    couplings: tuple[Coupling, ...] = ()
+    ties: tuple[Tie, ...] = ()
+    """Gears, tendons and mimics that are not in `folds`."""
     loops: tuple[tuple[int, int], ...] = ()
     """Pairs of bodies that closed loops join."""
     folds: tuple[Fold, ...] = ()

@@ -10,11 +10,10 @@ import mujoco
 import numpy as np
 from scipy.optimize import least_squares
 
-from robots.model_import.symmetry import Mirror
+from robots.model_import.body import Body
 from robots.quaternion import Array
 
 EXTENSION = 0.94  # of the longest leg
-DEEPEST = 0.30  # of the longest leg, the shortest that is tried
 BEND = 0.6  # rad by which knees are bent before the search
 CLOSE, LOOSE, HABIT = 5.0, 0.3, 0.02
 """Weights: of the feet's place, of the arms' direction, of the angles' distance from before."""
@@ -26,30 +25,6 @@ MARGIN = 0.02  # rad from the end of a joint's range
 SOLVED = 0.03  # largest residual of a stance, in leg lengths and unit vectors
 ROOT = 7  # positions of a free joint
 EVALUATIONS = 200
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Body:
-    """A floating model and which of its n hinges, in the model's order, are what."""
-
-    model: mujoco.MjModel
-    mirror: Mirror
-    legs: tuple[tuple[int, ...], tuple[int, ...]]
-    """Hinges of the left and of the right leg, from the hip down."""
-    arms: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
-    """Hinges of pairs of arms, left and right."""
-    soles: tuple[str, str]
-    """Sites of the left and the right sole."""
-
-    @property
-    def lower(self) -> Array:
-        """Return the lower joint limits [rad], (n,)."""
-        return self.model.jnt_range[1:, 0]
-
-    @property
-    def upper(self) -> Array:
-        """Return the upper joint limits [rad], (n,)."""
-        return self.model.jnt_range[1:, 1]
 
 
 @dataclass(frozen=True, eq=False)

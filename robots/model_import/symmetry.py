@@ -14,7 +14,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 """What a reflection in the plane y = 0 makes of a point's coordinates."""
 MIRROR_AXIS = -MIRROR
 """What it makes of an axis of rotation's."""
-FAR = 0.12  # share of the height; hinges farther from their mirror image are no pair
+FAR = 0.12  # share of the height; hinges farther from their mirror image are not a pair
 ASKEW = np.cos(np.radians(35.0))
 NAME_BONUS = 0.3
 

@@ -1,4 +1,4 @@
-"""URDF files: a model with its meshes, what its limits say of motors, and what is coupled."""
+"""URDF files: a model with its meshes, what its limits say of motors, and what is tied."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 
 from robots.model_import.rebuild import LEAST_INERTIA, LEAST_MASS
-from robots.model_import.source import ActuatorFigures, Coupling, ImportFault, ModelSource
+from robots.model_import.source import ActuatorFigures, ImportFault, ModelSource
+from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
 from robots.validation import shown
 
@@ -53,7 +54,7 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
         path=path,
         model=model,
         actuators=dict(_list_limits(root)),
-        couplings=tuple(_list_mimics(root)),
+        ties=tuple(_list_mimics(root)),
         notes=tuple(notes),
     )
 
@@ -121,12 +122,12 @@ def _write_inertia(moment: float) -> dict[str, str]:
     return {key: f"{moment:g}" if key in INERTIA[:3] else "0" for key in INERTIA}
 
 
-def _list_mimics(root: ET.Element) -> Iterator[Coupling]:
+def _list_mimics(root: ET.Element) -> Iterator[Tie]:
     for joint in root.findall("joint"):
         mimic = joint.find("mimic")
         if mimic is not None:
             ratio = float(mimic.get("multiplier", "1"))
-            yield Coupling((joint.get("name", ""), mimic.get("joint", "")), (1.0, -ratio))
+            yield Tie.follow(joint.get("name", ""), mimic.get("joint", ""), ratio)
 
 
 def _find_limit_problems(path: Path, root: ET.Element) -> Iterator[str]:

@@ -94,7 +94,8 @@ def test_a_models_own_step_is_kept_where_it_is_shorter(own_robot):
 @pytest.mark.parametrize("name", ["nao", "", "../..", "/nowhere/at/all", "a\nb"])
 def test_an_unknown_robot_is_named_with_what_is_expected(name):
     with pytest.raises(
-        RobotError, match=r"unknown robot '.*': expected human, op3, toddlerbot, or a folder"
+        RobotError,
+        match=r"unknown robot '.*': expected human, op3, toddlerbot, wolfgang, or a folder",
     ) as caught:
         load_robot(name)
     assert "\n" not in str(caught.value)

@@ -89,7 +89,7 @@ GROUPS: dict[str, list[Case]] = {
         case("bench all --n 0", "--n is 0, expected 1 or more"),
         case("bench all --limit-by luck", "--limit-by is 'luck', expected current, pwm or ideal"),
         case("bench all --out text.txt", "text.txt is not a folder"),
-        case("bench all --out begun --quick --resume", "parts/plan_stall_torque", "anew"),
+        case("bench all --out begun --quick --resume", "parts/plan_stall_torque", "starts over"),
         case(
             "play squat_to_stand --without-imu",
             "robot 'op3' has an IMU (board)",

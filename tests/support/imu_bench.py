@@ -105,7 +105,7 @@ class ImuBench:
             self.port.left = self.port.rate
         self._sense(turn)
         self.source.request(self.time)
-        return self.source.poll(self.time)
+        return self.source.poll()
 
     def first(self) -> ImuSample:
         """Run cycles at rest until there is a sample."""

@@ -1,4 +1,4 @@
-"""A small humanoid of boxes, as a model file that nobody prepared: MJCF or URDF."""
+"""A small humanoid of boxes, as a plain model file: MJCF or URDF."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spoiling a robot's folder, and hearing what is said of it."""
+"""Spoiling a text or a robot's folder, and hearing what is said of it."""
 
 from pathlib import Path
 
@@ -7,11 +7,14 @@ import pytest
 from robots import RobotError, load_robot
 
 
+def spoiled(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new)
+
+
 def spoil(folder: Path, old: str, new: str, file: str = "robot.toml") -> None:
     path = folder / file
-    text = path.read_text("utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new), "utf-8")
+    path.write_text(spoiled(path.read_text("utf-8"), old, new), "utf-8")
 
 
 def complaint(folder: Path) -> str:

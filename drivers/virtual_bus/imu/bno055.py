@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from drivers.imu.bno055 import (
     ACC_DATA,
     ACCELEROMETER_STEP,
@@ -16,26 +14,19 @@ from drivers.imu.bno055 import (
     PAGE_ID,
 )
 from drivers.imu.register_link import DATA, DONE, READ, START, STATUS, WRITE
-from drivers.virtual_bus.imu.reading import ImuReading
-from robots.quaternion import Array
+from drivers.virtual_bus.imu.i2c_chip import VirtualI2cChip
+from drivers.virtual_bus.imu.reading import ImuReading, to_counts
 
 PAGE_SIZE = 0x80
 INVALID_ADDRESS, WRONG_START = 0x04, 0x06  # status bytes of a UART frame (data sheet, 4.7)
 
 
-class VirtualBno055:
+class VirtualBno055(VirtualI2cChip):
     """Two pages of registers; it measures in the mode that samples gyro and accelerometer.
 
     As on the chip, the registers of page 1 and the units may only be written in configuration
     mode, in which the data registers hold zeros.
     """
-
-    path = "virtual I2C"
-
-    def __init__(self) -> None:
-        self.alive, self.frozen = True, False
-        self._reading: ImuReading | None = None
-        self.restart()
 
     def restart(self) -> None:
         """Lose power for a moment: all registers are as after power-up."""
@@ -58,8 +49,8 @@ class VirtualBno055:
         registers, reading = self.pages[0], self._reading
         gyro = accelerometer = bytes(6)
         if reading is not None and self.mode == ACCGYRO_MODE:
-            gyro = _to_counts(reading.gyro, GYRO_STEP)
-            accelerometer = _to_counts(reading.accelerometer, ACCELEROMETER_STEP)
+            gyro = to_counts(reading.gyro, GYRO_STEP)
+            accelerometer = to_counts(reading.accelerometer, ACCELEROMETER_STEP)
         registers[GYR_DATA : GYR_DATA + 6] = gyro
         registers[ACC_DATA : ACC_DATA + 6] = accelerometer
 
@@ -84,16 +75,8 @@ class VirtualBno055:
 
     # I2C ------------------------------------------------------------------------------------
 
-    def open(self) -> None:
-        """Do nothing: its bus is there."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-    def transfer(self, data: bytes, count: int = 0) -> bytes:
+    def exchange(self, data: bytes, count: int) -> bytes:
         """Write a register's address and values, then read on from there."""
-        if not self.alive:
-            raise OSError(121, "Remote I/O error")  # no acknowledgement
         register, *values = data
         for place, value in enumerate(values):
             self.write(register + place, value)
@@ -137,7 +120,3 @@ class VirtualBno055:
         for place, value in enumerate(values):
             self.write(register + place, value)
         return bytes([STATUS, DONE])
-
-
-def _to_counts(value: Array, step: float) -> bytes:
-    return np.clip(np.rint(value / step), -32768, 32767).astype("<i2").tobytes()

@@ -5,8 +5,6 @@ from __future__ import annotations
 import struct
 from collections import deque
 
-import numpy as np
-
 from drivers.imu.bno08x_i2c import (
     ACCELEROMETER,
     ACCELEROMETER_STEP,
@@ -24,27 +22,20 @@ from drivers.imu.bno08x_i2c import (
     SET_FEATURE,
     TIMEBASE,
 )
-from drivers.virtual_bus.imu.reading import ImuReading
-from robots.quaternion import Array
+from drivers.virtual_bus.imu.i2c_chip import VirtualI2cChip
+from drivers.virtual_bus.imu.reading import ImuReading, to_counts
 
 KEPT = 8  # packets that wait for the host; older reports are dropped
 # Version 3.2, part, build and patch numbers as an example; 16 bytes (SH-2).
 PRODUCT = struct.pack("<BBBBIIHH", PRODUCT_RESPONSE, 1, 3, 2, 10003608, 370, 7, 0)
 
 
-class VirtualBno08xI2c:
+class VirtualBno08xI2c(VirtualI2cChip):
     """Queues packets, and hands out as many of their bytes as are read.
 
     As on the chip, every read begins with a header; the rest of a packet that was read in part
     follows with the next one, marked as a continuation.
     """
-
-    path = "virtual I2C"
-
-    def __init__(self) -> None:
-        self.alive, self.frozen = True, False
-        self._reading: ImuReading | None = None
-        self.restart()
 
     def restart(self) -> None:
         """Lose power for a moment: no feature is on, and the hub says that it has started."""
@@ -60,16 +51,8 @@ class VirtualBno08xI2c:
             self._reading = reading
         self._report()
 
-    def open(self) -> None:
-        """Do nothing: its bus is there."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-    def transfer(self, data: bytes, count: int = 0) -> bytes:
+    def exchange(self, data: bytes, count: int) -> bytes:
         """Take a packet from the host, then hand out bytes of the next one."""
-        if not self.alive:
-            raise OSError(121, "Remote I/O error")  # no acknowledgement
         if data:
             self._execute(data[PACKET.size :])
         return self._hand_out(count) if count else b""
@@ -94,7 +77,7 @@ class VirtualBno08xI2c:
             (GYRO, self._reading.gyro, GYRO_STEP),
         ):
             if sensor in self._features:
-                cargo += bytes([sensor, self._reports % 256, 3, 0]) + _to_counts(value, step)
+                cargo += bytes([sensor, self._reports % 256, 3, 0]) + to_counts(value, step)
         self._reports += 1
         waiting = [packet for packet in self._packets if packet[0] == REPORTS]
         if len(waiting) >= KEPT:
@@ -115,7 +98,3 @@ class VirtualBno08xI2c:
         handed, left = cargo[:room], cargo[room:]
         self._rest = (channel, sequence, left) if left else None
         return (PACKET.pack(length, channel, sequence) + handed)[:count].ljust(count, b"\0")
-
-
-def _to_counts(value: Array, step: float) -> bytes:
-    return np.clip(np.rint(value / step), -32768, 32767).astype("<i2").tobytes()

@@ -12,20 +12,20 @@ from drivers.imu.bno08x_rvc import (
     HEADER,
     INDICES,
 )
-from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.imu.reading import ImuReading, to_counts
+from drivers.virtual_bus.imu.sender import VirtualSender
 from robots.quaternion import Array, slerp
 
 
-class VirtualBno08xRvc:
+class VirtualBno08xRvc(VirtualSender):
     """Sends a frame every 10 ms of bus time, by its own clock."""
 
     def __init__(self) -> None:
-        self.alive, self.frozen = True, False
+        super().__init__()
         self._index = 0
         self._due = 0.0
         self._last: ImuReading | None = None
         self._values = b""
-        self._pending = b""
 
     def sense(self, reading: ImuReading) -> None:
         """Send the frames that came due since the last measurement; it turned evenly between."""
@@ -38,15 +38,6 @@ class VirtualBno08xRvc:
             self._pending += self._next_frame(orientation, reading.accelerometer)
             self._due += FRAME_PERIOD
 
-    def take(self) -> bytes:
-        """Return the frames since the last call."""
-        pending, self._pending = self._pending, b""
-        return pending if self.alive else b""
-
-    def hear(self, data: bytes) -> bytes:  # noqa: ARG002
-        """Ignore what is sent to it."""
-        return b""
-
     def repeat(self) -> bytes:
         """Send one more frame, of a robot that rests."""
         if not (self.alive and self._last):
@@ -55,9 +46,8 @@ class VirtualBno08xRvc:
 
     def _next_frame(self, orientation: Array, accelerometer: Array) -> bytes:
         if not (self.frozen and self._values):
-            angles = np.rint(_to_angles(orientation) / ANGLE_STEP)
-            force = np.clip(np.rint(accelerometer / FORCE_STEP), -32768, 32767)
-            self._values = np.concatenate([angles, force]).astype("<i2").tobytes()
+            angles = to_counts(_to_angles(orientation), ANGLE_STEP)
+            self._values = angles + to_counts(accelerometer, FORCE_STEP)
         body = bytes([self._index]) + self._values + bytes(3)
         self._index = (self._index + 1) % INDICES
         assert len(body) == BODY.size

@@ -42,6 +42,11 @@ class ImuReading:
         )
 
 
+def to_counts(value: Array, step: float) -> bytes:
+    """Convert a vector to the 16-bit counts of a register, as far as they reach."""
+    return np.clip(np.rint(value / step), -32768, 32767).astype("<i2").tobytes()
+
+
 class VirtualImu(Protocol):
     """A virtual IMU on its own line."""
 

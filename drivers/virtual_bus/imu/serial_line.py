@@ -4,31 +4,22 @@ from __future__ import annotations
 
 from drivers.imu.serial_line import ACCELEROMETER_UNITS, GYRO_UNITS, checksum_of
 from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.imu.sender import VirtualSender
 from robots.imu import VALUES, ImuSettings
 
 
-class VirtualSerialLine:
+class VirtualSerialLine(VirtualSender):
     """Sends a line with every measurement, in the format of its settings."""
 
     def __init__(self, settings: ImuSettings) -> None:
-        self._settings = settings
-        self.alive, self.frozen = True, False
-        self._line = self._pending = b""
+        super().__init__()
+        self._settings, self._line = settings, b""
 
     def sense(self, reading: ImuReading) -> None:
         """Take and send a measurement."""
         if not self.frozen:
             self._line = self._write(reading)
         self._pending += self._line
-
-    def take(self) -> bytes:
-        """Return the lines since the last call."""
-        pending, self._pending = self._pending, b""
-        return pending if self.alive else b""
-
-    def hear(self, data: bytes) -> bytes:  # noqa: ARG002
-        """Ignore what is sent to it."""
-        return b""
 
     def repeat(self) -> bytes:
         """Send the last line again."""

@@ -20,7 +20,7 @@ FLOOR_PERCENTILE = 5.0  # of the lowest foot's height over a clip: where the flo
 UP = {"y": 1, "z": 2}
 LONGEST_FRAME = 1.0  # s
 READ_ERRORS = (ValueError, IndexError, KeyError, ZeroDivisionError)
-"""What the content of a file that is no clip may raise."""
+"""What the content of a file that is not a clip may raise."""
 
 
 class ClipError(ValueError):

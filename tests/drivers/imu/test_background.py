@@ -23,7 +23,7 @@ def test_the_thread_hands_over_what_it_has_read_with_its_age():
         sample = source.measure()
         assert sample is not None and 0.0 <= sample.age < 1.0
         assert sample.accelerometer == pytest.approx(up, abs=0.01)
-        assert source.poll(0.0) is None, "each sample is handed over once"
+        assert source.poll() is None, "each sample is handed over once"
     finally:
         source.close()
         source.close()

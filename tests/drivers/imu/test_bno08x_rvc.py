@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from imu_bench import KINDS, PERIOD, ImuBench
 
-from drivers.imu.bno08x_rvc import decode_frame
+from drivers.imu.bno08x_rvc import FRAME_PERIOD, INDICES, decode_frame
 
 # BNO080 data sheet (1000-3927, October 2017), 1.3.5.2: yaw 0.01, pitch -1.10, roll 20.85 degrees;
 # acceleration -371, -20 and 977 mg.
@@ -30,3 +31,18 @@ def test_a_wrong_byte_anywhere_is_noticed(place: int):
     spoiled = bytearray(EXAMPLE)
     spoiled[place] ^= 0x10
     assert decode_frame(bytes(spoiled)) is None
+
+
+def test_frames_on_both_sides_of_a_long_silence_make_no_sample():
+    """The index has repeated meanwhile: it does not say how long the robot has turned."""
+    rate = 0.5  # rad/s
+    bench = ImuBench(KINDS["BNO08x UART-RVC"])
+    bench.first()
+    bench.sensor.alive = False
+    silence = 1.02 * INDICES * FRAME_PERIOD
+    assert [bench.cycle(0.0, 0.0, rate) for _ in range(round(silence / PERIOD))].count(None) > 300
+    bench.sensor.alive = True
+    samples = [s for _ in range(10) if (s := bench.cycle(0.0, 0.0, rate)) is not None]
+    assert len(samples) > 3
+    for sample in samples:
+        assert sample.gyro == pytest.approx([0.0, 0.0, rate], abs=0.02)

@@ -61,7 +61,7 @@ def test_a_damaged_part_is_refused_in_one_line(tmp_path: Path, damage: str):
     store.run(part, lambda _: None)
     (file,) = tmp_path.iterdir()
     file.write_text(damage)
-    with pytest.raises(ValueError, match="a run without --resume begins anew") as told:
+    with pytest.raises(ValueError, match="a run without --resume starts over") as told:
         store.load(part)
     assert str(told.value).isprintable()
 

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from spoiling import spoiled
 
 from humanoid_getup.motions.build import load_robot_keyframes
 from humanoid_getup.motions.keyframes import SPEED_SHARE
@@ -193,7 +194,7 @@ def test_keys_of_any_robot_are_written_by_pairs(names: tuple[str, str], own_robo
 )
 def test_a_mistake_is_named_with_its_place(old, new, problem, tmp_path, op3):
     with pytest.raises(KeyframesError, match="motion") as refusal:
-        _read(tmp_path, op3, TEXT.replace(old, new))
+        _read(tmp_path, op3, spoiled(TEXT, old, new))
     assert problem in str(refusal.value)
 
 

@@ -50,7 +50,7 @@ def test_the_order_of_rows_does_not_matter(limbs: Limbs, own_folder: Path):
 
 
 def test_a_robot_may_lack_arms(own_folder: Path):
-    """Joints that are of the head alone are no arm."""
+    """Joints that are of the head alone are not an arm."""
     text = (own_folder / "robot.toml").read_text("utf-8").splitlines(keepends=True)
     arm = ("_sho_", '_el"')
     rows = [

@@ -1,4 +1,4 @@
-"""Which bodies touch the ground: told by the posture alone."""
+"""Which bodies touch the ground: found from the posture alone."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Models that are no humanoids, or are broken: one clear line each, and nothing half-made."""
+"""Models that are not humanoids, or are broken: one clear line each, and nothing half-made."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -63,7 +63,7 @@ def point_feet(spec: mujoco.MjSpec) -> None:
         (point_feet, "no flat face that looks down, expected a sole"),
     ],
 )
-def test_what_is_no_humanoid_is_told(tmp_path: Path, change, told: str):
+def test_a_model_that_is_not_a_humanoid_is_refused(tmp_path: Path, change, told: str):
     (problem,) = problems_of(tmp_path / "model.xml", small_humanoid(change=change))
     assert told in problem
 
@@ -84,7 +84,7 @@ def test_what_is_no_humanoid_is_told(tmp_path: Path, change, told: str):
         (small_urdf(mesh="noise.stl"), "cannot be read (it holds no solid)"),
     ],
 )
-def test_what_cannot_be_read_is_told(tmp_path: Path, content: str | bytes, told: str):
+def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, content: str | bytes, told: str):
     (tmp_path / "torso.step").write_text("a solid")
     (tmp_path / "noise.stl").write_text("no numbers here")
     assert told in "\n".join(problems_of(tmp_path / "model.xml", content))

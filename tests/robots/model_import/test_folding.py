@@ -8,6 +8,7 @@ import pytest
 
 from robots.model_import.folding import find_folds, fold
 from robots.model_import.reading import read_model
+from robots.model_import.ties import list_ties
 
 BASE = """<mujoco>
   <compiler angle="radian"/>
@@ -68,7 +69,7 @@ def build(ties: str, actuator: str = "") -> str:
 
 def find(text: str):
     model = mujoco.MjModel.from_xml_string(text)
-    return find_folds(model, model.qpos0)
+    return find_folds(model, list_ties(model, model.qpos0))
 
 
 def test_a_gear_pair_becomes_one_joint_with_a_gear():
@@ -97,7 +98,7 @@ def test_the_motors_of_a_differential_stand_by_the_joints_that_they_turn_most():
 @pytest.mark.parametrize(("lever", "ratio"), [("0.03", -1.0), ("0.06", -2.0), ("0.015", -0.5)])
 def test_rods_are_cut_and_their_ratio_is_measured(lever, ratio):
     model = mujoco.MjModel.from_xml_string(RODS.replace("LEVER", lever))
-    (found,) = find_folds(model, model.qpos0)
+    (found,) = find_folds(model, list_ties(model, model.qpos0))
     assert (found.motors, found.joints, found.rods) == (("motor",), ("knee",), ("rod",))
     assert found.gear == pytest.approx(ratio)
     assert "through rods" in found.describe()
@@ -122,7 +123,7 @@ def test_the_folded_model_keeps_driven_hinges_their_ranges_and_its_mass():
     text = build(DIFFERENTIAL, SECOND)
     spec = mujoco.MjSpec.from_string(text)
     before = spec.compile()
-    fold(spec, find_folds(before, before.qpos0))
+    fold(spec, find_folds(before, list_ties(before, before.qpos0)))
     after = spec.compile()
     names = [after.joint(k).name for k in range(after.njnt)][1:]
     assert names == ["yaw", "roll"]

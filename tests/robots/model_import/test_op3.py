@@ -1,4 +1,4 @@
-"""OP3's own models, imported as if nobody knew it."""
+"""OP3's own models, imported without their description."""
 
 from pathlib import Path
 

@@ -82,3 +82,19 @@ def test_what_a_motor_weighs_stays_on_its_link(tmp_path: Path, change):
 def test_a_loop_is_told(tmp_path: Path):
     notes = imported(tmp_path, add_rod).notes
     assert any("closed loop that joins rod and left_shank is open" in note for note in notes)
+
+
+def test_a_tie_beside_a_gear_is_reported_too(tmp_path: Path):
+    def change(spec: mujoco.MjSpec) -> None:
+        add_gear(spec)
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            name1="right_forearm_joint",
+            name2="right_upper_arm_joint",
+            data=[0.0, 1.0, *[0.0] * 10],
+        )
+
+    robot = imported(tmp_path, change)
+    assert [each.joints for each in robot.folds] == [("left_shank_joint",)]
+    (note,) = [note for note in robot.notes if "are coupled in the model" in note]
+    assert "right_forearm_joint" in note and "right_upper_arm_joint" in note

@@ -1,11 +1,12 @@
-"""Gears and linkages between joints: the motors' hinges are welded, the outputs' stay."""
+"""Ties that no known motor drives: hinges that only drive are welded, the outputs stay."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robots.model_import.source import ActuatorFigures, Coupling, ModelSource
+from robots.model_import.source import ActuatorFigures, ModelSource
+from robots.model_import.ties import Tie, describe_separate
 from robots.model_import.tree import Tree
 
 LIGHT = 0.1  # share of what the output moves, below which a hinge is only its motor's
@@ -13,7 +14,7 @@ LIGHT = 0.1  # share of what the output moves, below which a hinge is only its m
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """Joints that remain of those that are coupled."""
+    """Joints that remain of those that are tied."""
 
     motors: tuple[str, ...]
     """Joints that only turn a motor's shaft, to be welded."""
@@ -21,35 +22,35 @@ class Reduction:
     """What actuators can do at the joints that remain, by name."""
 
 
-def reduce_couplings(source: ModelSource, tree: Tree, notes: list[str]) -> Reduction:
-    """Choose the output of each coupling, with its motors' torque and speed there."""
+def reduce_ties(source: ModelSource, tree: Tree, notes: list[str]) -> Reduction:
+    """Choose the output of each tie, with its motors' torque and speed there."""
     hinges = {hinge.name: hinge for hinge in tree.hinges}
     motors: list[str] = []
     actuators = dict(source.actuators)
     loops = [loop for bodies in source.loops if (loop := _open_loop(tree, bodies, notes))]
-    for coupling in (*source.couplings, *loops):
-        if not set(coupling.joints) <= hinges.keys():
+    for tie in (*source.ties, *loops):
+        if not set(tie.joints) <= hinges.keys():
             continue
-        mass = [float(tree.model.body_subtreemass[hinges[j].body]) for j in coupling.joints]
+        mass = [float(tree.model.body_subtreemass[hinges[j].body]) for j in tie.joints]
         output = max(range(len(mass)), key=mass.__getitem__)
         drives = [k for k in range(len(mass)) if mass[k] < LIGHT * mass[output]]
-        _describe(coupling, output, drives, notes)
-        motors += [coupling.joints[k] for k in drives]
-        name = coupling.joints[output]
+        _describe(tie, output, drives, notes)
+        motors += [tie.joints[k] for k in drives]
+        name = tie.joints[output]
         if name not in source.actuators:
-            known = [k for k in drives if coupling.joints[k] in source.actuators]
+            known = [k for k in drives if tie.joints[k] in source.actuators]
             if known:
-                actuators[name] = _combine(coupling, output, known, source)
+                actuators[name] = _combine(tie, output, known, source)
     return Reduction(tuple(dict.fromkeys(motors)), actuators)
 
 
-def _open_loop(tree: Tree, bodies: tuple[int, int], notes: list[str]) -> Coupling | None:
+def _open_loop(tree: Tree, bodies: tuple[int, int], notes: list[str]) -> Tie | None:
     """Open a closed loop: its hinges are taken for those of a parallelogram."""
     ways = [set(_hinges_above(tree, body)) for body in bodies]
     loop = ways[0] ^ ways[1]
     names = [tree.model.body(body).name for body in bodies]
     notes.append(f"the closed loop that joins {names[0]} and {names[1]} is open, its gear 1 to 1")
-    return Coupling(tuple(sorted(loop)), (1.0,) * len(loop)) if len(loop) > 1 else None
+    return Tie(tuple(sorted(loop)), (1.0,) * len(loop)) if len(loop) > 1 else None
 
 
 def _hinges_above(tree: Tree, body: int) -> list[str]:
@@ -60,26 +61,22 @@ def _hinges_above(tree: Tree, body: int) -> list[str]:
     return found
 
 
-def _describe(coupling: Coupling, output: int, drives: Sequence[int], notes: list[str]) -> None:
-    name = coupling.joints[output]
+def _describe(tie: Tie, output: int, drives: Sequence[int], notes: list[str]) -> None:
+    name = tie.joints[output]
     if drives:
         driven = ", ".join(
-            f"{coupling.joints[k]} ({abs(coupling.shares[output] / coupling.shares[k]):.3g} turns "
-            "to one)"
+            f"{tie.joints[k]} ({abs(tie.shares[output] / tie.shares[k]):.3g} turns to one)"
             for k in drives
         )
         notes.append(f"joint {name} is driven by {driven}, welded here: its servo turns the output")
     else:
-        others = ", ".join(joint for joint in coupling.joints if joint != name)
-        notes.append(f"joints {name} and {others} are coupled in the model, and separate here")
+        notes.append(describe_separate(tie.joints))
 
 
-def _combine(
-    coupling: Coupling, output: int, drives: Sequence[int], source: ModelSource
-) -> ActuatorFigures:
+def _combine(tie: Tie, output: int, drives: Sequence[int], source: ModelSource) -> ActuatorFigures:
     """Convert what motors can do to the output: the weakest one limits it."""
-    gears = [abs(coupling.shares[output] / coupling.shares[k]) for k in drives]
-    figures = [source.actuators[coupling.joints[k]] for k in drives]
+    gears = [abs(tie.shares[output] / tie.shares[k]) for k in drives]
+    figures = [source.actuators[tie.joints[k]] for k in drives]
     rows = list(zip(figures, gears, strict=True))
     efforts = [f.effort * gear for f, gear in rows if f.effort is not None]
     speeds = [f.speed / gear for f, gear in rows if f.speed is not None]

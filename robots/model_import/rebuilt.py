@@ -1,0 +1,69 @@
+"""A rebuilt model beside the tree that it was built from: which hinge is which."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.model_import.anatomy import Anatomy
+from robots.model_import.rebuild import Rebuilder
+from robots.model_import.source import ImportFault
+from robots.quaternion import Array
+
+
+class RebuiltModel:
+    """The robot's own model and its n hinges, in the model's order, as it grows.
+
+    What is added to `spec` is in `model` after `compile`.
+    """
+
+    def __init__(
+        self, path: Path, name: str, anatomy: Anatomy, builder: Rebuilder, fixed: Collection[str]
+    ) -> None:
+        """Build the model of a file's robot, without the hinges that are fixed."""
+        self.path, self.anatomy, self.builder = path, anatomy, builder
+        self.spec = builder.build(name)
+        hinges = anatomy.tree.hinges
+        self._kept = [k for k, hinge in enumerate(hinges) if hinge.name not in fixed]
+        self.compile()
+        self.joint_names = tuple(self.model.joint(k + 1).name for k in range(len(self._kept)))
+
+    def compile(self) -> None:
+        """Compile the specification as it is now.
+
+        Raises:
+            ImportFault: if that fails.
+        """
+        try:
+            self.model = self.spec.compile()
+        except (ValueError, mujoco.FatalError) as error:
+            message = " ".join(str(error).split())
+            raise ImportFault([f"{self.path}: {message}"]) from error
+
+    @property
+    def tree_hinges(self) -> list[int]:
+        """Return which hinge of the tree each one is, (n,)."""
+        return self._kept
+
+    def find(self, hinges: Iterable[int]) -> tuple[int, ...]:
+        """Find hinges of the tree in the model; those that were fixed are left out."""
+        place = {k: i for i, k in enumerate(self._kept)}
+        return tuple(place[k] for k in hinges if k in place)
+
+    def start_angles(self) -> Array:
+        """Return the tree's pose within the ranges [rad], (n,)."""
+        tree, model = self.anatomy.tree, self.model
+        addresses = [tree.model.jnt_qposadr[tree.hinges[k].id] for k in self._kept]
+        angles = np.array([tree.data.qpos[address] for address in addresses])
+        return np.clip(angles, model.jnt_range[1:, 0], model.jnt_range[1:, 1])
+
+    def look(self, angles: Array) -> mujoco.MjData:
+        """Compute where everything is at joint angles [rad], (n,)."""
+        data = mujoco.MjData(self.model)
+        data.qpos[7:] = angles
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        return data

@@ -1,0 +1,50 @@
+"""The stance of an imported robot: as high as it balances, its arms free of its body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robots.model_import.body import Body
+from robots.model_import.contacts import find_brackets, find_overlaps
+from robots.model_import.rebuilt import RebuiltModel
+from robots.model_import.stance import SPREADS, Stance, StanceSolver
+
+EXTENSIONS = (0.94, 0.9, 0.86, 0.82, 0.78, 0.7)
+"""Shares of the stretched leg that are tried for the stance, in turn."""
+
+
+def find_stance(rebuilt: RebuiltModel, body: Body, notes: list[str]) -> Stance:
+    """Find a balanced stance on flat soles, or what comes closest; a note says so then."""
+    solver, best = StanceSolver(body, rebuilt.start_angles()), None
+    for extension in EXTENSIONS:
+        stance = solver.solve(extension)
+        best = stance if best is None or stance.error < best.error else best
+        if stance.is_solved:
+            return _free_arms(rebuilt, solver, stance, extension)
+    assert best is not None  # there is at least one extension
+    notes.append(
+        f"no balanced stance on flat soles was found (off by {best.error:.2f} leg lengths): "
+        "write [standing] by hand, then getup robots check"
+    )
+    return best
+
+
+def _free_arms(
+    rebuilt: RebuiltModel, solver: StanceSolver, stance: Stance, extension: float
+) -> Stance:
+    """Spread the arms until they touch nothing but what they always touch."""
+    model = rebuilt.model
+    always = {*find_brackets(model, stance.joint_pos, np.random.default_rng(0))}
+    arms = _find_arm_bodies(rebuilt)
+    for spread in SPREADS:
+        tried = solver.solve(extension, spread)
+        touching = find_overlaps(model, tried.joint_pos).keys() - always
+        if tried.is_solved and not any(set(pair) & arms for pair in touching):
+            return tried
+    return stance
+
+
+def _find_arm_bodies(rebuilt: RebuiltModel) -> set[int]:
+    """Find the bodies that arms move, without those of their first hinges."""
+    moved = [k for pair in rebuilt.anatomy.arms for limb in pair for k in limb[1:]]
+    return {int(rebuilt.model.body(rebuilt.builder.carrier(k)).id) for k in moved}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
@@ -32,7 +34,7 @@ def shape(robot: Robot, rise: LearnedRise, smoothing: float) -> Array:
     target = _limit_steps(_smooth(rise.target[:count], smoothing / period), fastest * period)
     way = robot.standing.joint_pos - target[-1]
     duration = max(HOMING, PEAK * float((np.abs(way) / fastest).max()))
-    share = np.linspace(0.0, 1.0, round(duration / period) + 1)[1:, None]
+    share = np.linspace(0.0, 1.0, math.ceil(duration / period) + 1)[1:, None]
     share = share * share * (3.0 - 2.0 * share)
     return np.concatenate([target, target[-1] + share * way])
 

@@ -189,7 +189,7 @@ def test_robots_are_listed(run: Run, op3: Robot):
     code, out, _ = run("robots", "--json", "-")
     assert code == 0
     rows = {row["name"]: row for row in json.loads(out)["robots"]}
-    assert list(rows) == ["human", "op3", "toddlerbot"]
+    assert list(rows) == ["human", "op3", "toddlerbot", "wolfgang"]
     row = rows["op3"]
     assert row["dof"] == 20
     assert row["mass_kg"] == pytest.approx(3.147, abs=0.001)  # the sum of the links

@@ -201,6 +201,7 @@ def test_robots_are_listed(run: Run, op3: Robot):
         ["human", "49"],
         ["op3", "20"],
         ["toddlerbot", "30"],
+        ["wolfgang", "20"],
     ]
 
 

@@ -132,6 +132,7 @@ def test_figures_count_by_class(op3: Robot):
         period=0.5,
         upright=upright,
         qpos=np.zeros((3, 1, 27)),
+        target=np.zeros((3, 1, 20)),
         torque=torque,
         joint_vel=np.ones((3, 8, 2)),
         head_contact=np.array([[False, True]] * 3),

@@ -2,10 +2,11 @@
 
     python benchmarks/code_size.py --tree ../base --json code_size.json
 
-Two walks are traced: of a fallen posture through `getup rise` (preparing, planning, filtering,
-playing), and of an encoder tick through one read of the driver. A reader who follows a walk looks
-at each function once, in the order in which it is first called: a stop is a run of such functions
-in one file, a return a stop in a file that was visited before. Only this checkout is walked.
+Three walks are traced: of a fallen posture through `getup rise` (preparing, planning, filtering,
+playing) and through `getup eval`, and of an encoder tick through one read of the driver. A reader
+who follows a walk looks at each function once, in the order in which it is first called: a stop is
+a run of such functions in one file, a return a stop in a file that was visited before. The walked
+checkout is the one that Python imports; PYTHONPATH names another.
 """
 
 from __future__ import annotations
@@ -27,21 +28,22 @@ from typing import Any
 import numpy as np
 import tyro
 
+import humanoid_getup
 from humanoid_getup.cli.output import to_json
 from robots.files import write_atomically
 
-HERE = Path(__file__).parents[1]
+HERE = Path(humanoid_getup.__file__).parents[1]
 PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Count a checkout; walk through this one."""
+    """Count a checkout; walk through the one that Python imports."""
 
     tree: Path = HERE
     """The checkout to count."""
     walks: bool = True
-    """Trace the two walks as well."""
+    """Trace the three walks as well."""
     json: Path | None = None
     """Where figures are written."""
 
@@ -71,7 +73,54 @@ def count(tree: Path) -> dict[str, Any]:
         "function_lines": spread([f.end_lineno - f.lineno + 1 for f in functions if f.end_lineno]),
         "public_names": len(public),
         "public_names_documented": sum(ast.get_docstring(node) is not None for node in public),
+        "lines_by_folder": count_by_folder(tree, texts),
+        **count_doubles(files, nodes),
+        "functions_of_more_than_5_arguments": sum(count_arguments(f) > 5 for f in functions),
+        "functions_of_more_than_7_arguments": sum(count_arguments(f) > 7 for f in functions),
+        "dicts_of_anything": sum(
+            "\n".join(text).count("dict[str, Any]") for text in texts.values()
+        ),
     }
+
+
+def count_by_folder(tree: Path, texts: dict[Path, list[str]]) -> dict[str, int]:
+    """Count the lines of each folder, two levels deep."""
+    lines = Counter()
+    for file, text in texts.items():
+        parts = file.relative_to(tree).parts[:-1]
+        lines["/".join(parts[:2])] += len(text)
+    return dict(sorted(lines.items()))
+
+
+def count_doubles(files: list[Path], nodes: list[ast.AST]) -> dict[str, Any]:
+    """Count the names of public classes and of modules that stand in several places."""
+    classes = Counter(
+        node.name for node in nodes if isinstance(node, ast.ClassDef) and node.name[0] != "_"
+    )
+    modules = Counter(file.name for file in files if file.name != "__init__.py")
+    return {
+        "class_names_twice": sorted(name for name, times in classes.items() if times > 1),
+        "module_names_twice": sum(times > 1 for times in modules.values()),
+        "constants": sum(isinstance(node, ast.Module) and count_constants(node) for node in nodes),
+    }
+
+
+def count_constants(module: ast.Module) -> int:
+    """Count the names in capitals that a module assigns at its top level."""
+    targets = [
+        target
+        for node in module.body
+        if isinstance(node, (ast.Assign, ast.AnnAssign))
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    ]
+    return sum(isinstance(target, ast.Name) and target.id.isupper() for target in targets)
+
+
+def count_arguments(function: ast.FunctionDef) -> int:
+    """Count the arguments of a function without self and cls."""
+    arguments = function.args
+    names = [a.arg for a in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)]
+    return len(names) - (names[:1] in (["self"], ["cls"]))
 
 
 def spread(values: list[int]) -> dict[str, float]:
@@ -125,9 +174,18 @@ def walk_through_rise() -> dict[str, Any]:
     return walk | {"exit_code": code}
 
 
+def walk_through_eval() -> dict[str, Any]:
+    """Trace `getup eval robust`: falls, policy, rollouts, judge."""
+    from humanoid_getup.cli.main import main
+
+    with traced(HERE) as walk:
+        code = main(("eval", "robust", "--n", "4"))
+    return walk | {"exit_code": code}
+
+
 def walk_through_read() -> dict[str, Any]:
     """Trace one read of the driver, from the bytes of the port to the state of the robot."""
-    import humanoid_getup as hg
+    hg = humanoid_getup
     from drivers.dynamixel.clock import CycleClock
     from drivers.twin.simulation import Simulation
     from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
@@ -143,6 +201,7 @@ def walk_through_read() -> dict[str, Any]:
 
 WALKS: dict[str, Callable[[], dict[str, Any]]] = {
     "posture through rise": walk_through_rise,
+    "posture through eval": walk_through_eval,
     "encoder tick through read": walk_through_read,
 }
 

@@ -32,7 +32,7 @@ from humanoid_getup.simulation.rollout import Rollout, Trace
 from robots.kinematics import place
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot
-from robots.model_import.source import ImportFault
+from robots.model_import.source import ModelImportError
 
 LIST = "models.txt"
 SETTLING = 1.5  # s in which a robot may sway before its stand begins
@@ -99,7 +99,7 @@ def try_model(call: ImportRobot, folder: Path, pictures: Path | None) -> list[st
     begin = time.perf_counter()
     try:
         found = import_model(call.model, options)
-    except ImportFault as fault:
+    except ModelImportError as fault:
         return [title, said, f"refused: {'; '.join(fault.problems)}", *[""] * (len(COLUMNS) - 3)]
     seconds = time.perf_counter() - begin
     with tempfile.TemporaryDirectory() as place_of_robot:

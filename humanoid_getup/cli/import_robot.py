@@ -13,7 +13,7 @@ from humanoid_getup.cli.output import console_for, phase, to_json, write_json
 from robots import RobotError, load_robot
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot
-from robots.model_import.source import ImportFault
+from robots.model_import.source import ModelImportError
 
 
 def import_robot(command: ImportRobot) -> int:
@@ -29,7 +29,7 @@ def import_robot(command: ImportRobot) -> int:
             robot = import_model(command.model, options)
             write_robot(robot, command.out)
             load_robot(command.out)
-    except ImportFault as error:
+    except ModelImportError as error:
         raise BadInputError(*error.problems) from error
     except RobotError as error:
         raise BadInputError(*error.problems) from error

@@ -7,12 +7,12 @@ from typing import Any
 
 from rich.markup import escape
 
-from humanoid_getup.cli.clip_files import read_clip
 from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.inputs import load_robot
 from humanoid_getup.cli.options.mocap import ImportClip
 from humanoid_getup.cli.output import console_for, phase, to_json, write_json
+from humanoid_getup.clips.clip_file import read_clip
 from humanoid_getup.motions.mocap.retarget_clip import ClipRetargeter, RetargetedClip
 
 

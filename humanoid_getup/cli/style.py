@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from humanoid_getup.cli.clip_files import ACCLAIM, BVH, read_clip
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.inputs import find_motion, load_robot
 from humanoid_getup.cli.options.style import EditStyle, ExtractStyle, ListStyles, ShowStyles
 from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
+from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
 from humanoid_getup.reporting.style_plot import save_styles
 from humanoid_getup.strategies.styled_rise import measure_motion
 from humanoid_getup.style.curves import UPRIGHT_STAND, StyleCurves, is_stand
 from humanoid_getup.style.edits import hold, rise_time, shift_rise
-from humanoid_getup.style.extraction import ExtractionError, extract_curves, trim
+from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_clip, trim
 from humanoid_getup.style.features import FeatureSense
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import list_styles as list_names
@@ -140,7 +140,7 @@ def _read_source(command: ExtractStyle, robot: Robot) -> tuple[Array, Array, flo
     if used:
         clip = read_clip(file, command.skeleton, command.rate, command.up)
         scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
-        return clip.time, clip.measure_features(), scale
+        return clip.time, measure_clip(clip), scale
     if kind and kind != MOTION and file.is_file():
         raise BadInputError(
             f"{command.source} is a file of another kind, expected {MOTION}, {LOG}, {BVH}, "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, ClipError, is_foot
 from humanoid_getup.scenes.ground import FLAT, Ground, mean_height
 from humanoid_getup.style.curves import LEAST_END, PLACES, ROUNDING, StyleCurves
 from humanoid_getup.style.features import AROUND, COUNT, angle_distance, torso_angles
@@ -15,6 +16,7 @@ from robots.quaternion import Array
 # A body that differs less than this from its first or last sample has not begun or has ended.
 STILL_HEIGHT = 0.03  # share of the standing neck height
 STILL_ANGLE = np.radians(5.0)
+FLOOR_PERCENTILE = 5.0  # of the lowest foot's height over a clip: where the floor is
 
 
 class ExtractionError(ValueError):
@@ -35,6 +37,37 @@ def measure_features(
     """Measure style features (T, 3) of a robot at MuJoCo positions (T, nq)."""
     neck = site_positions(model, qpos, robot.neck_site)
     return compute_features(robot, neck, qpos[:, robot.layout(model).root_orientation], ground)
+
+
+def measure_clip(clip: Clip) -> Array:
+    """Measure style features (T, 3) of the body in a clip.
+
+    The height is that of the neck's base over the floor, as a share of that in the rest pose.
+    Front and side are those of [Frezzato22], figure 4, from hips and neck.
+
+    Raises:
+        ClipError: if it has no feet, hips or neck, or these are no torso.
+    """
+    axis, neck_name = UP[clip.up], clip.find(NECKS, "neck")
+    left = clip.joints[clip.find(LEFT_HIPS, "left hip")]
+    right = clip.joints[clip.find(RIGHT_HIPS, "right hip")]
+    neck, side = clip.joints[neck_name], right - left
+    front = np.cross(neck - 0.5 * (left + right), side)
+    standing = float(clip.rest[neck_name][axis] - clip.lowest_foot(clip.rest)[axis])
+    clip.check_height("the neck", standing * clip.unit)
+    feet = [path for name, path in clip.joints.items() if is_foot(name)]
+    floor = np.percentile(np.min([path[:, axis] for path in feet], axis=0), FLOOR_PERCENTILE)
+    features = np.empty((len(neck), COUNT))
+    features[:, 0] = (neck[:, axis] - floor) / standing
+    for column, vector in ((1, side), (2, front)):
+        length = np.linalg.norm(vector, axis=1)
+        if not length.all():
+            raise ClipError(
+                f"clip {clip.file}: hips and neck are in one line or one place in frame "
+                f"{int(np.argmin(length)) + 1}, expected a torso"
+            )
+        features[:, column] = np.arccos(np.clip(vector[:, axis] / length, -1.0, 1.0))
+    return features
 
 
 def trim(features: Array) -> slice:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.model_import.source import ImportFault
+from robots.model_import.source import ModelImportError
 from robots.model_import.symmetry import Mirror, find_mirror
 from robots.model_import.tree import Tree
 from robots.quaternion import Array
@@ -106,7 +106,7 @@ def find_anatomy(tree: Tree, path: Path, notes: list[str]) -> Anatomy:
         notes: Where is added what a user should know.
 
     Raises:
-        ImportFault: if there are no two legs.
+        ModelImportError: if there are no two legs.
     """
     low, high = _measure_ends(tree)
     height = float(np.nanmax(high) - np.nanmin(low))
@@ -163,7 +163,7 @@ def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, 
     heavy = [k for k in tree.leaves if mass[k] > PARALLEL * max(mass.values())]
     ends = sorted((k for k in heavy if len(tree.chain(k)) >= LEAST_LEG), key=lambda k: low[k])
     if not ends:
-        raise ImportFault([f"{path}: it has no limb of {LEAST_LEG} hinges, expected two legs"])
+        raise ModelImportError([f"{path}: it has no limb of {LEAST_LEG} hinges, expected two legs"])
     first = ends[0]
     for second in ends[1:]:
         shared = set(tree.chain(first)) & set(tree.chain(second))
@@ -173,7 +173,7 @@ def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, 
             if low[second] - low[first] > LEVEL * height:
                 break
             return first, second
-    raise ImportFault(
+    raise ModelImportError(
         [
             f"{path}: only the limb that ends in joint {shown(tree.hinges[first].name)} reaches "
             f"down to the ground, expected two legs of at least {LEAST_LEG} hinges, z up"
@@ -184,7 +184,7 @@ def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, 
 def _check_hips(
     tree: Tree, legs: tuple[tuple[int, ...], tuple[int, ...]], height: float, path: Path
 ) -> None:
-    """Raise ImportFault if the lowest limbs begin above what they would carry, as arms do."""
+    """Raise ModelImportError if the lowest limbs begin above what they would carry, as arms do."""
     model, data = tree.model, tree.data
     below = {hinge for leg in legs for hinge in leg}
     carried = np.setdiff1d(tree.bodies, [body for hinge in below for body in tree.link(hinge)])
@@ -192,7 +192,7 @@ def _check_hips(
     hips = np.mean([tree.hinges[leg[0]].anchor[2] for leg in legs])
     if hips > center + HIGH_HIP * height:
         names = " and ".join(shown(tree.hinges[leg[0]].name) for leg in legs)
-        raise ImportFault(
+        raise ModelImportError(
             [
                 f"{path}: the lowest limbs begin with joints {names}, above the center of mass of "
                 f"the rest, expected two legs of at least {LEAST_LEG} hinges, z up"

@@ -19,7 +19,7 @@ from robots.model_import.rebuild import Rebuilder
 from robots.model_import.rebuilt import RebuiltModel
 from robots.model_import.servo_choice import ServoChoice, choose_servos
 from robots.model_import.sites import SOLES, SitePlacer
-from robots.model_import.source import ActuatorFigures, ImportFault
+from robots.model_import.source import ActuatorFigures, ModelImportError
 from robots.model_import.stance import Stance, StanceSolver
 from robots.model_import.stance_search import find_stance
 from robots.model_import.tree import find_tree
@@ -70,7 +70,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     """Find a robot in an MJCF or URDF file.
 
     Raises:
-        ImportFault: if there is none, naming all that is wrong.
+        ModelImportError: if there is none, naming all that is wrong.
     """
     source = read_model(path)
     notes = list(source.notes)
@@ -79,7 +79,9 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     unknown = [name for name in options.fixed if name not in [h.name for h in tree.hinges]]
     if unknown:
         listed = ", ".join(hinge.name for hinge in tree.hinges)
-        raise ImportFault([f"--fix is {shown(name)}, expected one of {listed}" for name in unknown])
+        raise ModelImportError(
+            [f"--fix is {shown(name)}, expected one of {listed}" for name in unknown]
+        )
     reduction = reduce_ties(source, tree, notes)
     fixed = {*options.fixed, *reduction.motors}
     builder = Rebuilder(anatomy, keep_hulls=options.keep_hulls, fixed=fixed, notes=notes)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from robots.model_import.folding import Fold, find_folds, fold
-from robots.model_import.source import ActuatorFigures, ImportFault, ModelSource
+from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
 from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
 
 
@@ -17,7 +17,7 @@ def read_mjcf(path: Path) -> ModelSource:
     """Read an MJCF file.
 
     Raises:
-        ImportFault: if it does not compile.
+        ModelImportError: if it does not compile.
     """
     try:
         spec = mujoco.MjSpec.from_file(str(path))
@@ -25,7 +25,7 @@ def read_mjcf(path: Path) -> ModelSource:
         _forget_scene(spec)
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise ImportFault([f"{path}: {' '.join(str(error).split())}"]) from error
+        raise ModelImportError([f"{path}: {' '.join(str(error).split())}"]) from error
     stance, qpos = {}, model.qpos0
     if model.nkey:
         names = [model.key(k).name for k in range(model.nkey)]

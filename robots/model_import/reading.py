@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robots.files import read_bounded
 from robots.model_import.mjcf import read_mjcf
-from robots.model_import.source import ImportFault, ModelSource
+from robots.model_import.source import ModelImportError, ModelSource
 from robots.model_import.urdf import read_urdf
 
 MAX_MODEL = 32 * 2**20  # bytes of the XML file
@@ -17,21 +17,21 @@ def read_model(path: Path) -> ModelSource:
     """Read a model file.
 
     Raises:
-        ImportFault: if it cannot be read, is neither MJCF nor URDF, or does not compile.
+        ModelImportError: if it cannot be read, is neither MJCF nor URDF, or does not compile.
     """
     try:
         content = read_bounded(path, MAX_MODEL)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ImportFault([f"{path}: {reason}, expected an MJCF or URDF file"]) from error
+        raise ModelImportError([f"{path}: {reason}, expected an MJCF or URDF file"]) from error
     try:
         root = ET.fromstring(content)
     except ET.ParseError as error:
-        raise ImportFault([f"{path}: not XML ({error})"]) from error
+        raise ModelImportError([f"{path}: not XML ({error})"]) from error
     if root.tag == "robot":
         return read_urdf(path, root)
     if root.tag == "mujoco":
         return read_mjcf(path)
-    raise ImportFault(
+    raise ModelImportError(
         [f"{path}: its root is <{root.tag}>, expected <mujoco> (MJCF) or <robot> (URDF)"]
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
-from robots.model_import.source import ImportFault
+from robots.model_import.source import ModelImportError
 from robots.quaternion import Array
 
 
@@ -35,13 +35,13 @@ class RebuiltModel:
         """Compile the specification as it is now.
 
         Raises:
-            ImportFault: if that fails.
+            ModelImportError: if that fails.
         """
         try:
             self.model = self.spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             message = " ".join(str(error).split())
-            raise ImportFault([f"{self.path}: {message}"]) from error
+            raise ModelImportError([f"{self.path}: {message}"]) from error
 
     @property
     def tree_hinges(self) -> list[int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robots.model_import.importer import ImportedRobot
 from robots.model_import.sites import IMU, NECK, SOLES
-from robots.model_import.source import ImportFault
+from robots.model_import.source import ModelImportError
 from robots.servo import TICKS_PER_TURN
 
 CONTROL_PERIOD = 0.008  # s
@@ -23,15 +23,17 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
     """Write a robot's folder, which must not exist or be empty; complete or not at all.
 
     Raises:
-        ImportFault: if the folder is not empty or cannot be written.
+        ModelImportError: if the folder is not empty or cannot be written.
     """
     try:
         if folder.exists() and any(folder.iterdir()):
-            raise ImportFault([f"--out is {folder}, which is not empty, expected a new folder"])
+            raise ModelImportError(
+                [f"--out is {folder}, which is not empty, expected a new folder"]
+            )
         folder.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=".getup-", dir=folder.parent))
     except OSError as error:
-        raise ImportFault(
+        raise ModelImportError(
             [f"--out is {folder}: {error.strerror}, expected a new folder"]
         ) from error
     try:

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from robots.model_import.source import ActuatorFigures, ImportFault
+from robots.model_import.source import ActuatorFigures, ModelImportError
 from robots.servo import ServoModel
 from robots.servo_catalog import servo_models
 from robots.validation import shown
@@ -62,8 +62,8 @@ def choose_servos(
         leg_length: [m].
 
     Raises:
-        ImportFault: if a type that the user named is unknown or matches no joint, or a joint is
-            stronger than servos are.
+        ModelImportError: if a type that the user named is unknown or matches no joint, or a joint
+            is stronger than servos are.
     """
     named = _read_wishes(joints, asked)
     need = SQUAT_SHARE * weight * GRAVITY * leg_length
@@ -106,7 +106,7 @@ def choose_servos(
 def _check_torques(
     joints: Sequence[str], stated: Mapping[str, ActuatorFigures], named: Mapping[str, str]
 ) -> None:
-    """Raise ImportFault if joints are stronger than any servo."""
+    """Raise ModelImportError if joints are stronger than any servo."""
     strong = [j for j in joints if j in stated and j not in named]
     problems = [
         f"joint {shown(joint)} has a torque limit of {effort:g} N·m, expected at most "
@@ -115,7 +115,7 @@ def _check_torques(
         if (effort := stated[joint].effort or 0.0) > MOST_TORQUE
     ]
     if problems:
-        raise ImportFault(problems)
+        raise ModelImportError(problems)
 
 
 def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
@@ -136,7 +136,7 @@ def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
             )
         named |= dict.fromkeys(matching, kind)
     if problems:
-        raise ImportFault(problems)
+        raise ModelImportError(problems)
     return named
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.soles import Sole, add_sole_site, find_lowest, find_sole
-from robots.model_import.source import ImportFault
+from robots.model_import.source import ModelImportError
 from robots.quaternion import Array
 from robots.validation import shown
 
@@ -86,7 +86,7 @@ class SitePlacer:
         found = [find_sole(self._model, data, body, LEAST_SOLE * height**2) for body in level]
         soles = [sole for sole in found if sole is not None]
         if not soles:
-            raise ImportFault(
+            raise ModelImportError(
                 [
                     f"{self._path}: the leg that ends in joint "
                     f"{shown(tree.hinges[leg[-1]].name)} has no flat face that looks down, "

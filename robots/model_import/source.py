@@ -12,7 +12,7 @@ from robots.model_import.folding import Fold
 from robots.model_import.ties import Tie
 
 
-class ImportFault(ValueError):
+class ModelImportError(ValueError):
     """A model file cannot become a robot; one problem a line."""
 
     def __init__(self, problems: Iterable[str]) -> None:

@@ -9,7 +9,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from robots.model_import.source import ImportFault, ModelSource
+from robots.model_import.source import ModelImportError, ModelSource
 from robots.quaternion import Array
 from robots.validation import shown
 
@@ -115,19 +115,19 @@ def find_tree(source: ModelSource, notes: list[str]) -> Tree:
         notes: Where is added what a user should know.
 
     Raises:
-        ImportFault: if it holds no robot that stands on hinges.
+        ModelImportError: if it holds no robot that stands on hinges.
     """
     model, path = source.model, source.path
     tops = [body for body in range(1, model.nbody) if model.body_parentid[body] == WORLD]
     count = {top: _count_hinges(model, top) for top in tops}
     if not tops or max(count.values()) == 0:
-        raise ImportFault([f"{path}: it has no hinges, expected those of a humanoid"])
+        raise ModelImportError([f"{path}: it has no hinges, expected those of a humanoid"])
     root = max(tops, key=lambda top: count[top])
     while _is_frame(model, root):
         root = next(b for b in range(root + 1, model.nbody) if model.body_parentid[b] == root)
     problems = [*_find_joint_problems(source, root, notes), *_find_size_problems(source, root)]
     if problems:
-        raise ImportFault(problems)
+        raise ModelImportError(problems)
     qpos = model.qpos0.copy()
     for joint in range(model.njnt):
         if model.jnt_type[joint] == HINGE and model.joint(joint).name in source.stance:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from robots.model_import.rebuild import LEAST_INERTIA, LEAST_MASS
-from robots.model_import.source import ActuatorFigures, ImportFault, ModelSource
+from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
 from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
 from robots.validation import shown
@@ -30,13 +30,13 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
         root: Its element; changed.
 
     Raises:
-        ImportFault: if it does not compile, or its meshes cannot be read.
+        ModelImportError: if it does not compile, or its meshes cannot be read.
     """
     notes: list[str] = []
     shapes = UrdfShapes(path, root, notes)
     problems = [*_find_limit_problems(path, root), *shapes.resolve()]
     if problems:
-        raise ImportFault(problems)
+        raise ModelImportError(problems)
     _give_mass(root, notes)
     _mend_inertia(root, notes)
     for old in root.findall("mujoco"):
@@ -49,7 +49,7 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
         text = ET.tostring(root, encoding="unicode")
         model = _compile(mujoco.MjSpec.from_string(text, assets=shapes.hulls), notes)
     except (ValueError, mujoco.FatalError) as error:
-        raise ImportFault([f"{path}: {' '.join(str(error).split())}"]) from error
+        raise ModelImportError([f"{path}: {' '.join(str(error).split())}"]) from error
     return ModelSource(
         path=path,
         model=model,

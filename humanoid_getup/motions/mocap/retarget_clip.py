@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation, Slerp
 
+from humanoid_getup.clips.clip import Clip, ClipError
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.limb import LIMB_NAMES, LimbName, LimbPose
 from humanoid_getup.motions.limb_solver import LimbSolver
@@ -27,7 +28,6 @@ from humanoid_getup.motions.motion import (
     StartClass,
 )
 from humanoid_getup.simulation.falls import classify
-from humanoid_getup.style.clips.clip import Clip, ClipError
 from robots import Robot, quaternion
 from robots.kinematics import leg_length, lowest_points, place_postures
 from robots.quaternion import Array

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from paths import SHARED
 
+from humanoid_getup.clips.acclaim import read_acclaim
+from humanoid_getup.clips.clip import Clip, ClipError
 from humanoid_getup.motions.mocap.retarget_clip import ClipRetargeter
-from humanoid_getup.style.clips.acclaim import read_acclaim
-from humanoid_getup.style.clips.clip import Clip, ClipError
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import lowest_points, place_postures
 

@@ -12,12 +12,12 @@ from small_humanoid import small_humanoid, small_urdf
 from robots import load_robot
 from robots.model_import.importer import ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot
-from robots.model_import.source import ImportFault
+from robots.model_import.source import ModelImportError
 
 
 def problems_of(path: Path, content: str | bytes, **options) -> tuple[str, ...]:
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    with pytest.raises(ImportFault) as caught:
+    with pytest.raises(ModelImportError) as caught:
         import_model(path, ImportOptions(name="small", **options))
     assert all("\n" not in problem for problem in caught.value.problems)
     return caught.value.problems
@@ -131,5 +131,5 @@ def test_a_folder_is_complete_or_not_there(tmp_path: Path):
     assert not list((tmp_path / "robots").iterdir())
     write_robot(robot, tmp_path / "robots" / "small")
     assert load_robot(tmp_path / "robots" / "small").joint_names == robot.joints
-    with pytest.raises(ImportFault, match="is not empty, expected a new folder"):
+    with pytest.raises(ModelImportError, match="is not empty, expected a new folder"):
         write_robot(robot, tmp_path / "robots" / "small")

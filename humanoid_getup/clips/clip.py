@@ -1,4 +1,4 @@
-"""A clip of a moving body, and the style features of it."""
+"""A clip of motion capture: where the joints of a body are over time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.style.features import COUNT
 from robots.quaternion import Array
 
 # What capture systems and editors call the joints that the features need.
@@ -16,7 +15,6 @@ LEFT_HIPS = ("lfemur", "LeftUpLeg", "LeftHip", "LeftThigh", "lThigh", "LHipJoint
 RIGHT_HIPS = ("rfemur", "RightUpLeg", "RightHip", "RightThigh", "rThigh", "RHipJoint", "R_Hip")
 NECKS = ("lowerneck", "Neck", "neck", "Neck1", "NeckBase")
 FEET = ("foot", "toe", "ankle")
-FLOOR_PERCENTILE = 5.0  # of the lowest foot's height over a clip: where the floor is
 UP = {"y": 1, "z": 2}
 LONGEST_FRAME = 1.0  # s
 READ_ERRORS = (ValueError, IndexError, KeyError, ZeroDivisionError)
@@ -66,42 +64,15 @@ class Clip:
         """Return the distance from the hips to the lowest foot in the rest pose [m]."""
         left, right = self.find(LEFT_HIPS, "left hip"), self.find(RIGHT_HIPS, "right hip")
         hips = 0.5 * (self.rest[left] + self.rest[right])
-        length = self.unit * float((hips - self._lowest(self.rest))[UP[self.up]])
-        return self._check_height("the middle of the hips", length)
+        length = self.unit * float((hips - self.lowest_foot(self.rest))[UP[self.up]])
+        return self.check_height("the middle of the hips", length)
 
-    def measure_features(self) -> Array:
-        """Measure the style features, (T, 3).
+    def check_height(self, what: str, height: float) -> float:
+        """Check how high something is over the feet in the rest pose [m], which is a stand.
 
-        The height is that of the neck's base over the floor, as a share of that in the rest pose.
-        Front and side are those of [Frezzato22], figure 4, from hips and neck.
+        Raises:
+            ClipError: if it is not above them.
         """
-        axis = UP[self.up]
-        neck_name = self.find(NECKS, "neck")
-        left = self.joints[self.find(LEFT_HIPS, "left hip")]
-        right = self.joints[self.find(RIGHT_HIPS, "right hip")]
-        neck = self.joints[neck_name]
-        side = right - left
-        front = np.cross(neck - 0.5 * (left + right), side)
-        standing = float(self.rest[neck_name][axis] - self._lowest(self.rest)[axis])
-        self._check_height("the neck", standing * self.unit)
-        feet = [name for name in self.joints if _is_foot(name)]
-        lowest = np.min([self.joints[name][:, axis] for name in feet], axis=0)
-        floor = np.percentile(lowest, FLOOR_PERCENTILE)
-        features = np.empty((len(neck), COUNT))
-        features[:, 0] = (neck[:, axis] - floor) / standing
-        for column, vector in ((1, side), (2, front)):
-            length = np.linalg.norm(vector, axis=1)
-            if not length.all():
-                raise ClipError(
-                    f"clip {self.file}: hips and neck are in one line or one place in frame "
-                    f"{int(np.argmin(length)) + 1}, expected a torso"
-                )
-            share = vector[:, axis] / length
-            features[:, column] = np.arccos(np.clip(share, -1.0, 1.0))
-        return features
-
-    def _check_height(self, what: str, height: float) -> float:
-        """Check how high something is over the feet in the rest pose [m], which is a stand."""
         if height <= 0.0:
             other = next(axis for axis in UP if axis != self.up)
             raise ClipError(
@@ -123,12 +94,14 @@ class Clip:
             )
         return found[0]
 
-    def _lowest(self, pose: Mapping[str, Array]) -> Array:
-        feet = [pose[name] for name in pose if _is_foot(name)]
+    def lowest_foot(self, pose: Mapping[str, Array]) -> Array:
+        """Return where the lowest joint of a foot is in a pose, (3,)."""
+        feet = [pose[name] for name in pose if is_foot(name)]
         if not feet:
             raise ClipError(f"clip {self.file}: it has no joint of a foot")
         return min(feet, key=lambda point: point[UP[self.up]])
 
 
-def _is_foot(name: str) -> bool:
+def is_foot(name: str) -> bool:
+    """Tell whether a joint is one of a foot, by its name."""
     return any(part in name.lower() for part in FEET)

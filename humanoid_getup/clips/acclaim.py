@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.style.clips.clip import READ_ERRORS, Clip, ClipError
+from humanoid_getup.clips.clip import READ_ERRORS, Clip, ClipError
 from robots.files import read_bounded
 from robots.quaternion import Array
 
@@ -36,7 +36,7 @@ class Bone:
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class AcclaimSkeleton:
     """The bones of a body, parents before children."""
 
     bones: dict[str, Bone]
@@ -82,7 +82,7 @@ def _read(file: Path) -> list[str]:
     return read_bounded(file, MOST_BYTES).decode("utf-8-sig").splitlines()
 
 
-def _read_skeleton(lines: list[str]) -> Skeleton:
+def _read_skeleton(lines: list[str]) -> AcclaimSkeleton:
     sections: dict[str, list[list[str]]] = {}
     rows: list[list[str]] = []
     for line in lines:
@@ -107,7 +107,7 @@ def _read_skeleton(lines: list[str]) -> Skeleton:
     length = float(units["length"])
     if not 0.0 < length < np.inf:
         raise ValueError(f"the unit of length is {length:g}, expected above 0")
-    return Skeleton(bones=bones, parents=parents, unit=INCH / length)
+    return AcclaimSkeleton(bones=bones, parents=parents, unit=INCH / length)
 
 
 def _read_bones(rows: list[list[str]]) -> Iterator[Bone]:
@@ -144,7 +144,7 @@ def _read_vector(bone: str, facts: dict[str, list[str]], key: str) -> Array:
     return values
 
 
-def _read_frames(lines: list[str], skeleton: Skeleton) -> dict[str, Array]:
+def _read_frames(lines: list[str], skeleton: AcclaimSkeleton) -> dict[str, Array]:
     """Read the values of each bone in all frames, (T, channels)."""
     values: dict[str, list[list[float]]] = {}
     for line in lines:
@@ -164,7 +164,7 @@ def _read_frames(lines: list[str], skeleton: Skeleton) -> dict[str, Array]:
     return frames
 
 
-def _place(skeleton: Skeleton, frames: dict[str, Array]) -> dict[str, Array]:
+def _place(skeleton: AcclaimSkeleton, frames: dict[str, Array]) -> dict[str, Array]:
     """Compute where each bone begins in all frames, (T, 3)."""
     count = len(frames[ROOT])
     ends = {ROOT: frames[ROOT][:, :3]}

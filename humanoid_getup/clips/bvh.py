@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.style.clips.clip import READ_ERRORS, Clip, ClipError
+from humanoid_getup.clips.clip import READ_ERRORS, Clip, ClipError
 from robots.files import read_bounded
 from robots.quaternion import Array
 
@@ -18,7 +18,7 @@ POSITION, ROTATION = "position", "rotation"
 
 
 @dataclass(frozen=True)
-class Joint:
+class BvhJoint:
     """A joint of the skeleton."""
 
     name: str
@@ -50,10 +50,10 @@ def read_bvh(file: Path) -> Clip:
     return Clip(file=file, period=period, joints=places, rest=rest, unit=CENTIMETER)
 
 
-def _read_skeleton(words: list[str]) -> list[Joint]:
+def _read_skeleton(words: list[str]) -> list[BvhJoint]:
     if not words or words[0] != "HIERARCHY":
         raise ValueError("HIERARCHY is missing")
-    joints: list[Joint] = []
+    joints: list[BvhJoint] = []
     open_rows: list[int] = []
     at, ends, name = 1, 0, ""
     offset = np.zeros(3)
@@ -64,7 +64,7 @@ def _read_skeleton(words: list[str]) -> list[Joint]:
         elif word == "End":
             name, ends, at = f"{joints[open_rows[-1]].name} end {ends}", ends + 1, at + 2
         elif word == "{":
-            joints.append(Joint(name, open_rows[-1] if open_rows else -1, np.zeros(3), ()))
+            joints.append(BvhJoint(name, open_rows[-1] if open_rows else -1, np.zeros(3), ()))
             open_rows.append(len(joints) - 1)
             at += 1
         elif word == "OFFSET":
@@ -72,12 +72,12 @@ def _read_skeleton(words: list[str]) -> list[Joint]:
             row = joints[open_rows[-1]]
             if offset.shape != (3,) or not np.isfinite(offset).all():
                 raise ValueError(f"joint '{row.name}' has OFFSET {offset}, expected three numbers")
-            joints[open_rows[-1]] = Joint(row.name, row.parent, offset, row.channels)
+            joints[open_rows[-1]] = BvhJoint(row.name, row.parent, offset, row.channels)
             at += 4
         elif word == "CHANNELS":
             row, count = joints[open_rows[-1]], int(words[at + 1])
             names = _check_channels(row.name, count, words[at + 2 : at + 2 + max(count, 0)])
-            joints[open_rows[-1]] = Joint(row.name, row.parent, row.offset, names)
+            joints[open_rows[-1]] = BvhJoint(row.name, row.parent, row.offset, names)
             at += 2 + count
         elif word == "}":
             open_rows.pop()
@@ -116,7 +116,7 @@ def _read_frames(text: str, channels: int) -> tuple[float, Array]:
     return period, frames
 
 
-def _place(joints: list[Joint], frames: Array) -> dict[str, Array]:
+def _place(joints: list[BvhJoint], frames: Array) -> dict[str, Array]:
     """Compute the position of each joint in all frames, (T, 3)."""
     places: list[Array] = []
     turns: list[Rotation] = []

@@ -1,4 +1,4 @@
-"""Files of motion capture, as commands take them."""
+"""Files of motion capture: which reader takes which."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from humanoid_getup.style.clips.clip import Clip
+from humanoid_getup.clips.acclaim import RATE, read_acclaim
+from humanoid_getup.clips.bvh import read_bvh
+from humanoid_getup.clips.clip import Clip
 
 BVH, ACCLAIM, SKELETON = ".bvh", ".amc", ".asf"
 
@@ -20,9 +22,6 @@ def read_clip(
         OSError: if a file cannot be read.
         ClipError: if it is not a clip.
     """
-    from humanoid_getup.style.clips.acclaim import RATE, read_acclaim
-    from humanoid_getup.style.clips.bvh import read_bvh
-
     if file.suffix.lower() == BVH:
         return replace(read_bvh(file), up=up or "y")
     skeleton = skeleton or file.with_name(f"{file.stem.split('_')[0]}{SKELETON}")

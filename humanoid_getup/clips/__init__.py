@@ -1,0 +1,1 @@
+"""Clips of motion capture: files of skeletons that move, read as joint positions."""

@@ -1,1 +1,0 @@
-"""Clips of motion capture: read for their style features alone."""

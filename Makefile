@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 TORCH ?= torch==2.13.0
 
 .DEFAULT_GOAL := help
-.PHONY: help setup rise check test test-train test-slow wheel-test docs docs-serve fuzz mutants clean
+.PHONY: help setup rise check test test-times test-train test-slow wheel-test docs docs-serve fuzz mutants clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /:/' | \
@@ -46,6 +46,9 @@ check: setup  ## Run ruff, pyright and the import rules.
 
 test: setup  ## Run the tests, but for those of learning and the slow ones.
 	$(BIN)/pytest -n 2 -m "not slow and not train and not realtime"
+
+test-times: setup  ## Run the same tests in one process; list the largest processor times.
+	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime"
 
 test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
 	$(BIN)/pytest -n 2 -m "train and not slow"

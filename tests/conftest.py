@@ -18,6 +18,8 @@ from humanoid_getup.strategies.plan_cache import FOLDER_VARIABLE
 from robots import Robot, load_robot
 from robots.transmission import Coupling
 
+pytest_plugins = ["processor_times"]
+
 TINY = Path(__file__).parent / "robots" / "tiny"
 
 # One seed, and no deadline: two cores are shared with other tests.

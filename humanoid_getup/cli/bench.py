@@ -27,8 +27,6 @@ from humanoid_getup.cli.options.bench import (
     BenchKill,
     BenchMethods,
     BenchMotions,
-    BenchPlanner,
-    BenchPlannerCost,
     BenchRise,
     BenchScenes,
     BenchSit,
@@ -59,7 +57,6 @@ from robots import Body, Robot
 NEAREST, STRAIGHT = "nearest", "straight"
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
-SEARCH_FIGURES = ("n", "found", "found_interval_95", "time_s", "checks_median")
 FIGURES = {
     "all": ("n", "stood", "stood_interval_95", *LOAD_FIGURES, "torque_use", "head_impact_m_s"),
     "rise": ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES, "self_collisions"),
@@ -69,8 +66,6 @@ FIGURES = {
     "motions": (*LOAD_FIGURES, "lowest_torque_limit_nm", "disturbed_succeeded"),
     "sit": ("n", "succeeded", "interval_95", "head_impact_max_m_s", "torso_impact_max_m_s"),
     "filter": ("n", "filter_over_bare_steps_per_s"),
-    "planner": (*SEARCH_FIGURES, "length_median", "both", "time_s_ratio"),
-    "planner-cost": (*SEARCH_FIGURES, "check_us", "check_over_bare"),
     "faults": SAFETY_FIGURES,
     "kill": SAFETY_FIGURES,
     "soak": (
@@ -103,15 +98,6 @@ HEADINGS = {
     "lowest_torque_limit_nm": "lowest limit [N·m]",
     "disturbed_succeeded": "disturbed",
     "filter_over_bare_steps_per_s": "over bare steps",
-    "found": "found",
-    "found_interval_95": "95 %",
-    "time_s": "time [s]",
-    "checks_median": "checks",
-    "length_median": "length",
-    "both": "both found",
-    "time_s_ratio": "time ratio",
-    "check_us": "check [µs]",
-    "check_over_bare": "check over bare",
     "endings": "endings",
     "safe_max_s": "safe after, max [s]",
     "beyond_limits": "beyond limits",
@@ -275,8 +261,6 @@ def run_benchmark(
     | BenchMethods
     | BenchDisturbed
     | BenchScenes
-    | BenchPlanner
-    | BenchPlannerCost
     | BenchMotions
     | BenchSit
     | BenchFaults

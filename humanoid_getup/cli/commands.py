@@ -72,16 +72,6 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "Rise in disturbed worlds.",
     ),
     "bench scenes": ("bench.BenchScenes", "bench.bench_scenes", "Rise in every scene."),
-    "bench planner": (
-        "bench.BenchPlanner",
-        "bench_planner.bench_planner",
-        "Compare path planners in scenes.",
-    ),
-    "bench planner-cost": (
-        "bench.BenchPlannerCost",
-        "bench_planner.bench_planner_cost",
-        "Plan with more joints and obstacles.",
-    ),
     "bench motions": ("bench.BenchMotions", "bench.bench_motions", "Play every motion disturbed."),
     "bench sit": ("bench.BenchSit", "bench.bench_sit", "Sit and lie down from many stands."),
     "bench filter": ("bench.BenchFilter", "bench.bench_filter", "Time the filter's physics."),

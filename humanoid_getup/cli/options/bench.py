@@ -19,7 +19,7 @@ from humanoid_getup.cli.options.shared import (
     TorqueOptions,
     WorldOptions,
 )
-from humanoid_getup.cli.output import find_file_faults, find_folder_faults
+from humanoid_getup.cli.output import find_folder_faults
 
 
 def find_list_faults(**lists: tuple[str, ...]) -> list[str]:
@@ -117,43 +117,6 @@ class BenchScenes(TorqueOptions, JsonOption, RobotOption):
         """Report ways that are missing, and names that come twice, too."""
         scenes = find_list_faults(scenes=self.scenes) if self.scenes else []
         return super().find_faults() + scenes + find_list_faults(ways=self.ways)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BenchPlanner(JsonOption, RobotOption):
-    """Plan the same problems in scenes by this package's planner and by those of OMPL."""
-
-    n: Count = 20
-    """Falls in each scene, evenly of the ways in which robots lie there."""
-    seed: Seed = 0
-    scenes: tuple[str, ...] = ("beam", "low-bed-a", "low-bed-b", "soft-bed", "table", "wall")
-    """Names or files of scenes."""
-    planners: tuple[str, ...] = ("refined", "strict", "RRTConnect", "KPIECE1")
-    """refined: strictly, then from loose to strict; strict: strictly only; RRTConnect and KPIECE1:
-    those of OMPL."""
-    checks: Count = 50_000
-    """Postures that a planner may check for collisions, for each problem."""
-
-    def find_faults(self) -> list[str]:
-        """Report scenes or planners that are missing or come twice, too."""
-        return super().find_faults() + find_list_faults(scenes=self.scenes, planners=self.planners)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BenchPlannerCost(JsonOption):
-    """Plan for generic humanoids with more and more joints, among more and more obstacles."""
-
-    n: Count = 20
-    """Problems of each case."""
-    seed: Seed = 0
-    checks: Count = 50_000
-    """Postures that the planner may check for collisions, for each problem."""
-    picture: Annotated[Path | None, arg(metavar="FILE")] = None
-    """PNG file for a plot of the results."""
-
-    def find_faults(self) -> list[str]:
-        """Report a picture that cannot be written, too."""
-        return super().find_faults() + (find_file_faults(self.picture) if self.picture else [])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,21 +12,21 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from humanoid_getup.benchmarks.path_planning.clutter import sample_lying, sample_obstacles
-from humanoid_getup.benchmarks.path_planning.generic_humanoid import JOINT_COUNTS, make_humanoid
-from humanoid_getup.benchmarks.path_planning.limited_checker import Budget
-from humanoid_getup.benchmarks.path_planning.planner import Records, summarize_attempts
-from humanoid_getup.benchmarks.path_planning.planning_problems import (
-    ProblemMaker,
-    draw_seed,
-    search_refined,
-)
 from humanoid_getup.evaluation.statistics import summarize
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.falls import CLASSES
 from humanoid_getup.simulation.world import World
+from path_planning.clutter import sample_lying, sample_obstacles
+from path_planning.comparison import Records, summarize_attempts
+from path_planning.generic_humanoid import JOINT_COUNTS, make_humanoid
+from path_planning.limited_checker import Budget
+from path_planning.planning_problems import (
+    ProblemMaker,
+    draw_seed,
+    search_refined,
+)
 from robots import Posture, Robot
 from robots.kinematics import place
 from robots.quaternion import Array

@@ -10,9 +10,9 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from humanoid_getup.benchmarks.path_planning.limited_checker import BudgetSpentError
-from humanoid_getup.benchmarks.path_planning.planning_problems import NodePath, Planner
 from humanoid_getup.planning.posture_space import SMALL, SPREAD, PostureProblem
+from path_planning.limited_checker import BudgetSpentError
+from path_planning.planning_problems import NodePath, Planner
 from robots import quaternion
 from robots.quaternion import Array
 

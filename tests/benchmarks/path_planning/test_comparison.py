@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-
-from humanoid_getup.benchmarks.path_planning.limited_checker import Budget, BudgetSpentError
-from humanoid_getup.benchmarks.path_planning.ompl_planners import OMPL_PLANNERS
-from humanoid_getup.benchmarks.path_planning.planning_problems import (
+from path_planning.limited_checker import Budget, BudgetSpentError
+from path_planning.ompl_planners import OMPL_PLANNERS
+from path_planning.planning_problems import (
     OWN_PLANNERS,
     ProblemMaker,
     is_free_path,
 )
+
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.simulation.falls import sample_falls

@@ -5,12 +5,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from path_planning.clutter import sample_lying, sample_obstacles
+from path_planning.cost import bench_planner_cost
+from path_planning.generic_humanoid import JOINT_COUNTS, make_humanoid
+from path_planning.limited_checker import Budget
+from path_planning.plot import save_planner_cost
 
-from humanoid_getup.benchmarks.path_planning.clutter import sample_lying, sample_obstacles
-from humanoid_getup.benchmarks.path_planning.generic_humanoid import JOINT_COUNTS, make_humanoid
-from humanoid_getup.benchmarks.path_planning.limited_checker import Budget
-from humanoid_getup.benchmarks.path_planning.planner_cost import bench_planner_cost
-from humanoid_getup.reporting.planner_plot import save_planner_cost
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.falls import classify
@@ -99,8 +99,6 @@ def test_the_cost_is_measured_with_every_number_of_joints_and_obstacles(tmp_path
 
 
 def test_there_must_be_space_for_the_obstacles(op3: Robot, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(
-        "humanoid_getup.benchmarks.path_planning.clutter.REACH", 0.05
-    )  # all in the torso
+    monkeypatch.setattr("path_planning.clutter.REACH", 0.05)  # all in the torso
     with pytest.raises(ValueError, match=r"found space for 0 obstacles, expected 2"):
         sample_obstacles(op3, [op3.standing], 2, np.random.default_rng(0))

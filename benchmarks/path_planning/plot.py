@@ -17,7 +17,7 @@ MILLISECONDS = 1e3  # of a second
 
 
 def save_planner_cost(result: dict[str, Any], path: Path) -> None:
-    """Plot the results of `getup bench planner-cost` over the number of obstacles, as PNG.
+    """Plot the results of `measure_planner_cost.py` over the number of obstacles, as PNG.
 
     One line for each number of joints: planning time, from the median to the 95th percentile;
     the share of problems solved; and the time of a check, beside MuJoCo's part of it.

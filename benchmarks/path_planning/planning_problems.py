@@ -13,11 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.benchmarks.path_planning.limited_checker import (
-    Budget,
-    BudgetSpentError,
-    LimitedChecker,
-)
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning import path_planner, shortcut
 from humanoid_getup.planning.goal_placement import GoalPlacement
@@ -27,6 +22,11 @@ from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.rrt_blossom import SearchStatus, search
 from humanoid_getup.planning.way_out import find_way_out
 from humanoid_getup.simulation.world import World
+from path_planning.limited_checker import (
+    Budget,
+    BudgetSpentError,
+    LimitedChecker,
+)
 from robots import Posture
 from robots.quaternion import Array
 
@@ -37,7 +37,7 @@ Planner = Callable[[PostureProblem, int], NodePath]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Attempt:
+class PlannerAttempt:
     """What a planner made of a problem."""
 
     path: NodePath
@@ -107,7 +107,7 @@ class ProblemMaker:
 
     def attempt(
         self, problem: PostureProblem, planner: Planner, seed: int, budget: Budget
-    ) -> Attempt:
+    ) -> PlannerAttempt:
         """Let a planner try a problem of this maker; a path that collides counts as none."""
         self.checker.grant(budget)
         began = time.thread_time()
@@ -120,7 +120,7 @@ class ProblemMaker:
         if path and not is_free_path(problem, path):
             path = []
         length = shortcut.length(problem, path) if path else None
-        return Attempt(path=path, time=took, checks=checks, length=length)
+        return PlannerAttempt(path=path, time=took, checks=checks, length=length)
 
 
 def search_refined(problem: PostureProblem, seed: int) -> NodePath:

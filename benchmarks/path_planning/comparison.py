@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.benchmarks.path_planning.limited_checker import Budget
-from humanoid_getup.benchmarks.path_planning.planning_problems import (
+from humanoid_getup.benchmarks.scenes import sample_scene_falls
+from humanoid_getup.evaluation.statistics import summarize, wilson_interval
+from humanoid_getup.motions.motion_database import load_database
+from path_planning.limited_checker import Budget
+from path_planning.planning_problems import (
     Planner,
     ProblemMaker,
     draw_seed,
 )
-from humanoid_getup.benchmarks.scenes import sample_scene_falls
-from humanoid_getup.evaluation.statistics import summarize, wilson_interval
-from humanoid_getup.motions.motion_database import load_database
 from robots import Robot
 
 REFERENCE = "RRTConnect"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-from humanoid_getup.benchmarks.path_planning.humanoid_links import LINKS, Hinge, Link
+from path_planning.humanoid_links import LINKS, HumanoidHinge, HumanoidLink
 from robots import Robot, load_robot
 
 JOINT_COUNTS = (20, 30, 49)
@@ -50,7 +50,7 @@ def _write_model(joints: int) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _fill_body(body: ElementTree.Element, link: Link, prefix: str, joints: int) -> None:
+def _fill_body(body: ElementTree.Element, link: HumanoidLink, prefix: str, joints: int) -> None:
     if not link.parent:
         ElementTree.SubElement(body, "freejoint", name="root")
     for hinge in link.hinges:
@@ -94,7 +94,7 @@ def _write_description(joints: int) -> str:
     )
 
 
-def _list_joints(joints: int) -> Iterator[tuple[str, str, Hinge]]:
+def _list_joints(joints: int) -> Iterator[tuple[str, str, HumanoidHinge]]:
     """List the name of each joint, that of its mirror image, and the hinge."""
     for link in LINKS:
         for hinge in link.hinges:

@@ -18,10 +18,7 @@ from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.path_planner import PathOptions
-from humanoid_getup.reporting import film_strip
-from humanoid_getup.simulation.falls import Fall
-from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.path_query import (
+from humanoid_getup.planning.path_query import (
     Goal,
     PathAnswer,
     choose_goals,
@@ -29,6 +26,9 @@ from humanoid_getup.strategies.path_query import (
     measure_length,
     to_motion,
 )
+from humanoid_getup.reporting import film_strip
+from humanoid_getup.simulation.falls import Fall
+from humanoid_getup.simulation.world import World
 from robots.kinematics import place_postures
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from humanoid_getup.evaluation.preference import PreferenceName
 from humanoid_getup.filtering.candidate import Candidate, Patience
-from humanoid_getup.filtering.crawl import Crawl, Move
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
 from humanoid_getup.motions.motion import Trajectory
@@ -21,6 +20,7 @@ from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach
 from humanoid_getup.strategies.continuation import Continuation
+from humanoid_getup.strategies.crawl import Crawl, Move
 from humanoid_getup.strategies.keys.key_postures import KeyedSearch
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move

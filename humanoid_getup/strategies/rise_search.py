@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
-from humanoid_getup.filtering.crawl import Crawl, Move
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.strategies.approach import Approach
 from humanoid_getup.strategies.continuation import Continuation, End
+from humanoid_getup.strategies.crawl import Crawl, Move
 from robots import Posture
 
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from humanoid_getup.style.style import Style
     from humanoid_getup.style.style_file import load_style
     from robots.loading import load_robot
-    from robots.reshaping.body import Body
+    from robots.proportions import Body
     from robots.torque_limit import TorqueLimit
 
 _HOMES = {
-    "Body": "robots.reshaping.body",
+    "Body": "robots.proportions",
     "CachedRise": "humanoid_getup.strategies.cached_rise",
     "DynamixelBackend": "drivers.dynamixel.backend",
     "LearnedRise": "humanoid_getup.strategies.learned_rise",

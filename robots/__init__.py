@@ -3,7 +3,7 @@
 from robots.imu import ImuSettings
 from robots.loading import load_robot, reshape
 from robots.posture import Posture, load_posture
-from robots.reshaping.body import ORIGINAL, Body, BodyError
+from robots.proportions import ORIGINAL, Body, BodyError
 from robots.robot import (
     BoardSettings,
     BusSettings,

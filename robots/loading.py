@@ -11,7 +11,7 @@ from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.model_checks import find_model_problems
 from robots.passive_joints import rest_passive_joints
 from robots.posture import Posture
-from robots.reshaping.body import ORIGINAL, Body, BodyError
+from robots.proportions import ORIGINAL, Body, BodyError
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.schema import JointRow, RobotTable, read_description
 from robots.servo import LimitMode, Servo, ServoModel

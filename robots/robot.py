@@ -16,8 +16,8 @@ from msgspec import Meta
 from robots.actuators import add_actuator
 from robots.imu import AxesSetting, ImuKind, ImuSettings
 from robots.posture import Posture
+from robots.proportions import ORIGINAL, Body
 from robots.quaternion import Array
-from robots.reshaping.body import ORIGINAL, Body
 from robots.reshaping.reshape_model import reshape_model
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
 from robots.transmission import Coupling, Transmission

@@ -14,10 +14,10 @@ from humanoid_getup.cli.output import console_for, phase, to_json, write_json
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.robot_check.check import RobotCheck
 from humanoid_getup.robot_check.check import check_robot as check
-from humanoid_getup.robot_check.statics import Statics
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot, RobotError, load_robot
+from robots.body.statics import Statics
 from robots.kinematics import place
 
 COLORS = {"fault": "red", "warning": "yellow", "ok": "green"}

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.limb_solver import LimbSolver
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.motions.motion import STANDING
 from robots import Robot
+from robots.body.limb_solver import LimbSolver
+from robots.body.limbs import Limbs
 from robots.quaternion import Array
 
 MOVES = math.radians(1.0)

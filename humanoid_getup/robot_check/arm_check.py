@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from humanoid_getup.motions.limb import ARMS, Limb
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.finding import Finding
+from robots.body.limb import ARMS, Limb
+from robots.body.limbs import Limbs
 
 SHARE_ON_HANDS = 0.5  # of the weight, as a robot on hands and feet carries it at first
 STRONG_ENOUGH = 0.8  # share of stall torque at which a push is still slow and sure

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from humanoid_getup.motions.limb import ARMS
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.finding import Finding
+from robots.body.limb import ARMS
+from robots.body.limbs import Limbs
 
 DENSITY = (5.0, 300.0)
 """Mass over the neck height cubed [kg/m³]; OP3 has 46, a person of 70 kg about 25."""

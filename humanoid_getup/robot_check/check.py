@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.arm_check import check_arms
 from humanoid_getup.robot_check.body_check import check_body
 from humanoid_getup.robot_check.finding import Finding
@@ -14,12 +13,13 @@ from humanoid_getup.robot_check.mirror_check import check_mirrors
 from humanoid_getup.robot_check.readiness_check import check_readiness
 from humanoid_getup.robot_check.sole_check import check_soles
 from humanoid_getup.robot_check.squat_check import check_depth
-from humanoid_getup.robot_check.squats import Squat, list_squats
 from humanoid_getup.robot_check.stance_check import check_stance
-from humanoid_getup.robot_check.statics import Statics
 from humanoid_getup.robot_check.strength_check import check_strength
 from humanoid_getup.simulation.world import World
 from robots import Robot
+from robots.body.limbs import Limbs
+from robots.body.squats import Squat, list_squats
+from robots.body.statics import Statics
 
 ABILITIES = ("squats", "strength", "arms", "holding the stance")
 

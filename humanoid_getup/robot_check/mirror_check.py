@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.finding import Finding
 from robots import Robot
-from robots.model_import.symmetry import MIRROR, MIRROR_AXIS
+from robots.body.limbs import Limbs
+from robots.body.mirror_pairs import MIRROR, MIRROR_AXIS
 from robots.quaternion import Array
 
 CLEAR = 0.5  # cosine from which an axis is said to turn one way or the other

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from humanoid_getup.robot_check.finding import Finding
 from robots import Robot
-from robots.model_import.shapes import read_shapes
+from robots.body.shapes import read_shapes
 from robots.quaternion import Array
 
 NEAR = 0.002  # m; a site this near to the face is on it

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from humanoid_getup.motions.limb import LEGS
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.finding import Finding
-from humanoid_getup.robot_check.squats import DEEP_ENOUGH, Squat
+from robots.body.limb import LEGS
+from robots.body.limbs import Limbs
+from robots.body.squats import DEEP_ENOUGH, Squat
 
 AT_END = np.radians(3.0)  # from the end of a range at which a joint stops a squat
 

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from humanoid_getup.motions.limb import LEGS
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.robot_check.finding import Finding
 from humanoid_getup.robot_check.sole_check import list_sole_points
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
+from robots.body.limb import LEGS
+from robots.body.limbs import Limbs
 from robots.kinematics import place
 from robots.model_import.contacts import ROOT, find_overlaps
 from robots.quaternion import Array

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from humanoid_getup.robot_check.finding import Finding
-from humanoid_getup.robot_check.squats import DEEP_ENOUGH, Squat
 from robots import Robot
+from robots.body.squats import DEEP_ENOUGH, Squat
 from robots.quaternion import Array
 
 STRONG_ENOUGH = 0.5  # share of stall torque that leaves a servo as much to move with

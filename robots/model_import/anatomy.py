@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from robots.body.mirror_pairs import Mirror, find_mirror
 from robots.model_import.source import ModelImportError
-from robots.model_import.symmetry import Mirror, find_mirror
 from robots.model_import.tree import Tree
 from robots.quaternion import Array
 from robots.side_names import side_of

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from robots.body.mirror_pairs import Mirror
 from robots.model_import.rebuilt import RebuiltModel
-from robots.model_import.symmetry import Mirror
 from robots.quaternion import Array
 
 LEAST_ROOM = 0.2  # share of a joint's range that the range of its mirror joint must leave

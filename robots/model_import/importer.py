@@ -8,11 +8,12 @@ from pathlib import Path
 
 import mujoco
 
+from robots.body.balanced_stance import Stance, StanceSolver
+from robots.body.roles import list_rising, list_segments, list_spreading
 from robots.model_import.anatomy import find_anatomy
 from robots.model_import.body import describe_body, find_contradictions
 from robots.model_import.contacts import exclude_brackets, find_overlaps
 from robots.model_import.folding import Fold
-from robots.model_import.joint_roles import list_rising, list_segments, list_spreading
 from robots.model_import.loose_ties import reduce_ties
 from robots.model_import.reading import read_model
 from robots.model_import.rebuild import Rebuilder
@@ -20,7 +21,6 @@ from robots.model_import.rebuilt import RebuiltModel
 from robots.model_import.servo_choice import ServoChoice, choose_servos
 from robots.model_import.sites import SOLES, SitePlacer
 from robots.model_import.source import ActuatorFigures, ModelImportError
-from robots.model_import.stance import Stance, StanceSolver
 from robots.model_import.stance_search import find_stance
 from robots.model_import.tree import find_tree
 from robots.quaternion import Array

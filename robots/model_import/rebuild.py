@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from robots import quaternion
+from robots.body.shapes import read_shapes
 from robots.model_import.anatomy import Anatomy
-from robots.model_import.shapes import read_shapes
 from robots.model_import.tree import Tree, name_joint
 from robots.quaternion import Array
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots.body.soles import Sole, add_sole_site, find_lowest, find_sole
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
-from robots.model_import.soles import Sole, add_sole_site, find_lowest, find_sole
 from robots.model_import.source import ModelImportError
 from robots.quaternion import Array
 from robots.validation import shown

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from robots.body.balanced_stance import SPREADS, Stance, StanceSolver
 from robots.model_import.body import Body
 from robots.model_import.contacts import find_brackets, find_overlaps
 from robots.model_import.rebuilt import RebuiltModel
-from robots.model_import.stance import SPREADS, Stance, StanceSolver
 
 EXTENSIONS = (0.94, 0.9, 0.86, 0.82, 0.78, 0.7)
 """Shares of the stretched leg that are tried for the stance, in turn."""

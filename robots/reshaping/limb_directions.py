@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from robots.proportions import BodyError
 from robots.quaternion import Array
-from robots.reshaping.body import BodyError
 from robots.reshaping.skeleton import Link, Skeleton
 
 LONG = 0.5  # share of the longest link's length; shorter ones are brackets between two joints

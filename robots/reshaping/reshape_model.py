@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from robots.reshaping.body import Body, BodyError
+from robots.proportions import Body, BodyError
 from robots.reshaping.limb_directions import find_directions
 from robots.reshaping.shoulders import stretch_shoulders
 from robots.reshaping.skeleton import Link, Skeleton

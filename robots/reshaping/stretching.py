@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.proportions import BodyError
 from robots.quaternion import Array
-from robots.reshaping.body import BodyError
 from robots.reshaping.skeleton import Link, Skeleton
 from robots.reshaping.stretch import Inertia, Stretch
 

@@ -9,8 +9,8 @@ from spoiling import complaint, spoil
 
 from drivers import Command, GuardLimits, Twin
 from drivers.servo_units import ServoUnits
-from humanoid_getup.robot_check.statics import Statics
 from robots import Robot, load_robot
+from robots.body.statics import Statics
 from robots.drive import Drive
 from robots.transmission import Coupling, Transmission
 

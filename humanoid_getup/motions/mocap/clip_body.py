@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, ClipError
-from humanoid_getup.motions.limb import LIMB_NAMES, LimbName, LimbPose
+from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
 from robots.quaternion import Array
 
 # What capture systems and editors call the joints of a left limb; the right one's follow.

@@ -14,11 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from humanoid_getup.clips.clip import Clip, ClipError
 from humanoid_getup.motions.keyframes import SPEED_SHARE
-from humanoid_getup.motions.limb import LIMB_NAMES, LimbName, LimbPose
-from humanoid_getup.motions.limb_solver import LimbSolver
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.motions.mocap.clip_body import ClipBody, read_body
-from humanoid_getup.motions.mocap.trunk import Trunk
 from humanoid_getup.motions.motion import (
     MAX_DURATION,
     NO_END,
@@ -29,6 +25,10 @@ from humanoid_getup.motions.motion import (
 )
 from humanoid_getup.simulation.falls import classify
 from robots import Robot, quaternion
+from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
+from robots.body.limb_solver import LimbSolver
+from robots.body.limbs import Limbs
+from robots.body.trunk import Trunk
 from robots.kinematics import leg_length, lowest_points, place_postures
 from robots.quaternion import Array
 

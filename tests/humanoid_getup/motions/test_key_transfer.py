@@ -10,9 +10,9 @@ from model_files import write_model
 from humanoid_getup.motions.build import load_robot_keyframes, try_out
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
+from robots.body.limbs import Limbs
 from robots.model_import.importer import ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot
 from robots.quaternion import Array

@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
-from humanoid_getup.motions.limbs import Limbs
 from humanoid_getup.playback.balance import find_ankles
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.falls import classify, sample_fall_set
 from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
+from robots.body.limbs import Limbs
 from robots.drive import limit_servos
 from robots.kinematics import GeomReach, center_of_mass, place
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.reshaping.body import MAX_FACTOR, MIN_FACTOR, ORIGINAL, PARTS, Body, BodyError
+from robots.proportions import MAX_FACTOR, MIN_FACTOR, ORIGINAL, PARTS, Body, BodyError
 
 factors = st.floats(MIN_FACTOR, MAX_FACTOR)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from humanoid_getup.motions.limb import LEGS, Limb, LimbName
 from robots import Robot
+from robots.body.limb import LEGS, Limb, LimbName
 from robots.quaternion import Array
 from robots.reshaping.skeleton import Link, Skeleton
 

@@ -7,9 +7,9 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from humanoid_getup.motions.limb import LEGS, Limb, LimbName, LimbPose
-from humanoid_getup.motions.limb_finder import find_limbs
 from robots import Robot
+from robots.body.limb import LEGS, Limb, LimbName, LimbPose
+from robots.body.limb_finder import find_limbs
 from robots.passive_joints import couple_passive_joints, rest_passive_joints
 from robots.quaternion import Array
 

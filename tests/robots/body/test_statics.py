@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.motions.limbs import Limbs
-from humanoid_getup.robot_check.squats import list_squats
-from humanoid_getup.robot_check.statics import Statics
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
+from robots.body.limbs import Limbs
+from robots.body.squats import list_squats
+from robots.body.statics import Statics
 from robots.kinematics import place
 from robots.quaternion import Array
 

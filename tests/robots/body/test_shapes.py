@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots import quaternion
-from robots.model_import.shapes import Shape, fit_shape
+from robots.body.shapes import Shape, fit_shape
 from robots.quaternion import Array
 
 GEOM = mujoco.mjtGeom

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from spoiling import spoil
 
-from humanoid_getup.motions.limb_solver import LimbSolver
-from humanoid_getup.motions.limbs import Limbs
 from robots import Robot, load_robot
+from robots.body.limb_solver import LimbSolver
+from robots.body.limbs import Limbs
 
 
 @pytest.fixture(scope="module")

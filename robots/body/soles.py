@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from robots import quaternion
-from robots.model_import.shapes import read_shapes
+from robots.body.shapes import read_shapes
 from robots.quaternion import Array
 
 FLAT = 0.0025  # m off a plane that still belong to a sole: treads and studs

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from humanoid_getup.motions.limb import ARMS, LEGS, Limb
-from humanoid_getup.motions.limb_finder import TWIST
-from humanoid_getup.motions.limbs import Limbs
-from humanoid_getup.robot_check.statics import Statics
+from robots.body.limb import ARMS, LEGS, Limb
+from robots.body.limb_finder import TWIST
+from robots.body.limbs import Limbs
+from robots.body.statics import Statics
 from robots.model_import.contacts import ROOT, find_overlaps
 from robots.quaternion import Array
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from humanoid_getup.motions.limb import LEGS, Limb, LimbName, LimbPose
-from humanoid_getup.motions.limb_finder import TWIST
-from humanoid_getup.motions.limbs import Limbs
+from robots.body.limb import LEGS, Limb, LimbName, LimbPose
+from robots.body.limb_finder import TWIST
+from robots.body.limbs import Limbs
 from robots.quaternion import Array
 
 BALANCE = 4.0  # weight of the mass center's place over the soles, in leg lengths

@@ -1,0 +1,1 @@
+"""The body of a robot: its limbs and what they are for, lengths, balance, and overlap."""

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import json
+import stat
 import struct
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import lz4.frame
 import numpy as np
 import orjson
 import zstandard
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from drivers.flight_log.writer import EVENT, FORMAT, METADATA, TOPICS
@@ -25,7 +27,16 @@ from robots import Posture, Robot
 from robots.quaternion import Array
 
 PACK = 1024  # rows that are held as Python objects before they become an array
-UNFILLED = bytes(64)  # no record ends like this
+MOST_BYTES = 1 << 29  # of a file
+MOST_UNPACKED = 1 << 30  # bytes of all its chunks: a flight of hours
+RECORD_HEAD, CHUNK_HEAD = struct.Struct("<BQ"), struct.Struct("<QQQ")
+KINDS = set(Opcode)
+"""Kinds of records that there are."""
+DAMAGE = (
+    *(McapError, zstandard.ZstdError, struct.error, RuntimeError, EOFError, MemoryError),
+    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError),
+)
+"""Errors that reading a damaged log may raise; a RuntimeError is one of lz4."""
 
 
 @dataclass(frozen=True)
@@ -58,32 +69,66 @@ class Track:
 
 
 class Content:
-    """Content of a log."""
+    """Content of a log, up to the first damaged chunk."""
 
     def __init__(self, data: bytes) -> None:
         """Read the whole records at the beginning of a file.
 
         Raises:
-            ValueError: or another error of the decoders, if the data is damaged.
+            ValueError: or another error of `DAMAGE`, if what it says of itself is damaged, if it
+                unpacks to too much, or if its messages are not those of a flight.
         """
-        # A power cut can leave zeros where the file had grown but was not yet written.
-        written = data.rstrip(b"\0") if data.endswith(UNFILLED) else data
-        end, self.is_complete = _find_end(written)
-        self.lost_bytes = len(data) - end
-        if self.is_complete and self.lost_bytes:
-            raise ValueError(f"{self.lost_bytes} bytes follow its end")
-        if not self.is_complete and end > len(MCAP0_MAGIC) and data.endswith(MCAP0_MAGIC):
-            raise ValueError(f"the record at byte {end} is longer than the file")
+        end, self.is_complete, size = _survey(data)
+        if size > MOST_UNPACKED:
+            raise ValueError(f"it unpacks to {size} bytes, expected at most {MOST_UNPACKED}")
+        self.damage = ""
+        """What is wrong with the first damaged chunk; empty if nothing is."""
         self.about: dict[str, str] = {}
         self.events: list[Event] = []
         self._topic_of: dict[int, str] = {}
         self._topics: dict[str, _Columns] = {}
-        for record in _records(data[:end]):
-            self._add(record)
+        self.lost_bytes = len(data) - self._read(data[:end])
+        """Bytes at the end of the file that were not read."""
 
     def tracks(self) -> dict[str, Track]:
         """Return the tracks of all topics but the events."""
         return {topic: columns.track() for topic, columns in self._topics.items()}
+
+    def _read(self, data: bytes) -> int:
+        """Read whole records; return where the first damaged one begins, or the end."""
+        stream, at = BytesIO(data), 0
+        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=None)
+        records = reader.records
+        while (record := self._next(records)) is not None:
+            inside = self._open(record) if isinstance(record, Chunk) else [record]
+            if self.damage:
+                return at
+            for one in inside:
+                self._add(one)
+            at = stream.tell()
+        return at if self.damage else len(data)
+
+    def _next(self, records: Iterator[McapRecord]) -> McapRecord | None:
+        """Return the next record; None at the end of the data, or if the record is damaged."""
+        try:
+            record = next(records, None)
+        except EndOfFile:  # a log that was cut off has no footer
+            return None
+        except CRCValidationError:  # of all data: something outside of the chunks is not as written
+            raise
+        except DAMAGE as error:
+            self.damage = _explain(error)
+            return None
+        return None if isinstance(record, DataEnd) else record  # behind it there is an index only
+
+    def _open(self, chunk: Chunk) -> list[McapRecord]:
+        """Unpack a chunk; note if it is damaged."""
+        try:
+            plain = replace(chunk, compression="", data=_unpack(chunk))
+            return breakup_chunk(plain, validate_crc=True)
+        except DAMAGE as error:
+            self.damage = _explain(error)
+            return []
 
     def _add(self, record: McapRecord) -> None:
         if isinstance(record, Message):
@@ -100,28 +145,48 @@ class Content:
             self.about = record.metadata
 
 
-def _find_end(data: bytes) -> tuple[int, bool]:
-    """Find the end of the last whole record, and whether it is the end of a log."""
-    at = len(MCAP0_MAGIC)
-    while at + 9 <= len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        after = at + 9 + length
-        if after > len(data):
+def _survey(data: bytes) -> tuple[int, bool, int]:
+    """Find the end of the last whole record, whether a log ends there, and its unpacked size.
+
+    A power cut can leave zeros where the file had grown but was not yet written: no record is of
+    kind 0. The size is what the chunks say of themselves; none is unpacked beyond that.
+    """
+    at, size = len(MCAP0_MAGIC), 0
+    while at + RECORD_HEAD.size <= len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        after = at + RECORD_HEAD.size + length
+        if after > len(data) or opcode not in KINDS:
             break
+        if opcode == Opcode.CHUNK and length >= CHUNK_HEAD.size:
+            size += CHUNK_HEAD.unpack_from(data, at + RECORD_HEAD.size)[2]
         if opcode == Opcode.FOOTER and data.startswith(MCAP0_MAGIC, after):
-            return after + len(MCAP0_MAGIC), True
+            return after + len(MCAP0_MAGIC), True, size
         at = after
-    return at, False
+    return at, False, size
 
 
-def _records(data: bytes) -> Iterator[McapRecord]:
-    """Read records; raise if a chunk or a finished log does not match its checksum."""
-    stream = BytesIO(data)
-    try:
-        yield from StreamReader(stream, validate_crcs=True, record_size_limit=None).records
-    except EndOfFile:  # a truncated log has no footer
-        if stream.tell() < len(data):
-            raise
+def _unpack(chunk: Chunk) -> bytes:
+    """Unpack a chunk, to no more than the size that it says.
+
+    Raises:
+        ValueError: or another error of `DAMAGE`, if it has another size.
+    """
+    size = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size + 1)
+    elif chunk.compression:
+        raise ValueError(f"a chunk is packed by '{chunk.compression}', expected zstd or lz4")
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"a chunk unpacks to {len(data)} bytes or more, expected {size}")
+    return data
+
+
+def _explain(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 class _Columns:
@@ -169,11 +234,6 @@ def _join(packs: list[np.ndarray]) -> np.ndarray:
         return np.fromiter((row for pack in packs for row in pack), dtype=object)
 
 
-DAMAGE = (
-    *(McapError, zstandard.ZstdError, struct.error, MemoryError, RecursionError),
-    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError),
-)
-"""Errors that reading a damaged log may raise."""
 NEEDED = ("state", "asked", "sent")
 
 
@@ -195,7 +255,9 @@ class FlightRecord:
     """Parts of a cycle by the names of `Cycle`'s fields; none without a cycle."""
     events: tuple[Event, ...]
     truncated: bool
-    """Whether the log is incomplete, as after a kill."""
+    """Whether the log is incomplete, as after a kill, or damaged."""
+    damage: str = ""
+    """What is wrong with the first damaged chunk, which the record ends before; empty if none."""
     lost_bytes: int
     """Bytes at the end of a truncated log that could not be read."""
 
@@ -233,30 +295,31 @@ class FlightRecord:
         """Summarize the record in one line."""
         seconds = float(self.time[-1] - self.time[0]) if self.cycles else 0.0
         summary = f"{self.robot}: {self.cycles} cycles, {seconds:.2f} s, {len(self.events)} events"
-        return f"{summary}, cut off ({self.lost_bytes} bytes lost)" if self.truncated else summary
+        if not self.truncated:
+            return summary
+        how = f"damaged ({self.damage})" if self.damage else "cut off"
+        return f"{summary}, {how}: {self.lost_bytes} bytes lost"
 
     @classmethod
     def load(cls, path: Path, robot: Robot | None = None) -> FlightRecord:
-        """Load a flight log of a robot, or of any; of a truncated one, all whole records.
+        """Load a flight log of a robot, or of any.
+
+        Of one that was cut off or is damaged, all that comes before is read.
 
         Raises:
             ValueError: one line with the file and its problem: it is not a flight log, is
-                damaged, or another robot's.
+                damaged where it says whose it is, is too large, or another robot's.
         """
         try:
-            with path.open("rb") as file:  # the rest only of what begins like a log
-                data = file.read(len(MCAP0_MAGIC))
-                is_log = data == MCAP0_MAGIC
-                data += file.read() if is_log else b""
+            data = _read_file(path)
         except OSError as error:
             raise ValueError(f"flight log {path}: {error.strerror or error}") from error
-        if not is_log:
-            raise ValueError(f"flight log {path}: not an MCAP file, expected a log of FlightLog")
+        except ValueError as error:
+            raise ValueError(f"flight log {path}: {error}") from error
         try:
             record = _read(path, data)
         except DAMAGE as error:
-            fault = " ".join(str(error).split())[:200] or type(error).__name__
-            raise ValueError(f"flight log {path}: damaged ({fault})") from error
+            raise ValueError(f"flight log {path}: damaged ({_explain(error)})") from error
         if robot is not None:
             record.check_robot(robot)
         return record
@@ -268,15 +331,15 @@ class FlightRecord:
             ValueError: naming its robot.
         """
         if self.robot != robot.name:
-            fault = f"of robot '{self.robot}', expected '{robot.name}'"
+            problem = f"of robot '{self.robot}', expected '{robot.name}'"
         elif self.joint_names != robot.joint_names:
-            fault = (
+            problem = (
                 f"of a '{robot.name}' with joints {', '.join(self.joint_names)}, "
                 f"expected {', '.join(robot.joint_names)}"
             )
         else:
             return
-        raise ValueError(f"flight log {self.path}: it is {fault}")
+        raise ValueError(f"flight log {self.path}: it is {problem}")
 
 
 def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[str, Any]:
@@ -284,11 +347,24 @@ def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[st
     return {name: value.item() if np.ndim(value) == 0 else value for name, value in row.items()}
 
 
+def _read_file(path: Path) -> bytes:
+    """Read a file that begins like a log, and none whose end may never come."""
+    found = path.stat()
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise ValueError("not a regular file, expected a log of FlightLog")
+    if found.st_size > MOST_BYTES:
+        raise ValueError(f"it has {found.st_size} bytes, expected at most {MOST_BYTES}")
+    data = path.read_bytes()
+    if not data.startswith(MCAP0_MAGIC):
+        raise ValueError("not an MCAP file, expected a log of FlightLog")
+    return data
+
+
 def _read(path: Path, data: bytes) -> FlightRecord:
     content = Content(data)
     about = content.about
     if not about:
-        raise ValueError("it does not name its robot")
+        raise ValueError(content.damage or "it does not name its robot")
     if about["format"] != FORMAT:
         raise ValueError(f"format is '{about['format']}', expected '{FORMAT}'")
     names = {topic: name for name, topic in TOPICS.items()}
@@ -308,7 +384,8 @@ def _read(path: Path, data: bytes) -> FlightRecord:
         start=_parse_posture(about["start"], joint_names),
         tracks=tracks,
         events=tuple(content.events),
-        truncated=not content.is_complete,
+        truncated=not content.is_complete or bool(content.damage),
+        damage=content.damage,
         lost_bytes=content.lost_bytes,
     )
 

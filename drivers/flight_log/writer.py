@@ -50,8 +50,8 @@ class FlightLog:
     may lose more). Nothing is overwritten: an existing file is renamed to ``NAME.1``, or the
     next free number.
 
-    A full disk must not make a robot fall: recording stops, and ``fault`` gives the reason.
-    Not thread-safe.
+    A full disk must not make a robot fall: recording stops, and ``fault`` gives the reason. No
+    file is left on a disk that is full from the start. Not thread-safe.
     """
 
     def __init__(
@@ -96,6 +96,8 @@ class FlightLog:
         self._writer.start(library="humanoid-getup")
         self._writer.add_metadata(METADATA, self._describe())
         self._flush()
+        if self.fault:
+            self.path.unlink(missing_ok=True)
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:

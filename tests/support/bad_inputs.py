@@ -454,7 +454,7 @@ GROUPS: dict[str, list[Case]] = {
         case("bus --latency 3", "latency is 3 s"),
         case("bus --faults none.toml", "none.toml"),
         case("bus --faults /dev/zero", "/dev/zero", "more than"),
-        case("replay /dev/zero", "/dev/zero", "not an MCAP file"),
+        case("replay /dev/zero", "/dev/zero", "not a regular file"),
         case("bus --faults text.txt", "text.txt"),
         case("bus --faults wrong.toml", "wrong.toml"),
         case("bus --faults folder", "folder"),

@@ -1,9 +1,11 @@
 """A flight log gives back what was flown, bit for bit, whatever happens to program or disk."""
 
+import os
 import resource
 import signal
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -12,15 +14,16 @@ import orjson
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from paths import REPOSITORY, TINY
 from recording_backend import still_state
 
 from drivers import ClipCounts, Command, Cycle, Guidance
 from drivers.control_loop import Timing
 from drivers.flight_log.reader import Event, FlightRecord
-from drivers.flight_log.writer import METADATA, FlightLog
+from drivers.flight_log.writer import FlightLog
 from robots import Posture, Robot, load_robot
 
 
@@ -57,6 +60,26 @@ def write_flight(path: Path, robot: Robot, cycles: list[Cycle]) -> None:
     with FlightLog(path, robot) as log:
         for cycle in cycles:
             log.log(cycle)
+
+
+def rewrite(
+    log: Path,
+    path: Path,
+    messages: list[bytes],
+    compression: CompressionType = CompressionType.ZSTD,
+    topic: str = "/state",
+) -> None:
+    """Write what a log says of itself, with other messages, in one chunk."""
+    with log.open("rb") as source:
+        (about,) = make_reader(source).iter_metadata()
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1 << 40, compression=compression)
+        writer.start()
+        writer.add_metadata(about.name, about.metadata)
+        channel = writer.register_channel(topic, "json", 0)
+        for message in messages:
+            writer.add_message(channel, 0, message, 0)
+        writer.finish()
 
 
 @pytest.fixture(scope="module")
@@ -255,6 +278,18 @@ def test_a_full_disk_stops_the_recording_and_not_the_robot(tmp_path, robot, flig
     assert [event.text for event in record.events] == ["on disk"]
 
 
+def test_a_disk_that_is_full_from_the_start_is_left_without_a_log(tmp_path, robot, flight):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20, hard))
+    try:
+        with FlightLog(tmp_path / "f", robot) as log:
+            log.log(flight[0])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert log.fault == f"flight log {tmp_path / 'f'}: File too large, recording stopped"
+    assert not (tmp_path / "f").exists()
+
+
 KILLED = """
 import sys, os
 sys.path[:0] = {tests!r}
@@ -291,39 +326,133 @@ def test_a_log_cut_anywhere_is_read_as_far_as_it_is_whole(logged, tmp_path, flig
     data = logged.read_bytes()
     described = data.index(b"started") + 400  # the description is whole by then
     counts = set()
-    for end in np.random.default_rng(5).integers(described, len(data), 40):
-        for tail in (b"", bytes(100), bytes(5000)):  # a power cut leaves zeros
+    for end in np.random.default_rng(5).integers(described, len(data), 12):
+        for tail in (b"", bytes(100), bytes(50_000)):  # a power cut leaves zeros
             (tmp_path / "cut").write_bytes(data[:end] + tail)
             record = FlightRecord.load(tmp_path / "cut")
             assert record.truncated
-            assert len(tail) <= record.lost_bytes <= end + len(tail)
+            assert bool(tail) <= record.lost_bytes <= end + len(tail)
             flown = [cycle.state.time for cycle in flight[: record.cycles]]
             assert record.time.tolist() == flown
             counts.add(record.cycles)
     assert len(counts) > 2
 
 
-def test_a_damaged_log_is_never_read_wrong(logged, tmp_path):
+def test_a_damaged_log_is_read_up_to_the_damage_and_never_wrong(logged, tmp_path):
     whole, data = FlightRecord.load(logged), logged.read_bytes()
-    rng = np.random.default_rng(6)
-    refused = 0
-    for _ in range(120):
-        spoiled = bytearray(data)
+    rng, spoiled = np.random.default_rng(6), tmp_path / "spoiled"
+    refused, shorter = 0, 0
+    for _ in range(40):
+        content = bytearray(data)
         for at in rng.integers(0, len(data), rng.integers(1, 4)):
-            spoiled[at] ^= 1 << rng.integers(8)
-        (tmp_path / "spoiled").write_bytes(spoiled)
+            content[at] ^= 1 << rng.integers(8)
+        spoiled.write_bytes(content)
         try:
-            record = FlightRecord.load(tmp_path / "spoiled")
+            record = FlightRecord.load(spoiled)
         except ValueError as error:
             refused += 1
-            assert str(error).startswith(f"flight log {tmp_path / 'spoiled'}: ")
+            assert str(error).startswith(f"flight log {spoiled}: ")
             assert "\n" not in str(error)
-        else:  # it was the index at the end
-            assert np.array_equal(record.time, whole.time[: record.cycles])
-            assert np.array_equal(
-                record.sent["joint_pos"], whole.sent["joint_pos"][: record.cycles]
-            )
-    assert refused > 80
+            continue
+        count = record.cycles
+        assert np.array_equal(record.time, whole.time[:count])
+        if count:
+            assert np.array_equal(record.sent["joint_pos"], whole.sent["joint_pos"][:count])
+        if count < whole.cycles:  # else it was the index at the end
+            shorter += 1
+            assert record.truncated and record.lost_bytes > 0
+    assert refused and shorter > 20
+
+
+def chunk_places(data: bytes) -> list[tuple[int, int]]:
+    """Return where the content of each chunk record begins, and its length."""
+    at, places = 8, []
+    while data[at] != Opcode.FOOTER:
+        length = int.from_bytes(data[at + 1 : at + 9], "little")
+        if data[at] == Opcode.CHUNK:
+            places.append((at + 9, length))
+        at += 9 + length
+    return places
+
+
+def test_a_damaged_chunk_costs_itself_and_what_follows(logged, tmp_path):
+    data = bytearray(logged.read_bytes())
+    whole, places = FlightRecord.load(logged), chunk_places(data)
+    third, length = places[2]
+    data[third + length // 2] ^= 0x10
+    (tmp_path / "f").write_bytes(data)
+    record = FlightRecord.load(tmp_path / "f")
+    assert 0 < record.cycles < whole.cycles
+    assert record.lost_bytes == len(data) - (third - 9)
+    assert record.damage
+    assert f"damaged ({record.damage}): {record.lost_bytes} bytes lost" in record.describe()
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+@pytest.mark.parametrize("junk", [b"", b"junk", bytes(40)], ids=["noise", "junk", "zeros"])
+def test_bad_compression_is_damage_and_no_error_of_the_decoder(logged, tmp_path, compression, junk):
+    rewrite(logged, tmp_path / "f", [b"{}"], compression)
+    data = bytearray((tmp_path / "f").read_bytes())
+    [(start, length)] = chunk_places(data)
+    packed = start + 28 + 4 + len(compression.name) + 8  # behind times, size, CRC, name and length
+    data[packed : start + length] = junk.ljust(start + length - packed, b"\xa5")
+    (tmp_path / "f").write_bytes(data)
+    record = FlightRecord.load(tmp_path / "f")
+    assert (record.cycles, record.truncated) == (0, True)
+    assert record.damage
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+def test_logs_of_other_writers_are_read_however_they_are_packed(logged, tmp_path, compression):
+    event = b'{"time": 0.5, "kind": "note", "text": "by hand"}'
+    rewrite(logged, tmp_path / "f", [event], compression, topic="/event")
+    assert FlightRecord.load(tmp_path / "f").events == (Event(0.5, "note", "by hand", 0),)
+
+
+def test_a_log_that_unpacks_to_gigabytes_is_refused_before_it_takes_memory(logged, tmp_path):
+    path = tmp_path / "bomb"
+    rewrite(logged, path, [bytes(1000)])
+    data = bytearray(path.read_bytes())
+    [(start, _)] = chunk_places(data)
+    data[start + 16 : start + 24] = (8 << 30).to_bytes(8, "little")  # uncompressed size
+    path.write_bytes(data)
+    expected = rf"flight log .*bomb: damaged \(it unpacks to {8 << 30} bytes, expected at most"
+    with pytest.raises(ValueError, match=expected):
+        FlightRecord.load(path)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+def test_no_chunk_is_unpacked_beyond_the_size_that_it_says(logged, tmp_path, compression):
+    """64 MB of zeros that say that they are 100 bytes take no 64 MB."""
+    path = tmp_path / "bomb"
+    rewrite(logged, path, [bytes(64 << 20)], compression)
+    data = bytearray(path.read_bytes())
+    [(start, _)] = chunk_places(data)
+    data[start + 16 : start + 24] = (100).to_bytes(8, "little")
+    path.write_bytes(data)
+    tracemalloc.start()
+    try:
+        record = FlightRecord.load(path)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert "unpacks to 101 bytes or more, expected 100" in record.damage
+    assert most < 8 << 20
+
+
+def test_a_file_of_many_bytes_is_refused(logged, monkeypatch):
+    size = logged.stat().st_size
+    monkeypatch.setattr("drivers.flight_log.reader.MOST_BYTES", size)
+    assert FlightRecord.load(logged).cycles == 1100
+    monkeypatch.setattr("drivers.flight_log.reader.MOST_BYTES", size - 1)
+    with pytest.raises(ValueError, match=rf"it has {size} bytes, expected at most {size - 1}"):
+        FlightRecord.load(logged)
+
+
+def test_a_fifo_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(ValueError, match=r"flight log .*fifo: not a regular file, expected"):
+        FlightRecord.load(tmp_path / "fifo")
 
 
 @pytest.mark.parametrize(
@@ -353,15 +482,14 @@ def test_another_robots_log_is_refused(logged, op3):
 
 
 @pytest.mark.parametrize("message", [b"[]", b"3", b'"text"', b"null"])
-def test_a_message_that_is_no_object_is_refused_in_one_line(tmp_path, tiny, message):
-    path = tmp_path / "f"
-    log = FlightLog(path, tiny)
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        writer.add_metadata(METADATA, log._describe())
-        channel = writer.register_channel("/state", "json", 0)
-        writer.add_message(channel, 0, message, 0)
-        writer.finish()
+def test_a_message_that_is_no_object_is_refused_in_one_line(logged, tmp_path, message):
+    rewrite(logged, tmp_path / "f", [message])
     with pytest.raises(ValueError, match=r"flight log .*f: damaged \("):
-        FlightRecord.load(path)
+        FlightRecord.load(tmp_path / "f")
+
+
+def test_a_description_that_was_altered_is_refused(logged, tmp_path):
+    data = logged.read_bytes()
+    (tmp_path / "f").write_bytes(data.replace(b"0.008", b"0.004", 1))  # the control period
+    with pytest.raises(ValueError, match=r"damaged \(crc validation failed in DataEnd"):
+        FlightRecord.load(tmp_path / "f")

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
-import fcntl
-import os
-from typing import Protocol
+import errno
+from typing import TYPE_CHECKING, Protocol
 
-# From Linux' uapi/linux/i2c-dev.h and i2c.h.
-I2C_RDWR, I2C_M_RD = 0x0707, 0x0001
+if TYPE_CHECKING:
+    from smbus2 import SMBus
 
 
 class I2cChip(Protocol):
@@ -30,25 +28,12 @@ class I2cChip(Protocol):
         ...
 
 
-class _Message(ctypes.Structure):
-    _fields_ = (
-        ("address", ctypes.c_uint16),
-        ("flags", ctypes.c_uint16),
-        ("length", ctypes.c_uint16),
-        ("buffer", ctypes.c_void_p),
-    )
-
-
-class _Transfer(ctypes.Structure):
-    _fields_ = (("messages", ctypes.POINTER(_Message)), ("count", ctypes.c_uint32))
-
-
 class LinuxI2cChip:
     """A chip behind /dev/i2c-N; a transfer waits until it is done."""
 
     def __init__(self, bus: int, address: int) -> None:
         self._device, self._address = f"/dev/i2c-{bus}", address
-        self._fd = -1
+        self._bus: SMBus | None = None
 
     @property
     def path(self) -> str:
@@ -57,25 +42,33 @@ class LinuxI2cChip:
 
     def open(self) -> None:
         """Open the bus."""
-        if self._fd < 0:
-            self._fd = os.open(self._device, os.O_RDWR)
+        if self._bus is not None:
+            return
+        try:
+            from smbus2 import SMBus  # for Linux alone
+        except ImportError as error:
+            raise OSError(errno.ENOSYS, "I2C needs Linux and the package smbus2") from error
+        bus = SMBus()
+        try:
+            bus.open(self._device)
+        except OSError:
+            bus.close()
+            raise
+        self._bus = bus
 
     def close(self) -> None:
         """Close the bus."""
-        fd, self._fd = self._fd, -1
-        if fd >= 0:
-            os.close(fd)
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close()
 
     def transfer(self, data: bytes, count: int = 0) -> bytes:
         """Write bytes, then read some after a repeated start condition."""
-        sent, received = ctypes.create_string_buffer(data, len(data)), (ctypes.c_char * count)()
-        parts = [(0, sent, len(data))] if data else []
-        parts += [(I2C_M_RD, received, count)] if count else []
-        messages = (_Message * len(parts))(
-            *(
-                _Message(self._address, flags, length, ctypes.addressof(buffer))
-                for flags, buffer, length in parts
-            )
-        )
-        fcntl.ioctl(self._fd, I2C_RDWR, _Transfer(messages, len(parts)))
-        return received.raw
+        from smbus2 import i2c_msg
+
+        if self._bus is None:
+            raise OSError(errno.EBADF, "its bus is closed")
+        sent = [i2c_msg.write(self._address, data)] if data else []
+        received = [i2c_msg.read(self._address, count)] if count else []
+        self._bus.i2c_rdwr(*sent, *received)
+        return bytes(received[0]) if received else b""

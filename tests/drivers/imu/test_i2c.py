@@ -1,0 +1,130 @@
+"""Transfers on an I2C bus of Linux, as its kernel sees them."""
+
+import errno
+import sys
+from types import SimpleNamespace
+
+import pytest
+from smbus2 import smbus2
+
+from drivers.imu.bno055 import Bno055
+from drivers.imu.build import build_i2c_source
+from drivers.imu.i2c import LinuxI2cChip
+from drivers.imu.source import ImuError
+from drivers.virtual_bus.imu.bno055 import VirtualBno055
+from robots import ImuSettings
+
+I2C_FUNCS, I2C_RDWR, READS = 0x0705, 0x0707, 0x0001  # Linux' uapi/linux/i2c-dev.h and i2c.h
+
+
+class Kernel:
+    """Device files of I2C buses, and one chip at an address of the first."""
+
+    def __init__(self) -> None:
+        self.chip, self.address = VirtualBno055(), 0x28
+        self.open_files = 0
+        self.transfers: list[list[tuple[int, bool]]] = []
+        """Address and direction of each message of each transfer."""
+
+    def open(self, path: str, _flags: int) -> int:
+        if path != "/dev/i2c-1":
+            raise OSError(errno.ENOENT, "No such file or directory")
+        self.open_files += 1
+        return 77
+
+    def close(self, file: int) -> None:
+        assert file == 77
+        self.open_files -= 1
+
+    def ioctl(self, file: int, request: int, data: object) -> int:
+        assert file == 77
+        if request == I2C_FUNCS:
+            return 0
+        assert request == I2C_RDWR
+        messages = [data.msgs[i] for i in range(data.nmsgs)]  # type: ignore[attr-defined]
+        self.transfers.append([(m.addr, bool(m.flags & READS)) for m in messages])
+        if any(message.addr != self.address for message in messages):
+            raise OSError(errno.EREMOTEIO, "Remote I/O error")
+        written = b"".join(m.buf[: m.len] for m in messages if not m.flags & READS)
+        count = sum(m.len for m in messages if m.flags & READS)
+        reply = self.chip.transfer(written, count)
+        for message in messages:
+            if message.flags & READS:
+                for place, byte in enumerate(reply):
+                    message.buf[place] = byte
+        return 0
+
+
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
+    kernel = Kernel()
+    files = SimpleNamespace(open=kernel.open, close=kernel.close, O_RDWR=2)
+    monkeypatch.setattr(smbus2, "os", files)
+    monkeypatch.setattr(smbus2, "ioctl", kernel.ioctl)
+    return kernel
+
+
+def test_a_register_is_read_in_one_transfer_with_a_repeated_start(kernel: Kernel):
+    chip = LinuxI2cChip(1, 0x28)
+    chip.open()
+    assert chip.transfer(bytes([0x00]), 4) == bytes.fromhex("A0FB320F")
+    assert chip.transfer(bytes([0x3D, 0x05])) == b""
+    assert chip.transfer(bytes([0x3D]), 1) == b"\x05"
+    write, read = (0x28, False), (0x28, True)
+    assert kernel.transfers == [[write, read], [write], [write, read]]
+
+
+def test_bytes_are_read_without_writing_any(kernel: Kernel):
+    kernel.chip.exchange = lambda _, count: bytes(range(count))  # type: ignore[method-assign]
+    chip = LinuxI2cChip(1, 0x28)
+    chip.open()
+    assert chip.transfer(b"", 3) == b"\x00\x01\x02"
+    assert kernel.transfers == [[(0x28, True)]]
+
+
+def test_a_bus_is_opened_once_and_closed_once(kernel: Kernel):
+    chip = LinuxI2cChip(1, 0x28)
+    assert chip.path == "/dev/i2c-1 at 0x28"
+    for _ in range(2):
+        chip.open()
+    assert kernel.open_files == 1
+    for _ in range(2):
+        chip.close()
+    assert kernel.open_files == 0
+    with pytest.raises(OSError, match="its bus is closed"):
+        chip.transfer(b"\x00", 1)
+
+
+def test_a_bus_that_is_no_i2c_bus_is_not_left_open(kernel: Kernel, monkeypatch):
+    def refuse(*_: object) -> int:
+        raise OSError(errno.ENOTTY, "Inappropriate ioctl for device")
+
+    monkeypatch.setattr(smbus2, "ioctl", refuse)
+    with pytest.raises(OSError, match="Inappropriate ioctl"):
+        LinuxI2cChip(1, 0x28).open()
+    assert kernel.open_files == 0
+
+
+def test_no_chip_at_an_address_is_an_error_of_the_transfer(kernel: Kernel):
+    kernel.address = 0x29
+    chip = LinuxI2cChip(1, 0x28)
+    chip.open()
+    with pytest.raises(OSError, match="Remote I/O error"):
+        chip.transfer(b"\x00", 1)
+
+
+def test_a_source_reads_its_chip_through_the_kernel(kernel: Kernel):
+    settings = ImuSettings(kind="bno055", connection="i2c")
+    source = build_i2c_source(settings, LinuxI2cChip(1, settings.address))
+    assert isinstance(source, Bno055)
+    source.open()
+    source.close()
+    assert kernel.open_files == 0
+
+
+@pytest.mark.parametrize("kind", ["bno055", "bno08x"])
+def test_without_the_package_the_source_says_what_it_needs(kind, monkeypatch):
+    monkeypatch.setitem(sys.modules, "smbus2", None)
+    source = build_i2c_source(ImuSettings(kind=kind, connection="i2c"), LinuxI2cChip(1, 0x28))
+    with pytest.raises(ImuError, match="I2C needs Linux and the package smbus2"):
+        source.open()

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import importlib
 import os
-import sys
-from collections.abc import MutableMapping
 from typing import TYPE_CHECKING, Any
+
+from humanoid_getup.library_environment import prepare
 
 if TYPE_CHECKING:
     from drivers.dynamixel.backend import DynamixelBackend
@@ -103,11 +103,4 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-def choose_gl(environment: MutableMapping[str, str]) -> None:
-    """Let MuJoCo render without a display, unless the user chose otherwise."""
-    displays = ("DISPLAY", "WAYLAND_DISPLAY")
-    if sys.platform == "linux" and not any(environment.get(name) for name in displays):
-        environment.setdefault("MUJOCO_GL", "egl")
-
-
-choose_gl(os.environ)  # MuJoCo reads it when it is imported
+prepare(os.environ)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.files import atomic_path
+from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 
 if TYPE_CHECKING:  # matplotlib is slow to import
     from matplotlib.axes import Axes
@@ -22,11 +22,9 @@ def save_planner_cost(result: dict[str, Any], path: Path) -> None:
     One line for each number of joints: planning time, from the median to the 95th percentile;
     the share of problems solved; and the time of a check, beside MuJoCo's part of it.
     """
-    from matplotlib.figure import Figure
-
     cases: Cases = list(result["cases"].values())
     counts = sorted({case["obstacles"] for case in cases})
-    figure = Figure(figsize=(10.0, 3.2), layout="constrained")
+    figure = make_figure(10.0, 3.2)
     axes: list[Axes] = list(figure.subplots(1, 3))
     for number, joints in enumerate(sorted({case["joints"] for case in cases})):
         ours = [case for case in cases if case["joints"] == joints]
@@ -44,9 +42,8 @@ def save_planner_cost(result: dict[str, Any], path: Path) -> None:
     for axis in axes:
         axis.set_xticks(range(len(counts)), [str(count) for count in counts])
         axis.set_xlabel("obstacles")
-        axis.spines[["top", "right"]].set_visible(False)
-    with atomic_path(path) as partial:
-        figure.savefig(partial, dpi=150, format="png")
+        open_frame(axis)
+    save_figure(figure, path)
 
 
 def _plot_times(axis: Axes, at: np.ndarray, cases: Cases, label: str) -> None:

@@ -28,7 +28,6 @@ class OnnxNetwork:
         """
         import onnxruntime  # which takes time, and not every rise needs it
 
-        onnxruntime.disable_telemetry_events()
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = QUIET

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.files import atomic_path
+from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 
 if TYPE_CHECKING:  # matplotlib is slow to import
     from matplotlib.axes import Axes
@@ -18,12 +18,10 @@ SPREAD = 0.08  # of the distance between two caps, between methods that would hi
 
 def save_benchmark(result: dict[str, Any], path: Path) -> None:
     """Plot how often each method stood, with 95 % intervals, and its times to stand, as PNG."""
-    from matplotlib.figure import Figure
-
     cases: Cases = list(result["cases"].values())
     caps = list(dict.fromkeys(case["cap"] for case in cases))
     methods = list(dict.fromkeys(case["method"] for case in cases))
-    figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+    figure = make_figure(9.0, 3.4)
     axes: list[Axes] = list(figure.subplots(1, 2))
     for number, method in enumerate(methods):
         ours = [case for case in cases if case["method"] == method]
@@ -35,10 +33,9 @@ def save_benchmark(result: dict[str, Any], path: Path) -> None:
     for axis in axes:
         axis.set_xticks(range(len(caps)), caps)
         axis.set_xlabel("torque cap of every servo")
-        axis.spines[["top", "right"]].set_visible(False)
+        open_frame(axis)
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
-    with atomic_path(path) as partial:
-        figure.savefig(partial, dpi=150, format="png")
+    save_figure(figure, path)
 
 
 def _plot_stands(axis: Axes, at: np.ndarray, cases: Cases, label: str) -> None:

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from humanoid_getup.reporting.figure import make_figure, save_figure
 from robots import Robot, quaternion
-from robots.files import atomic_path
 from robots.quaternion import Array
 
 FRAMES = 12
@@ -100,13 +100,11 @@ def save_sheet(
     pictures: np.ndarray, captions: Sequence[str], path: Path, *, title: str = ""
 ) -> None:
     """Save pictures (K, height, width, 3) with a caption each as PNG, row by row."""
-    from matplotlib.figure import Figure  # slow to import
-
     columns = min(COLUMNS, len(pictures))
     rows = -(-len(pictures) // columns)
     head = 0.34 if title else 0.0
     size = (columns * INCH, rows * INCH + head)
-    figure = Figure(figsize=size, facecolor="white")
+    figure = make_figure(*size, layout=None)
     if title:
         place = {"x": 0.5, "y": 1.0 - 0.5 * head / size[1], "ha": "center", "va": "center"}
         figure.text(**place, s=title, fontsize=10, parse_math=False)
@@ -119,8 +117,7 @@ def save_sheet(
         axis.set_axis_off()
         place = {"x": 0.05, "y": 0.94, "transform": axis.transAxes, "va": "top"}
         axis.text(**place, s=caption, fontsize=8, parse_math=False)
-    with atomic_path(path) as partial:
-        figure.savefig(partial, dpi=200, format="png")
+    save_figure(figure, path, dpi=200)
 
 
 def _make_camera(robot: Robot, azimuth: float, view: float) -> mujoco.MjvCamera:

@@ -11,15 +11,14 @@ from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
 from humanoid_getup.evaluation.judge import RunOutcome, limit_torque
 from humanoid_getup.evaluation.torque import split_torque
+from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot
-from robots.files import atomic_path
 from robots.quaternion import Array
 
 if TYPE_CHECKING:  # matplotlib is slow to import
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 NAMED = 6  # joints that get a color and a name
 STANDING_SHOWN = 1.5  # s of the stand that are drawn
 
@@ -33,14 +32,12 @@ def save_torque(
     are turned from outside, which no limit by PWM holds for, is one dotted line, the largest of
     all. The torque limit [N·m] is that of every servo, None for their own.
     """
-    from matplotlib.figure import Figure
-
     shares = split_torque(outcome.torque, outcome.torque_vel)
     torque, braking = shares.driving, shares.braking.max(axis=1, initial=0.0)  # (T, n), (T,)
     limit = limit_torque(robot, torque_limit)
     time = np.arange(1, len(torque) + 1, dtype=float) * robot.control_period
     named = _find_largest(torque / limit)[::-1]
-    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    figure = make_figure(8.0, 3.4)
     axis = figure.add_subplot()
     _plot_joints(axis, time, torque, named, robot.joint_names)
     axis.plot(time, braking, color="black", linestyle=":", linewidth=0.7, label="braking, any")
@@ -59,14 +56,14 @@ def save_torque(
     axis.set(xlabel="time [s]", ylabel="servo torque [N·m]", xlim=(0.0, end))
     axis.set_title(title, fontsize=10, parse_math=False)
     axis.set_ylim(0.0, 1.15 * max(limit.max(), torque.max(), braking.max()))
-    axis.spines[["top", "right"]].set_visible(False)
+    open_frame(axis)
     handles, labels = axis.get_legend_handles_labels()
     legend = figure.legend(
         handles[::-1], labels[::-1], loc="outside right upper", fontsize=8, frameon=False
     )
     legend.set_title("most loaded")
     legend.get_title().set_fontsize(8)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 PANEL = 2.1  # inches of height
@@ -116,9 +113,7 @@ def save_difference(report: ReplayReport, path: Path, *, title: str = "") -> Non
 
 
 def _stack_panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, PANEL * count + 0.4), layout="constrained")
+    figure = make_figure(8.0, PANEL * count + 0.4)
     axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
     axes[0].set_title(title, fontsize=10, parse_math=False)
     return figure, axes
@@ -185,13 +180,8 @@ def _mark_events(axis: Axes, record: FlightRecord, *, named: bool) -> None:
 
 def _finish(figure: Figure, axes: list[Axes], time: Array, path: Path) -> None:
     for axis in axes:
-        axis.spines[["top", "right"]].set_visible(False)
+        open_frame(axis)
         if axis.get_legend_handles_labels()[0]:
             axis.legend(loc="upper left", bbox_to_anchor=(1.07, 1.0), fontsize=8, frameon=False)
     axes[-1].set(xlabel="time [s]", xlim=(0.0, max(float(time[-1]), 1e-3)))
-    _save(figure, path)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with atomic_path(path) as partial:
-        figure.savefig(partial, dpi=150, format="png")
+    save_figure(figure, path)

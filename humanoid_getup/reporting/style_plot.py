@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 from humanoid_getup.style.curves import PLACES
 from humanoid_getup.style.style import Style
-from robots.files import atomic_path
 from robots.quaternion import Array
 
 if TYPE_CHECKING:  # matplotlib and mcap are slow to import
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # matplotlib and mcap are slow to import
 LABELS = ("neck height [share of standing]", "side angle [deg]", "front angle [deg]")
 SAMPLES = 201
 PAUSE = 0.5  # s without a target, after which lines are interrupted
-WIDTH, HEIGHT = 10.0, 3.2  # inches
+WIDTH, HEIGHT, DPI = 10.0, 3.2, 110  # inches, dots per inch
 
 
 def save_styles(styles: Sequence[Style], file: Path) -> None:
@@ -30,9 +30,7 @@ def save_styles(styles: Sequence[Style], file: Path) -> None:
     A style of several curves is its mean with a band of a standard deviation on both sides, as in
     [Frezzato22], figure 8; one of a single curve has its control points marked.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
+    figure = make_figure(WIDTH, HEIGHT)
     axes = figure.subplots(1, len(LABELS))
     share = np.linspace(0.0, 1.0, SAMPLES)
     longest = 0.0
@@ -52,23 +50,21 @@ def save_styles(styles: Sequence[Style], file: Path) -> None:
                 points = _in_units(style.curves[0].points)[:, k]
                 axis.plot(PLACES * duration, points, "o", color=color, markersize=3)
     _finish(figure, axes, longest)
-    _save(figure, file)
+    save_figure(figure, file, dpi=DPI)
 
 
 def save_following(
     time: Array, wanted: Array, measured: Array, file: Path, *, title: str = ""
 ) -> None:
     """Plot wanted and measured features, (T, 3) each, over time [s], as PNG."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
+    figure = make_figure(WIDTH, HEIGHT)
     axes = figure.subplots(1, len(LABELS))
     for k, axis in enumerate(axes):
         axis.plot(time, _in_units(wanted)[:, k], "--", color="black", label="wanted")
         axis.plot(time, _in_units(measured)[:, k], color="C0", label="measured")
     figure.suptitle(title, fontsize=10)
     _finish(figure, axes, float(time[-1]))
-    _save(figure, file)
+    save_figure(figure, file, dpi=DPI)
 
 
 def save_flight(record: FlightRecord, file: Path, *, title: str = "") -> None:
@@ -93,11 +89,6 @@ def _finish(figure: Figure, axes: Array, end: float) -> None:
     for axis, name, top in zip(axes, LABELS, (1.1, 180.0, 180.0), strict=True):
         axis.set(xlabel="time [s]", title=name, xlim=(0.0, end), ylim=(0.0, top))
         axis.title.set_fontsize(10)
-        axis.spines[["top", "right"]].set_visible(False)
+        open_frame(axis)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-
-
-def _save(figure: Figure, file: Path) -> None:
-    with atomic_path(file) as partial:
-        figure.savefig(partial, format="png", dpi=110)

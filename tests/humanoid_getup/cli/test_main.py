@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from run_getup import Run
 
-from humanoid_getup import choose_gl
 from humanoid_getup.cli.commands import COMMANDS
 from humanoid_getup.cli.main import main
 from humanoid_getup.motions.motion import Motion
@@ -140,16 +139,6 @@ def test_completions_know_the_options_of_every_command(capsys: pytest.CaptureFix
     script = capsys.readouterr().out
     for option in ("--torque-limit", "--generations", "--weak-servo"):
         assert option in script
-
-
-def test_without_a_display_mujoco_is_told_to_render_by_egl():
-    headless: dict[str, str] = {}
-    choose_gl(headless)
-    assert headless == ({"MUJOCO_GL": "egl"} if sys.platform == "linux" else {})
-    for chosen in ({"DISPLAY": ":0"}, {"MUJOCO_GL": "osmesa"}):
-        environment = dict(chosen)
-        choose_gl(environment)
-        assert environment == chosen
 
 
 def test_a_gl_that_does_not_exist_is_named():

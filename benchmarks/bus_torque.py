@@ -28,7 +28,7 @@ from humanoid_getup.cli.backends import LOCK_STEP_MARGIN
 from humanoid_getup.cli.output import counting, to_json
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.simulation.falls import Fall, sample_falls
+from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot

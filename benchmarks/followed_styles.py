@@ -23,9 +23,9 @@ import tyro
 from numpy.typing import NDArray
 
 from humanoid_getup.cli.output import to_json
+from humanoid_getup.experiments.starts import CLASSES, FallSet, sample_fall_set
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.reporting.style_plot import save_styles
-from humanoid_getup.simulation.falls import CLASSES, FallSet, sample_fall_set
 from humanoid_getup.simulation.world import World
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.edits import EditError, find_rise, shift_rise

@@ -25,10 +25,10 @@ import tyro
 
 import humanoid_getup as hg
 from humanoid_getup.cli.options.robots import ImportRobot
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.play import Rollout, Trace
+from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.reporting.film_strip import render_frames, save_sheet
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout, Trace
 from robots.kinematics import place
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot

@@ -21,11 +21,11 @@ import tyro
 from rich.console import Console
 
 from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
-from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.experiments.starts import CLASSES, sample_falls
+from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.planning.key_check import check_keys
-from humanoid_getup.simulation.falls import CLASSES, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan
 from humanoid_getup.strategies.planned_rise import PlannedRise

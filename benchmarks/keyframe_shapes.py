@@ -25,10 +25,10 @@ from rich.console import Console
 from rich.table import Table
 
 from humanoid_getup.cli.output import to_json
-from humanoid_getup.evaluation.standing import HOLD, is_upright, judge, measure_stance
-from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.standing import HOLD, is_upright, judge, measure_stance
+from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
 from robots.files import write_atomically

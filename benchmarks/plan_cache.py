@@ -25,11 +25,11 @@ from rich.console import Console
 
 from drivers import Twin
 from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
-from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.simulation.falls import CLASSES, sample_falls, settle_posture
+from humanoid_getup.experiments.starts import CLASSES, sample_falls, settle_posture
+from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import CachedRise, KeptPlan
 from humanoid_getup.strategies.plan import Strategy

@@ -22,13 +22,13 @@ from rich.console import Console
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
-from humanoid_getup.evaluation.judge import APART, count_episodes
-from humanoid_getup.evaluation.statistics import summarize, wilson_interval
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.judge import APART, count_episodes
+from humanoid_getup.experiments.starts import Fall, sample_falls
+from humanoid_getup.experiments.summary import summarize, wilson_interval
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.preflight import preflight
-from humanoid_getup.simulation.falls import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise

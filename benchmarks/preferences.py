@@ -28,14 +28,14 @@ from numpy.typing import NDArray
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.output import counting, to_json
-from humanoid_getup.evaluation.preference import PREFERENCE_NAMES
-from humanoid_getup.evaluation.statistics import summarize, summarize_records
 from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.experiments.play import randomize_rollouts
+from humanoid_getup.experiments.starts import Fall, sample_falls
+from humanoid_getup.experiments.summary import summarize, summarize_records
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.falls import Fall, sample_falls
-from humanoid_getup.simulation.rollout import randomize_rollouts
+from humanoid_getup.motions.preference import PREFERENCE_NAMES
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise

@@ -27,12 +27,12 @@ from rich.table import Table
 
 from drivers import State, Twin
 from humanoid_getup.cli.output import counting, to_json
-from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
+from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.playback.preflight import MotionVerdict, Verdict
 from humanoid_getup.playback.supervisor import Supervisor
-from humanoid_getup.simulation.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from drivers.twin.backend import Twin
     from humanoid_getup.execution.get_up import get_up
     from humanoid_getup.execution.keep_stand import keep_stand
+    from humanoid_getup.experiments.starts import sample_fall
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
-    from humanoid_getup.simulation.falls import sample_fall
     from humanoid_getup.simulation.world import World
     from humanoid_getup.strategies.cached_rise import CachedRise
     from humanoid_getup.strategies.learned_rise import LearnedRise
@@ -64,7 +64,7 @@ _HOMES = {
     "keep_stand": "humanoid_getup.execution.keep_stand",
     "load_robot": "robots.loading",
     "load_style": "humanoid_getup.style.style_file",
-    "sample_fall": "humanoid_getup.simulation.falls",
+    "sample_fall": "humanoid_getup.experiments.starts",
 }
 
 __all__ = [

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.statistics import summarize, wilson_interval
+from humanoid_getup.experiments.starts import Fall
+from humanoid_getup.experiments.summary import summarize, wilson_interval
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import StyleInput
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import Fall
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import place

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.judge import find_impact
-from humanoid_getup.evaluation.standing import judge
+from humanoid_getup.experiments.judge import find_impact
+from humanoid_getup.experiments.standing import judge
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import (
     Floats,

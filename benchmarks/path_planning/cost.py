@@ -12,11 +12,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from humanoid_getup.evaluation.statistics import summarize
+from humanoid_getup.experiments.starts import CLASSES
+from humanoid_getup.experiments.summary import summarize
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.scenes.scene import FLAT_SCENE
-from humanoid_getup.simulation.falls import CLASSES
 from humanoid_getup.simulation.world import World
 from path_planning.clutter import sample_lying, sample_obstacles
 from path_planning.comparison import Records, summarize_attempts

@@ -17,11 +17,11 @@ from humanoid_getup.benchmarks.disturbances import (
     turn_head,
 )
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.evaluation.statistics import summarize_records
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import Fall, sample_falls
+from humanoid_getup.experiments.summary import summarize_records
 from humanoid_getup.playback.estimation import estimate_posture
-from humanoid_getup.simulation.falls import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise

@@ -22,13 +22,13 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import ServoTrace, Witness
-from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.statistics import summarize
+from humanoid_getup.experiments.judge import GroundTruthJudge
+from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.summary import summarize
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
-from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import read_posture

@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
-from humanoid_getup.evaluation.judge import GroundTruthJudge, RunOutcome
-from humanoid_getup.evaluation.lying import measure_lying
-from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
-from humanoid_getup.evaluation.statistics import wilson_interval
-from humanoid_getup.motions.motion import NO_END, STANDING, Motion
-from humanoid_getup.playback.ending import ends_as_meant, hold_time
-from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play
-from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.rollout import (
+from humanoid_getup.experiments.judge import GroundTruthJudge, RunOutcome
+from humanoid_getup.experiments.lying import measure_lying
+from humanoid_getup.experiments.play import (
     Rollout,
     RolloutRandomization,
     Trace,
     randomize_rollouts,
 )
+from humanoid_getup.experiments.standing import is_upright, judge, measure_stance
+from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.motions.motion import NO_END, STANDING, Motion
+from humanoid_getup.playback.ending import ends_as_meant, hold_time
+from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import play
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE
 from robots.ground import GROUND

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.evaluation.statistics import summarize, summarize_records
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.simulation.falls import Fall, sample_falls
+from humanoid_getup.experiments.starts import Fall, sample_falls
+from humanoid_getup.experiments.summary import summarize, summarize_records
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise

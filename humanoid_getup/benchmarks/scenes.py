@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.evaluation.statistics import summarize_records
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
+from humanoid_getup.experiments.summary import summarize_records
 from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
-from humanoid_getup.simulation.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from robots import Robot

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.evaluation.standing import StanceMeter, is_upright
-from humanoid_getup.evaluation.statistics import summarize, wilson_interval
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.execution.stand_session import StandSession
-from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.rollout import RolloutRandomization
+from humanoid_getup.experiments.play import RolloutRandomization
+from humanoid_getup.experiments.standing import StanceMeter, is_upright
+from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.summary import summarize, wilson_interval
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
 from robots.ground import GROUND

@@ -20,10 +20,10 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.evaluation.statistics import wilson_interval
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
-from humanoid_getup.simulation.falls import sample_falls
+from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.quaternion import Array

@@ -8,12 +8,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.filtering.candidate import Candidate
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.motions.posture_metric import align
-from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.kinematics import place

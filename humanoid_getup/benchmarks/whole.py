@@ -21,11 +21,11 @@ from humanoid_getup.benchmarks.part import Part
 from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import TorqueCap
-from humanoid_getup.evaluation.statistics import COUNTED, SUMMARIZED, summarize_records
 from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.experiments.drop import FallError
+from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
+from humanoid_getup.experiments.summary import COUNTED, SUMMARIZED, summarize_records
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.simulation.drop import FallError
-from humanoid_getup.simulation.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise

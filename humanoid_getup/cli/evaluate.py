@@ -22,9 +22,9 @@ from humanoid_getup.cli.output import (
     write_json,
 )
 from humanoid_getup.cli.policies import load_policy, name_robot
+from humanoid_getup.experiments.starts import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_grounds
-from humanoid_getup.simulation.falls import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise

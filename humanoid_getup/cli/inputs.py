@@ -11,6 +11,7 @@ import numpy as np
 from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.options.shared import RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.cli.output import phase
+from humanoid_getup.experiments.starts import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.keyframes import Keyframes
@@ -19,7 +20,6 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.simulation.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.simulation.standing_places import check_standing_place
 from humanoid_getup.simulation.world import World
 from robots import Body, Robot, TorqueLimit, list_robots, load_posture

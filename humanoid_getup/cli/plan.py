@@ -14,6 +14,7 @@ from humanoid_getup.cli.exit_codes import DID_IT, NO_PATH
 from humanoid_getup.cli.inputs import find_start, load_keys, load_world
 from humanoid_getup.cli.options.plan import PATH, PLAN_FILES, STRIP, Plan
 from humanoid_getup.cli.output import console_for, phase, staging, to_json, write_json
+from humanoid_getup.experiments.starts import Fall
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
@@ -27,7 +28,6 @@ from humanoid_getup.planning.path_query import (
     to_motion,
 )
 from humanoid_getup.reporting import film_strip
-from humanoid_getup.simulation.falls import Fall
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place_postures
 

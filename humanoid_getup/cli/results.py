@@ -28,9 +28,9 @@ from humanoid_getup.cli.output import (
     write_json,
 )
 from humanoid_getup.cli.recording import FLIGHT
-from humanoid_getup.evaluation.judge import RunOutcome
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.experiments.judge import RunOutcome
 from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.scenes.scene import FLAT_SCENE

@@ -19,11 +19,11 @@ from humanoid_getup.cli.output import (
     to_json,
     write_json,
 )
+from humanoid_getup.experiments.starts import CLASSES, sample_falls
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.scenes.named_scenes import list_scenes as list_named
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.simulation.falls import CLASSES, sample_falls
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place

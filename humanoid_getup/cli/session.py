@@ -16,8 +16,8 @@ from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.session_hooks import Result, SessionHooks
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import Fall, settle_posture
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.simulation.falls import Fall, settle_posture
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy

@@ -11,7 +11,7 @@ from humanoid_getup.cli.results import hand_over_stand, reporting_hand_over
 from humanoid_getup.cli.session_hooks import SessionHooks
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.execution.stand_session import StandSession
-from humanoid_getup.simulation.falls import settle_posture
+from humanoid_getup.experiments.starts import settle_posture
 from robots.kinematics import read_posture
 
 

@@ -13,13 +13,13 @@ from humanoid_getup.execution.recovery import Recovery, StoppedError, Unrecovere
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.experiments.starts import UNCLASSED, classify
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.play import play_engaged
 from humanoid_getup.playback.preflight import FAR_TILT, Verdict
 from humanoid_getup.playback.supervisor import Supervisor
-from humanoid_getup.simulation.falls import UNCLASSED, classify
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import Posture
 

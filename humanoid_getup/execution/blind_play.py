@@ -8,9 +8,9 @@ from typing import Any
 
 from drivers import Cycle, DriverError, Ending, RunReport, State, engaged, run_engaged
 from drivers.control_loop import Pacer
-from humanoid_getup.evaluation.joint_figures import JointFigures
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.joint_figures import JointFigures
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import FaultedError, StartError, settle
 from humanoid_getup.playback.monitors import Abort

@@ -7,9 +7,9 @@ from enum import Enum
 from typing import Any
 
 from drivers import Ending, RunReport
-from humanoid_getup.evaluation.judge import RunOutcome
-from humanoid_getup.evaluation.standing import HOLD_TIME
 from humanoid_getup.execution.after_stand import AfterStand
+from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus

@@ -18,11 +18,11 @@ from drivers import (
     run_engaged,
 )
 from drivers.errors import NoImuError
-from humanoid_getup.evaluation.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.stand_session import StandSession
 from humanoid_getup.execution.stand_watch import StandWatch
+from humanoid_getup.experiments.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.motions.motion_database import find_lying_down
 from humanoid_getup.playback.ending import ends_as_meant
 from humanoid_getup.playback.play import play_engaged

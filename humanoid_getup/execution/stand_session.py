@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args
 
 from drivers import Backend, Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.twin.simulation import Simulation
-from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.experiments.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.playback.play import Judge
 from humanoid_getup.scenes.scene import Support
 from humanoid_getup.simulation.world import World

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers import Cycle
-from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.playback.play import Judge
 
 PATIENCE = 3.0 * HOLD  # s that a released robot goes on being held without a judged stand

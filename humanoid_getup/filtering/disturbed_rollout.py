@@ -9,15 +9,15 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.rise_figures import RiseFigures, compute_delta_v
-from humanoid_getup.evaluation.standing import (
+from humanoid_getup.experiments.rise_figures import RiseFigures, compute_delta_v
+from humanoid_getup.experiments.standing import (
     HOLD_TIME,
     StanceMeter,
     compute_progress,
     compute_uprightness,
     is_upright,
 )
-from humanoid_getup.evaluation.torque import LONG_SATURATION, LongestRun, find_saturation
+from humanoid_getup.experiments.torque import LONG_SATURATION, LongestRun, find_saturation
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps

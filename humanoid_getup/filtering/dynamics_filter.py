@@ -8,10 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.preference import Preference, PreferenceName
-from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
-from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
-from humanoid_getup.evaluation.torque import LONG_SATURATION, measure_saturation
+from humanoid_getup.experiments.play import (
+    Feedback,
+    Rollout,
+    RolloutRandomization,
+    Trace,
+    randomize_rollouts,
+)
+from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
+from humanoid_getup.experiments.standing import is_upright, judge, measure_stance
+from humanoid_getup.experiments.torque import LONG_SATURATION, measure_saturation
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
 from humanoid_getup.filtering.disturbed_rollout import LAST_CALL, Worlds
 from humanoid_getup.filtering.ground_fit import GroundFit
@@ -21,14 +27,8 @@ from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.variation import limit_target, limit_targets
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import (
-    Feedback,
-    Rollout,
-    RolloutRandomization,
-    Trace,
-    randomize_rollouts,
-)
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.preference import Preference
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, RolloutOutcome, Worlds
 from humanoid_getup.filtering.variation import Variation
+from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 

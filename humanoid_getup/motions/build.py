@@ -10,18 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.evaluation.preference import Preference, PreferenceName
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.play import Rollout, Trace
+from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
 from humanoid_getup.motions.motion import NO_END, Motion, hold_last, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
+from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.motions.search_log import SearchLog, SearchTask
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import settle_posture
-from humanoid_getup.simulation.rollout import Rollout, Trace
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place

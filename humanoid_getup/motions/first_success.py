@@ -12,6 +12,7 @@ from collections.abc import Callable
 import cma
 import numpy as np
 
+from humanoid_getup.experiments.play import Rollout
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.scoring import (
@@ -23,7 +24,6 @@ from humanoid_getup.motions.scoring import (
     score,
 )
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 

@@ -8,11 +8,16 @@ from collections.abc import Callable
 import cma
 import numpy as np
 
-from humanoid_getup.evaluation.preference import Preference
-from humanoid_getup.evaluation.standing import HOLD_TIME
+from humanoid_getup.experiments.play import (
+    Rollout,
+    RolloutRandomization,
+    randomize_rollouts,
+)
+from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.motions.first_success import FirstSuccess
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.scoring import (
     ANGLE_STEP,
     SEARCH_HOLD,
@@ -23,11 +28,6 @@ from humanoid_getup.motions.scoring import (
 )
 from humanoid_getup.motions.search_log import POPULATION, Generation, SearchLog
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import (
-    Rollout,
-    RolloutRandomization,
-    randomize_rollouts,
-)
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 from robots.quaternion import Array

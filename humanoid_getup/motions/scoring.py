@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.evaluation.lying import LyingSide, measure_lying
-from humanoid_getup.evaluation.preference import Preference
-from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
-from humanoid_getup.evaluation.standing import (
+from humanoid_getup.experiments.lying import LyingSide, measure_lying
+from humanoid_getup.experiments.play import Trace
+from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
+from humanoid_getup.experiments.standing import (
     compute_progress,
     compute_uprightness,
     is_upright,
@@ -15,7 +15,7 @@ from humanoid_getup.evaluation.standing import (
 )
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING
-from humanoid_getup.simulation.rollout import Trace
+from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 

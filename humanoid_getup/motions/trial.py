@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.evaluation.lying import (
+from humanoid_getup.experiments.lying import (
     LYING_TIME,
     MAX_DESCENT,
     MAX_LEAN,
     Lying,
     measure_lying,
 )
-from humanoid_getup.evaluation.standing import (
+from humanoid_getup.experiments.play import Rollout, Trace
+from humanoid_getup.experiments.standing import (
     HOLD_TIME,
     MAX_TILT,
     Stance,
@@ -29,7 +30,6 @@ from humanoid_getup.evaluation.standing import (
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout, Trace
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
 from robots.kinematics import read_posture

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.experiments.starts import classify
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
@@ -18,7 +19,6 @@ from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.planning.via import ViaResult, place_stops, plan_via
 from humanoid_getup.planning.way_out import WayOut, find_way_out
-from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from humanoid_getup.evaluation.judge import RunOutcome
-from humanoid_getup.evaluation.lying import LYING_TIME, MAX_HEAD_IMPACT, judge_run
-from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.lying import LYING_TIME, MAX_HEAD_IMPACT, judge_run
+from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 from humanoid_getup.simulation.world import World
 

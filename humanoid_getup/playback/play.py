@@ -7,7 +7,7 @@ from typing import Protocol
 
 from drivers import Cycle, Ending, RunReport, SafetyGuard, engaged, run_engaged
 from drivers.control_loop import Controller
-from humanoid_getup.evaluation.judge import RunOutcome
+from humanoid_getup.experiments.judge import RunOutcome
 
 GRACE = 5.0  # s beyond the controller's longest: the approach to a motion's start
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
-from humanoid_getup.evaluation.torque import LONG_SATURATION
+from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.torque import LONG_SATURATION
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.ending import describe_end
 from humanoid_getup.playback.preflight_rollout import Figures, measure
-from humanoid_getup.simulation.falls import classify
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
 from robots.quaternion import Array

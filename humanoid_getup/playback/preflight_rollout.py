@@ -11,16 +11,16 @@ import numpy as np
 from drivers import Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.standing import Stand
-from humanoid_getup.evaluation.torque import LongestRun, find_saturation, split_torque
+from humanoid_getup.experiments.judge import GroundTruthJudge
+from humanoid_getup.experiments.standing import Stand
+from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.torque import LongestRun, find_saturation, split_torque
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.self_overlap import find_overlap, measure_overlap
-from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import read_posture

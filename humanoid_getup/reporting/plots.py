@@ -9,8 +9,8 @@ import numpy as np
 
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
-from humanoid_getup.evaluation.judge import RunOutcome, limit_torque
-from humanoid_getup.evaluation.torque import split_torque
+from humanoid_getup.experiments.judge import RunOutcome, limit_torque
+from humanoid_getup.experiments.torque import split_torque
 from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, measure_stance
+from humanoid_getup.experiments.play import Rollout, Trace
+from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, measure_stance
 from humanoid_getup.robot_check.finding import Finding
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout, Trace
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
 from robots import Robot

@@ -1,1 +1,1 @@
-"""Where a robot falls and rises: scenes, compiled worlds, vectorized rollouts, falls."""
+"""Physics: a robot compiled into a scene, one or many at a time."""

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from humanoid_getup.evaluation.torque import measure_saturation
+from humanoid_getup.experiments.play import RolloutRandomization, randomize_rollouts
+from humanoid_getup.experiments.torque import measure_saturation
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from robots import Posture, TorqueLimit

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.evaluation.preference import PreferenceName
 from humanoid_getup.filtering.candidate import Candidate, Patience
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
+from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World

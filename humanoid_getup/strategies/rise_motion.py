@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from humanoid_getup.experiments.starts import LyingSide, classify
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.retargeting import name_body
-from humanoid_getup.simulation.falls import LyingSide, classify
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.crawl import Move
 from robots import Posture, quaternion

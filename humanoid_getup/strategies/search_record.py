@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from humanoid_getup.evaluation.preference import PreferenceName
-from humanoid_getup.evaluation.rise_figures import RiseFigures
+from humanoid_getup.experiments.rise_figures import RiseFigures
+from humanoid_getup.motions.preference import PreferenceName
 
 
 @dataclass(frozen=True, kw_only=True)

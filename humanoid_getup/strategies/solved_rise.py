@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 from msgspec import Meta
 
-from humanoid_getup.evaluation.preference import PreferenceName
 from humanoid_getup.motions.motion import MAX_DURATION, StartClass
+from humanoid_getup.motions.preference import PreferenceName
 from robots import Posture, TorqueLimit
 from robots.posture import UNIT_TOLERANCE
 from robots.quaternion import Array

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.experiments.starts import LyingSide
 from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.trial import record_motion
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
-from humanoid_getup.simulation.falls import LyingSide
 from humanoid_getup.simulation.world import World
 from sim2real.motion_discovery.learned_rise import LearnedRise, collect_rises
 from sim2real.motion_discovery.rehearsal import ALL, FIRST, MORE, Rehearsal, RehearsalRoom

@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from humanoid_getup.evaluation.rise_figures import RiseFigures
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.play import Rollout, RolloutRandomization, Trace
+from humanoid_getup.experiments.rise_figures import RiseFigures
+from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import make_scenarios
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout, RolloutRandomization, Trace
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 from sim2real.motion_discovery.learned_rise import LearnedRise

@@ -9,10 +9,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from humanoid_getup.experiments.starts import CLASSES, sample_fall_set
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
-from humanoid_getup.simulation.falls import CLASSES, sample_fall_set
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus

@@ -12,9 +12,9 @@ import pytest
 
 import humanoid_getup as hg
 from drivers.dynamixel.backend import DynamixelBackend
-from humanoid_getup.evaluation.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.scenes.scene import FLAT_SCENE
 
 LIMIT = hg.TorqueLimit(2.5, "pwm")

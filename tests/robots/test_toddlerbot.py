@@ -14,13 +14,13 @@ from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.evaluation.standing import HOLD_TIME, MAX_TILT, is_upright, measure_stance
+from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.standing import HOLD_TIME, MAX_TILT, is_upright, measure_stance
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.optimization import SWAY_TIME
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
 from robots.body.limbs import Limbs

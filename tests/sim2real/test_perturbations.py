@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts import Fall
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
-from humanoid_getup.simulation.falls import Fall
 from robots import Robot, load_robot
 from sim2real.environment.physics.model_variants import MODEL_VARIANTS, backlash
 from sim2real.environment.physics.training_simulation import TrainingSim

@@ -7,8 +7,8 @@ import humanoid_getup as hg
 from drivers import SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.simulation.falls import sample_falls
 from robots import Robot
 
 

@@ -11,15 +11,15 @@ from drivers import Twin
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.rise import Play
 from humanoid_getup.cli.results import hand_over
-from humanoid_getup.evaluation.standing import HOLD_TIME
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.standing import HOLD_TIME
+from humanoid_getup.experiments.starts import classify, settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
 from humanoid_getup.reporting.report import KEYS
-from humanoid_getup.simulation.falls import classify, settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from humanoid_getup.experiments.starts import CLASSES, classify
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.action_file import PAGE_SIZE, PAGES, ActionFile, load_page
 from humanoid_getup.motions.importing.animation_file import load_animation
@@ -19,7 +20,6 @@ from humanoid_getup.motions.keyframes_file import find_out_of_range
 from humanoid_getup.motions.keyframes_writer import SYMMETRIC
 from humanoid_getup.motions.motion import NAME, STANDING, EndClass, StartClass
 from humanoid_getup.motions.trial import Trial
-from humanoid_getup.simulation.falls import CLASSES, classify
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.quaternion import Array

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.standing import StanceMeter, is_upright
+from humanoid_getup.experiments.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from humanoid_getup.experiments.starts import FallError, drop
 from humanoid_getup.scenes.start_region import StartRegion
-from humanoid_getup.simulation.falls import FallError, drop
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots.kinematics import mirror_positions

@@ -10,12 +10,12 @@ from humanoid_getup.benchmarks.torque_cap import make_caps
 from humanoid_getup.benchmarks.whole import Whole, sample_by_class, summarize_parts
 from humanoid_getup.cli.output import to_json
 from humanoid_getup.cli.part_store import PartStore
-from humanoid_getup.evaluation.statistics import wilson_interval
+from humanoid_getup.experiments.starts import CLASSES
+from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
 from humanoid_getup.reporting.conditions import describe_conditions
-from humanoid_getup.simulation.falls import CLASSES
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion

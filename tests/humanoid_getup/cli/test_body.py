@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from humanoid_getup.cli.main import main
+from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.retargeting import BODY
-from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Body, load_robot

@@ -12,8 +12,8 @@ from tiny_policies import save_policy
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.policies import Evaluate
+from humanoid_getup.experiments.starts import CLASSES, Fall, FallSet
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.falls import CLASSES, Fall, FallSet
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot

@@ -13,15 +13,15 @@ from drivers.errors import NoImuError, SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.evaluation.judge import SensorJudge
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.blind_play import UNKNOWN, play_blind
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.judge import SensorJudge
+from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.playback.balance import make_balance
 from humanoid_getup.playback.monitors import AbortKind, MotionMonitor
 from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Posture, Robot, quaternion

@@ -14,10 +14,10 @@ from drivers import Ending, SafetyGuard, State, Twin
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
-from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus

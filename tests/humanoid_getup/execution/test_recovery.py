@@ -20,8 +20,8 @@ from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot

@@ -19,8 +19,8 @@ from humanoid_getup.execution.phase import Phase
 from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.experiments.starts import classify, settle_posture
 from humanoid_getup.playback.monitors import AbortKind
-from humanoid_getup.simulation.falls import classify, settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import read_posture

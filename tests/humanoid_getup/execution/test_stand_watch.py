@@ -5,8 +5,8 @@ from typing import Any, cast
 
 import pytest
 
-from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.execution.stand_watch import PATIENCE, StandWatch
+from humanoid_getup.experiments.standing import HOLD
 
 PERIOD = 0.1
 

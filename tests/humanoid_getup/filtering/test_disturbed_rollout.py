@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.standing import is_upright, judge, measure_stance
-from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
-from humanoid_getup.motions.motion import hold_last
-from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.rollout import (
+from humanoid_getup.experiments.play import (
     Rollout,
     RolloutRandomization,
     randomize_rollouts,
 )
+from humanoid_getup.experiments.standing import is_upright, judge, measure_stance
+from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
+from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.motion_database import load_database
 from robots import TorqueLimit
 from robots.kinematics import place
 

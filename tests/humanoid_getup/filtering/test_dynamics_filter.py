@@ -4,6 +4,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, Patience
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout
 from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
@@ -14,8 +16,6 @@ from humanoid_getup.motions.motion import join
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.rollout import Rollout
 from robots import TorqueLimit
 from robots.kinematics import place
 from robots.servo import LIMIT_MODES

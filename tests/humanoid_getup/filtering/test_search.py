@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.preference import Preference
+from humanoid_getup.experiments.play import RolloutRandomization, randomize_rollouts
 from humanoid_getup.filtering.disturbed_rollout import Worlds
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
+from humanoid_getup.motions.preference import Preference
 from robots import TorqueLimit
 from robots.kinematics import place
 

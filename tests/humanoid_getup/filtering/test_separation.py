@@ -4,14 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP
+from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.filtering.candidate import Candidate
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.filtering.separation import FADES, MARGINS, Separation
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
-from humanoid_getup.simulation.falls import sample_falls
 from robots.kinematics import place
 
 FRAMES, TOUCH = 200, slice(90, 110)

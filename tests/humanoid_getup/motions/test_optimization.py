@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.preference import Preference
+from humanoid_getup.experiments.play import Rollout, RolloutRandomization
 from humanoid_getup.motions.build import load_robot_keyframes, settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import make_scenarios
+from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.scoring import score
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout, RolloutRandomization
 from robots import TorqueLimit
 from robots.servo import LIMIT_MODES
 

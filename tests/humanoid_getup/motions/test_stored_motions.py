@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from drivers import SafetyGuard, Twin
-from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.standing import HOLD
+from humanoid_getup.experiments.judge import GroundTruthJudge
+from humanoid_getup.experiments.standing import HOLD
+from humanoid_getup.experiments.starts import classify, settle_posture
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
-from humanoid_getup.simulation.falls import classify, settle_posture
 from robots import Robot, TorqueLimit, load_robot
 from robots.kinematics import read_posture
 

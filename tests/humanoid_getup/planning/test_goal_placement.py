@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker
@@ -11,7 +12,6 @@ from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import leg_length, place

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.motions.posture_metric import PostureMetric, align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import (
@@ -21,7 +22,6 @@ from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, sea
 from humanoid_getup.planning.shortcut import length, shorten
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
-from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from robots import Posture, load_robot, quaternion
 from robots.kinematics import lowest_point, place

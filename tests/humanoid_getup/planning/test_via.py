@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.planning.via import REST, ViaResult, place_stops, plan_via
-from humanoid_getup.simulation.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.via import plan_via
 from humanoid_getup.planning.way_out import DEEP, SPACING, SPEED, WayOut, find_way_out
 from humanoid_getup.scenes.obstacle import Obstacle
-from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drivers import FaultKind, SafetyGuard, State, Twin
+from humanoid_getup.experiments.starts import sample_falls, settle_posture
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.estimation import (
     MAX_SETTLE,
@@ -17,7 +18,6 @@ from humanoid_getup.playback.estimation import (
     estimate_posture,
     settle,
 )
-from humanoid_getup.simulation.falls import sample_falls, settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import read_posture

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from drivers import SafetyGuard, State, Twin
-from humanoid_getup.evaluation.judge import GroundTruthJudge
-from humanoid_getup.evaluation.standing import HOLD
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.judge import GroundTruthJudge
+from humanoid_getup.experiments.standing import HOLD
+from humanoid_getup.experiments.starts import sample_falls, settle_posture
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.balance import make_balance
@@ -17,7 +18,6 @@ from humanoid_getup.playback.monitors import AbortKind, vector_angle
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
-from humanoid_getup.simulation.falls import sample_falls, settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise

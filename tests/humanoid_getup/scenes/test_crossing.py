@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place

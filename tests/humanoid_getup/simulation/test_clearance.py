@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.play import RolloutRandomization, randomize_rollouts
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import FINE, Clearance
-from humanoid_getup.simulation.rollout import RolloutRandomization, randomize_rollouts
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot
 from robots.kinematics import lowest_point, place

@@ -8,9 +8,9 @@ import pytest
 
 from drivers import Command, Twin
 from drivers.servo_units import ServoUnits
+from humanoid_getup.experiments.play import Rollout
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot

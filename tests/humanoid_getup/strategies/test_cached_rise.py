@@ -11,13 +11,13 @@ from drivers import Twin
 from humanoid_getup.execution.attempt_manager import MOST_PLANS, AttemptManager
 from humanoid_getup.execution.result import AttemptStatus
 from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.scenes.surface import Surface
-from humanoid_getup.simulation.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import (
     MOST_DISTANCE,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
-from humanoid_getup.simulation.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.crawl import MOVE, REST, Crawl, Move
 from robots import FULL_TORQUE, Posture, Robot

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.preference import Preference
+from humanoid_getup.experiments.starts import sample_fall, sample_falls
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import sample_fall, sample_falls
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit

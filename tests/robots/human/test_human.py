@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from humanoid_getup.evaluation.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.starts import classify, sample_fall_set
 from humanoid_getup.playback.balance import find_ankles
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import classify, sample_fall_set
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
 from robots.body.limbs import Limbs

@@ -5,7 +5,7 @@ import pytest
 
 from drivers import Command, Twin
 from drivers.twin.ground_truth import GroundTruth
-from humanoid_getup.evaluation.judge import GroundTruthJudge, count_episodes, find_impact
+from humanoid_getup.experiments.judge import GroundTruthJudge, count_episodes, find_impact
 from robots import Posture
 
 

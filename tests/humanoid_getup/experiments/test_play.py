@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.evaluation.standing import is_upright, measure_stance
+from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.standing import is_upright, measure_stance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import center_of_mass, place

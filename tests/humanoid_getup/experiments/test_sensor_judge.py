@@ -13,17 +13,17 @@ from drivers import Command, Cycle, SafetyGuard, State, Twin, run
 from drivers.control_loop import Timing
 from drivers.safety_limits import ClipCounts
 from drivers.twin.servo_model import SensorNoise, Windings
-from humanoid_getup.evaluation.judge import (
+from humanoid_getup.experiments.judge import (
     GroundTruthJudge,
     RunOutcome,
     SensorJudge,
     estimate_torque,
 )
-from humanoid_getup.evaluation.standing import StanceMeter
+from humanoid_getup.experiments.standing import StanceMeter
+from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.simulation.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
 from robots.kinematics import GravitySense, lowest_point, place, read_posture, torso_orientation

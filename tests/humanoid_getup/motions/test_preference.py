@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from humanoid_getup.cli.options.shared import Prefer, PreferenceOptions
-from humanoid_getup.evaluation.preference import PREFERENCE_NAMES, Preference
-from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, RiseFigures
+from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.preference import PREFERENCE_NAMES, Preference
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from robots.kinematics import place
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from drivers import State
-from humanoid_getup.evaluation.judge import count_left_ranges, estimate_torque, limit_torque
-from humanoid_getup.evaluation.torque import split_torque
+from humanoid_getup.experiments.judge import count_left_ranges, estimate_torque, limit_torque
+from humanoid_getup.experiments.torque import split_torque
 from robots import Robot
 
 

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.evaluation.standing import measure_stance
-from humanoid_getup.simulation.rollout import Trace
+from humanoid_getup.experiments.play import Trace
+from humanoid_getup.experiments.standing import measure_stance
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import site_positions

@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.falls import (
+from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.starts import (
     FallSet,
     classify,
     drop,
     sample_fall_set,
     sample_falls,
 )
-from humanoid_getup.simulation.rollout import Rollout
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from robots import quaternion
 from robots.kinematics import lowest_point, place

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from humanoid_getup.evaluation.rise_figures import RiseFigures
+from humanoid_getup.experiments.rise_figures import RiseFigures
 from robots.quaternion import Array
 
 PreferenceName = Literal["time", "torque", "impact", "robustness"]

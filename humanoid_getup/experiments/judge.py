@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from drivers import Cycle, State
 from drivers.errors import NoImuError
 from drivers.twin.simulation import Simulation
-from humanoid_getup.evaluation.rise_figures import DEEP_OVERLAP, compute_delta_v
-from humanoid_getup.evaluation.standing import (
+from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, compute_delta_v
+from humanoid_getup.experiments.standing import (
     HOLD_TIME,
     StanceMeter,
     Stand,
     is_upright,
     judge,
 )
-from humanoid_getup.evaluation.torque import split_torque
+from humanoid_getup.experiments.torque import split_torque
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene, Support
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.scenes.obstacle import Obstacle
-from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.scenes.start_region import StartRegion
-from humanoid_getup.simulation import falls
-from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.drop import FallError
-from humanoid_getup.simulation.falls import sample_falls
-from humanoid_getup.simulation.rollout import (
+from humanoid_getup.experiments import starts
+from humanoid_getup.experiments.drop import FallError
+from humanoid_getup.experiments.play import (
     MOST_RAISED,
     RolloutRandomization,
     randomize_rollouts,
 )
+from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.scenes.obstacle import Obstacle
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot, quaternion
 from robots.kinematics import leg_length, place
@@ -99,8 +99,8 @@ def test_a_start_inside_a_block_is_refused_in_one_line(op3: Robot):
 def test_sampling_ends_where_no_robot_comes_to_lie_as_requested(
     op3: Robot, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(falls, "MOST_IN_VAIN", 2)
-    monkeypatch.setattr(falls.StartRegion, "accepts", lambda *_: False)
+    monkeypatch.setattr(starts, "MOST_IN_VAIN", 2)
+    monkeypatch.setattr(starts.StartRegion, "accepts", lambda *_: False)
     start = StartRegion(start_class="prone")
     world = World(op3, Scene(name="whim", starts=(start,)))
     with pytest.raises(FallError, match="'whim' failed: 1 prone missing after 48 falls"):

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.play import Trace
 from humanoid_getup.scenes.scene import Support, flat_support
-from humanoid_getup.simulation.rollout import Trace
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.quaternion import Array

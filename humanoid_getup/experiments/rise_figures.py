@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from humanoid_getup.simulation.rollout import Trace
+from humanoid_getup.experiments.play import Trace
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 

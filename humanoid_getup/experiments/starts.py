@@ -10,12 +10,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.drop import FallError, drop
+from humanoid_getup.experiments.play import Rollout
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.drop import FallError, drop
-from humanoid_getup.simulation.rollout import Rollout
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion

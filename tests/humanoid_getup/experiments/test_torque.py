@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.evaluation.torque import LongestRun, find_saturation
+from humanoid_getup.experiments.torque import LongestRun, find_saturation
 from robots import Robot
 
 

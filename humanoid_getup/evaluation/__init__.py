@@ -1,1 +1,0 @@
-"""What counts as standing, and how a run is judged."""

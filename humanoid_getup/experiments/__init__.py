@@ -1,0 +1,1 @@
+"""Experiments: where robots are laid down, disturbed, played and judged."""

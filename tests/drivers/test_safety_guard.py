@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nonempty import nonempty
 from paths import TINY
 from recording_backend import RecordingBackend, still_state
 
@@ -73,7 +74,7 @@ def test_no_command_from_any_state_passes_a_limit(cycles, cap):
     last = Command.limp(N)
     healthy = True
     with guard:
-        for joint_pos, command in cycles:
+        for joint_pos, command in nonempty(cycles):
             backend.state = replace(backend.state, joint_pos=joint_pos)
             guard.read()
             cuts_before = guard.clips.total
@@ -97,7 +98,10 @@ def test_no_command_from_any_state_passes_a_limit(cycles, cap):
             last = sent
 
 
-@given(start=vectors(st.floats(-3.0, 3.0)), commands=st.lists(commands | plausible, max_size=12))
+@given(
+    start=vectors(st.floats(-3.0, 3.0)),
+    commands=st.lists(commands | plausible, min_size=1, max_size=12),
+)
 @settings(max_examples=60, deadline=None)
 def test_no_command_drives_the_twin_beyond_a_limit(start, commands):
     TWIN.place(
@@ -111,7 +115,7 @@ def test_no_command_drives_the_twin_beyond_a_limit(start, commands):
     guard = SafetyGuard(TWIN, limits)
     last = Command.limp(N)
     with guard:
-        for command in commands:
+        for command in nonempty(commands):
             measured = guard.read().joint_pos
             sent = guard.write(command)
             reference = np.where(last.torque_limit > 0, last.joint_pos, measured)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nonempty import nonempty
 from paths import SHARED
 
 from robots import Posture, load_robot, quaternion
@@ -63,7 +64,7 @@ def test_bodies_have_the_facts_masses_and_inertias(facts):
 
 
 def test_inertias_are_turned_as_in_the_facts(facts):
-    for body in facts["bodies"]:
+    for body in nonempty(facts["bodies"]):
         view, given_ = MODEL.body(body["name"]), body["inertia_full_about_com"]
         R = np.zeros(9)
         mujoco.mju_quat2Mat(R, view.iquat)
@@ -94,7 +95,7 @@ def test_joints_and_servos_are_the_facts(facts):
 
 def test_the_stance_is_the_makers(facts):
     walk_ready = facts["poses_rad"]["walk_ready"]
-    for name, angle in zip(OP3.joint_names, OP3.standing.joint_pos, strict=True):
+    for name, angle in nonempty(zip(OP3.joint_names, OP3.standing.joint_pos, strict=True)):
         assert angle == pytest.approx(walk_ready.get(name, 0.0), abs=1e-3), name
 
 

@@ -203,7 +203,7 @@ def test_replies_that_come_a_cycle_late_are_never_believed(joint, ids, firmware)
         bench.port.late, kept[:] = list(kept), replies
         return []
 
-    bench.turn()
+    assert ticks_of(bench.turn())
     bench.port.spoil = hold_back
     for cycle in range(20):
         for i, servo in bench.servos.items():

@@ -9,6 +9,7 @@ from dynamixel_sdk import Protocol2PacketHandler
 from fast_status import encode_fast_status
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from nonempty import nonempty
 
 from drivers.dynamixel import protocol2 as p2
 from drivers.dynamixel.protocol2 import (
@@ -269,7 +270,7 @@ def test_frames_are_found_however_the_stream_is_cut_and_whatever_lies_between(
 @given(packet=packets)
 def test_every_split_in_two_gives_the_packet_with_its_last_byte(packet: Packet):
     frame = packet.encode()
-    for cut in range(1, len(frame)):
+    for cut in nonempty(range(1, len(frame))):
         parser = FrameParser()
         assert parser.feed(frame[:cut]) == []
         assert parser.pending == cut
@@ -412,7 +413,7 @@ def test_a_cut_fast_status_gives_the_parts_that_are_whole(answers: list[Status])
     frame = encode_fast_status(answers)
     lengths = [len(a.data) for a in answers]
     ends = list(itertools.accumulate((4 + n for n in lengths), initial=PREFIX + 1))[1:]
-    for cut in range(len(frame) + 1):
+    for cut in nonempty(range(len(frame) + 1)):
         whole = sum(end <= cut for end in ends)
         assert p2.decode_fast_status(frame[:cut], lengths) == answers[:whole]
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from imu_bench import KINDS, PERIOD, ImuBench
+from nonempty import nonempty
 
 from drivers.imu.build import build_i2c_source
 from drivers.imu.fusion import FROZEN_CYCLES, ImuFusion
@@ -50,7 +51,7 @@ def test_a_turn_integrates_to_the_orientation_of_the_body(kind: str, axis: int):
 def test_each_axis_of_the_body_comes_through_with_its_sign(kind: str):
     bench = ImuBench(KINDS[kind])
     bench.first()
-    for rate in np.concatenate([np.eye(3), -np.eye(3)]):
+    for rate in nonempty(np.concatenate([np.eye(3), -np.eye(3)])):
         samples = [bench.cycle(*rate) for _ in range(5)]
         newest = [sample for sample in samples if sample is not None][-1]
         assert newest.gyro == pytest.approx(rate, abs=0.02)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from nonempty import nonempty
 
 from humanoid_getup.benchmarks.part import Part
 from humanoid_getup.cli.part_store import PartStore
@@ -41,7 +42,7 @@ def test_each_part_has_a_file_of_its_own(tmp_path_factory, names):
     folder = tmp_path_factory.mktemp("parts")
     for name in names:
         PartStore(folder).run(make_part(name, name), lambda _: None)
-    for name in names:
+    for name in nonempty(names):
         kept = PartStore(folder).load(make_part(name=name))
         assert kept == json.loads(json.dumps({"rises": name}))
 

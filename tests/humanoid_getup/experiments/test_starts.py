@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.experiments.play import Rollout
 from humanoid_getup.experiments.starts import (
@@ -52,7 +53,7 @@ def test_every_class_has_its_count_and_its_name(falls):
 
 def test_a_fallen_robot_rests_on_the_ground_within_its_limits(falls, world):
     robot = world.robot
-    for fall in falls:
+    for fall in nonempty(falls):
         lowest = lowest_point(world.model, place(robot, world.model, fall.posture))
         assert -0.004 < lowest < 0.001
         assert np.all(fall.posture.joint_pos >= robot.lower)
@@ -71,14 +72,14 @@ def test_a_fallen_robot_stays_where_it_is(falls, world):
 def test_one_seed_gives_one_set(world):
     counts = {"supine": 1, "lateral": 1}
     first, second = (sample_falls(world, counts, np.random.default_rng(9)) for _ in range(2))
-    for a, b in zip(first, second, strict=True):
+    for a, b in nonempty(zip(first, second, strict=True)):
         np.testing.assert_array_equal(a.posture.joint_pos, b.posture.joint_pos)
         np.testing.assert_array_equal(a.posture.orientation, b.posture.orientation)
 
 
 def test_joints_are_far_from_home(falls, world):
     home = world.robot.standing.joint_pos
-    for fall in falls:
+    for fall in nonempty(falls):
         assert np.abs(fall.posture.joint_pos - home).max() > 0.8
 
 

@@ -3,6 +3,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.experiments.play import Rollout
 from humanoid_getup.experiments.starts import sample_falls
@@ -53,7 +54,7 @@ def _candidates(world, fall, database):
 
 def test_targets_obey_the_guards_rules(world, fall, rollouts):
     robot = world.robot
-    for one in rollouts[2]:
+    for one in nonempty(rollouts[2]):
         before = np.concatenate([fall.joint_pos[None], one.target[:-1]])
         speed = np.abs(one.target - before) / robot.control_period
         assert np.all(speed <= robot.max_velocity)
@@ -63,7 +64,7 @@ def test_targets_obey_the_guards_rules(world, fall, rollouts):
 
 def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fall, rollouts):
     starts = place(world.robot, world.model, fall)[None]
-    for one in rollouts[2][:2]:
+    for one in nonempty(rollouts[2][:2]):
         trace = Rollout(world, 1).play(starts, one.target[None], DomainParameters.nominal(world, 1))
         np.testing.assert_array_equal(trace.qpos[0], one.qpos)
 
@@ -115,7 +116,7 @@ def test_half_of_the_assistance_is_half_of_it(fall, rollouts):
 
 def test_targets_stand_still_from_the_end_of_the_reference_on(world, rollouts):
     """For a second: the virtual actuator has let go by then."""
-    for one in rollouts[2]:
+    for one in nonempty(rollouts[2]):
         hold = one.target[one.moving :]
         assert len(hold) >= 125
         np.testing.assert_allclose(hold, np.tile(hold[-1], (len(hold), 1)), atol=1e-12)
@@ -220,7 +221,7 @@ def test_a_patient_motion_visits_the_same_targets(waiting):
     """Each of its targets lies between two neighbors of the motion at its own speed."""
     impatient, patient = waiting
     quick = impatient.target[: impatient.moving]
-    for target in patient.target[: patient.moving : 25]:
+    for target in nonempty(patient.target[: patient.moving : 25]):
         assert np.abs(quick - target).max(axis=1).min() < 0.06
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import compose, straight_path
@@ -44,7 +45,7 @@ def soles(world: World, position: Array, orientation: Array, joint_pos: Array):
 def test_the_soles_of_an_upright_robot_turn_with_the_slope(op3: Robot, degrees: float):
     world = World(op3, f"slope:{degrees:g}")
     # One posture for each call: a motion is fitted at every few frames only.
-    for heading in HEADINGS:
+    for heading in nonempty(HEADINGS):
         position, orientation, joint_pos = stand(op3, np.array([heading]))
         shift = GroundFit(world).shift(position, orientation, joint_pos)
         before, at = soles(world, position, orientation, joint_pos)

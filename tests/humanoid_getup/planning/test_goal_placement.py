@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
@@ -44,7 +45,7 @@ def test_on_a_slope_a_goal_tilts_with_the_ground_and_rests_on_it(
     op3: Robot, database: MotionDatabase
 ):
     world = World(op3, "slope:15")
-    for start in sample(world, "supine", 3):
+    for start in nonempty(sample(world, "supine", 3)):
         goal = database.select(start)[0].posture
         placed = GoalPlacement(world).place(goal, start)
         assert placed is not None

@@ -6,6 +6,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.motions.posture_metric import PostureMetric, align
@@ -128,7 +129,7 @@ def test_nothing_on_the_way_is_deeper_than_allowed_or_beyond_a_limit(
 
 
 def test_no_joint_is_faster_than_its_share_of_the_no_load_speed(plans: list[PathResult]):
-    for plan in plans:
+    for plan in nonempty(plans):
         assert plan.trajectory is not None
         speed = np.abs(np.diff(plan.trajectory.joint_pos, axis=0)) / ROBOT.control_period
         assert np.all(speed <= SPEED_SHARE * ROBOT.max_velocity * (1.0 + 1e-6))
@@ -198,10 +199,10 @@ def test_what_has_reached_its_goal_value_is_held(
     bent = np.concatenate([problem.start[:4], problem.goal[4:]])
     for _ in range(20):
         sample = problem.sample(rng)
-        for step in problem.steer(turned, sample, problem.goal, 4, rng):
+        for step in nonempty(problem.steer(turned, sample, problem.goal, 4, rng)):
             np.testing.assert_array_equal(step[:4], problem.goal[:4])
             assert not np.array_equal(step[4:], turned[4:])
-        for step in problem.steer(bent, sample, problem.goal, 4, rng):
+        for step in nonempty(problem.steer(bent, sample, problem.goal, 4, rng)):
             np.testing.assert_array_equal(step[4:], problem.goal[4:])
             assert not np.array_equal(step[:4], bent[:4])
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nonempty import nonempty
 
 from drivers import GuardLimits, SafetyGuard, State, Twin
 from humanoid_getup.benchmarks.disturbances import Disturbance, disturb_start, disturb_world
@@ -57,11 +58,11 @@ def correct(world: World, state: State, cycles: int = 40) -> np.ndarray:
 
 def test_ankles_turn_the_torso_over_the_feet(op3: Robot, world: World):
     data = mujoco.MjData(world.model)
-    for row, axis in zip(find_ankles(world), (RIGHT, FORWARD), strict=True):
+    for row, axis in nonempty(zip(find_ankles(world), (RIGHT, FORWARD), strict=True)):
         joint_pos = op3.standing.joint_pos + SMALL * row
         data.qpos[:] = place(op3, world.model, replace(op3.standing, joint_pos=joint_pos))
         mujoco.mj_kinematics(world.model, data)
-        for site in op3.sole_sites:
+        for site in nonempty(op3.sole_sites):
             foot = data.xquat[world.model.site(site).bodyid[0]]
             torso = quaternion.inverse(foot)  # seen from the foot, which was level
             turned = quaternion.from_axis_angle(axis, SMALL)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 pytest.importorskip("onnx")
 
@@ -31,7 +32,7 @@ def test_no_flipped_bit_is_accepted(tmp_path: Path):
     """At every byte of the file: in graph, weights, contract and the checksum itself."""
     file = save_policy(tmp_path / "p.onnx", TINY, weight=weights_of(TINY, gyro=0.1))
     content = file.read_bytes()
-    for at in range(len(content)):
+    for at in nonempty(range(len(content))):
         flipped = bytearray(content)
         flipped[at] ^= 1 << at % 8
         file.write_bytes(bytes(flipped))

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.scenes.crossing import Crossings
@@ -58,7 +59,7 @@ def test_no_fall_beside_a_wall_has_a_limb_in_it(op3: Robot):
     world = World(op3, "wall")
     falls = sample_falls(world, {"supine": 6, "left": 4}, np.random.default_rng(7))
     crossings, data = Crossings(world.model), mujoco.MjData(world.model)
-    for fall in falls:
+    for fall in nonempty(falls):
         data.qpos[:] = place(op3, world.model, fall.posture)
         mujoco.mj_kinematics(world.model, data)
         mujoco.mj_comPos(world.model, data)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import (
@@ -39,8 +40,8 @@ def test_named_styles_begin_in_every_way_of_lying(op3):
 
 
 def test_named_styles_ask_for_no_impossible_torso(op3):
-    for name in list_styles():
-        for curve in load_style(name, op3).curves:
+    for name in nonempty(list_styles()):
+        for curve in nonempty(load_style(name, op3).curves):
             side, front = np.cos(curve.sample(np.linspace(0.0, curve.duration, 100))[:, 1:]).T
             assert np.max(side**2 + front**2) <= 1.0
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 pytest.importorskip("gymnasium")
 
@@ -53,7 +54,7 @@ def test_one_seed_is_one_story_and_another_seed_another(op3, action, pool, optio
     one = roll(op3, action, pool, options, 3)
     again = roll(op3, action, pool, replace(options, threads=3 - options.threads), 3)
     other = roll(op3, action, pool, options, 4)
-    for first, second, third in zip(one, again, other, strict=True):
+    for first, second, third in nonempty(zip(one, again, other, strict=True)):
         assert np.array_equal(first, second)
         assert not np.array_equal(first, third)
 
@@ -84,7 +85,7 @@ def test_who_has_held_its_stand_may_end_early(op3, action, pool):
     env = GetUpEnv(op3, action, pool, replace(STANDING, ends_early=1.0))
     env.reset(seed=0)
     steps = round(HELD / env.step_time)
-    for step in range(1, steps + 1):
+    for step in nonempty(range(1, steps + 1)):
         _, _, _, cut, info = env.step(np.zeros((8, action.size)))
         assert cut.all() == (step == steps)
         assert info["falls"] == 0  # standing at the start proves nothing
@@ -168,7 +169,7 @@ def test_a_restored_environment_goes_on_to_the_bit(op3, action, pool, options):
     other = GetUpEnv(op3, action, StartPool.of(pool.qpos), options)
     other.reset(seed=5)
     other.restore_state(state)
-    for actions in plan[3:]:
+    for actions in nonempty(plan[3:]):
         one, another = env.step(actions), other.step(actions)
         assert np.array_equal(one[0], another[0])
         assert np.array_equal(one[1], another[1])

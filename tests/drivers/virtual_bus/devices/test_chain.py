@@ -2,6 +2,7 @@
 
 import instructions
 import pytest
+from nonempty import nonempty
 from wire_talk import find_device, read, read_answers, request, sense, talk
 
 from drivers.dynamixel import protocol2
@@ -344,7 +345,7 @@ def test_a_silent_member_costs_a_sync_read_its_slot_or_all_that_follows(die):
         protocol2.sync_read([1, 2, 3], POSITION),
         protocol2.bulk_read(dict.fromkeys([1, 2, 3], POSITION)),
     )
-    for frame in frames:
+    for frame in nonempty(frames):
         chain = servos(1, 2, 3, baud=1_000_000)
         die(chain)
         one, three = chain.handle(request(frame))

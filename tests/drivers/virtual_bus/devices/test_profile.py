@@ -5,6 +5,7 @@ import itertools
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from nonempty import nonempty
 
 from drivers.virtual_bus.devices.profile import (
     ProfileShape,
@@ -51,7 +52,7 @@ def test_it_never_goes_faster_or_changes_faster_than_allowed(position, velocity,
     points = sample(path)
     step = points[1][0] - points[0][0]
     fastest = max(top, abs(velocity))
-    for (_, x0, v0), (_, x1, v1) in itertools.pairwise(points):
+    for (_, x0, v0), (_, x1, v1) in nonempty(itertools.pairwise(points)):
         assert abs(v1) <= fastest * (1 + 1e-9)
         assert abs(v1 - v0) <= a * step * (1 + 1e-6) + 1e-6
         # Velocity is the slope of position: within a step it is between its ends, or bends once.

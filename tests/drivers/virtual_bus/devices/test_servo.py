@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nonempty import nonempty
 from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named
@@ -73,21 +74,21 @@ def test_a_ping_tells_model_and_firmware_at_every_return_level():
 @pytest.mark.parametrize("model", MODELS)
 def test_every_item_has_its_access_and_its_range(model: str):
     """Write the least, the greatest, and one beyond each, of every item, torque off."""
-    for item in table_named(model, 46):
+    for item in nonempty(table_named(model, 46)):
         servo = VirtualServo(1, model, firmware=46)
         if not item.writable:
             assert write(servo, item.name, 0) == ErrorNumber.ACCESS, item.name
             continue
         before = servo.peek(item.name)
         limits = (item.lower, item.upper)
-        for bound, step in zip(limits, (-1, 1), strict=True):
+        for bound, step in nonempty(zip(limits, (-1, 1), strict=True)):
             try:
                 beyond = item.encode(bound + step)
             except OverflowError:
                 continue  # no such value fits into the item
             assert raw_write(servo, item.address, beyond) == ErrorNumber.DATA_RANGE, item.name
             assert servo.peek(item.name) == before
-        for bound in limits:
+        for bound in nonempty(limits):
             servo = VirtualServo(1, model, firmware=46)
             error = write(servo, item.name, bound)
             if item.name in ("goal_velocity", "goal_position"):

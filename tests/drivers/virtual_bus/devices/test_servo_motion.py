@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nonempty import nonempty
 from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import OperatingMode
@@ -338,13 +339,14 @@ def test_torque_off_ends_a_profile():
 @given(
     goals=st.lists(
         st.tuples(st.integers(-1_048_575, 1_048_575), st.integers(0, 32737), st.integers(0, 32737)),
+        min_size=1,
         max_size=6,
     ),
     drive_mode=st.sampled_from([0, 1, 4, 5]),
 )
 def test_no_profile_is_too_wild_for_the_registers(goals, drive_mode):
     servo = powered(OperatingMode.EXTENDED_POSITION, drive_mode=drive_mode)
-    for i, (goal, velocity, acceleration) in enumerate(goals):
+    for i, (goal, velocity, acceleration) in nonempty(enumerate(goals)):
         write(servo, "profile_velocity", velocity)
         write(servo, "profile_acceleration", acceleration)
         assert write(servo, "goal_position", goal) == 0

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 pytest.importorskip("torch")
 
@@ -204,8 +205,8 @@ def test_an_interrupted_environment_goes_on_to_the_bit(env, head):
     one = [env.step(action) for action in actions[4:]]
     env.restore_state(kept)
     again = [env.step(action) for action in actions[4:]]
-    for before, after in zip(one, again, strict=True):
-        for left, right in zip(before[:4], after[:4], strict=True):
+    for before, after in nonempty(zip(one, again, strict=True)):
+        for left, right in nonempty(zip(before[:4], after[:4], strict=True)):
             assert np.array_equal(left, right)
 
 

@@ -2,7 +2,8 @@
 
 from robots.imu import ImuSettings
 from robots.loading import load_robot, reshape
-from robots.posture import Posture, load_posture
+from robots.posture import Posture
+from robots.posture_file import load_posture
 from robots.proportions import ORIGINAL, Body, BodyError
 from robots.robot import (
     BoardSettings,

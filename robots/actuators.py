@@ -2,55 +2,66 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import mujoco
 
-if TYPE_CHECKING:
-    from robots.robot import Robot
-    from robots.transmission import Coupling
+from robots.servo import Servo
 
 
-def add_actuator(spec: mujoco.MjSpec, robot: Robot, i: int) -> None:
-    """Add a joint's servo: its friction and rotor, and a motor in position mode.
+@dataclass(frozen=True, kw_only=True)
+class PositionActuator:
+    """A servo in position mode, with the figures that it has behind its gear."""
 
-    All figures are those behind its gear. The servo drives voltage from the position error without
-    compensating its back-EMF. A ``dcmotor`` compensates it, so a derivative gain of K²/R takes the
-    compensation out again.
-    """
-    joint = robot.joints[i]
-    motor, constant = joint.servo.model, float(robot.motor_constant[i])
-    gear = joint.servo.gear
-    actuator = spec.add_actuator(name=joint.name, target=joint.name)
-    coupling = next((c for c in robot.couplings if i in c.joints), None)
-    if coupling is None:
-        turned = spec.joint(joint.name)
-        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
-    else:
-        turned = _add_tendon(spec, robot, i, coupling)
-        actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
-    turned.armature = motor.armature * gear**2
-    turned.frictionloss = motor.friction * gear
-    actuator.set_to_dcmotor(
-        motorconst=[constant, constant],
-        resistance=motor.resistance,
-        saturation=[float(robot.max_torque[i]), 0.0, 0.0],
-        controller=[
-            float(robot.position_gain[i]),
-            0,
-            float(robot.torque_speed_slope[i]),
-            0,
-            0,
-            motor.nominal_voltage,
-        ],
-        ctrlspec=mujoco.mjtCtrlInput.mjINPUT_POS,
-    )
+    name: str
+    """Of its joint."""
+    servo: Servo
+    motor_constant: float
+    """[N·m/A] or [V·s/rad]"""
+    stall_torque: float
+    """At nominal voltage [N·m]."""
+    position_gain: float
+    """[N·m/rad]"""
+    torque_speed_slope: float
+    """Torque lost to back-EMF per speed [N·m·s/rad]."""
+    turns: Mapping[str, float]
+    """Turns of the actuator per turn of each joint, by name, where joints are coupled; or none."""
 
+    def add(self, spec: mujoco.MjSpec) -> None:
+        """Add it to a model: friction and rotor of the servo, and a motor in position mode.
 
-def _add_tendon(spec: mujoco.MjSpec, robot: Robot, i: int, coupling: Coupling) -> mujoco.MjsTendon:
-    """Add a fixed tendon whose length is the angle that a coupled servo turns."""
-    tendon = spec.add_tendon(name=robot.joints[i].name)
-    row = coupling.matrix[coupling.joints.index(i)]
-    for k, turns in zip(coupling.joints, row, strict=True):
-        tendon.wrap_joint(robot.joints[k].name, float(turns))
-    return tendon
+        The servo drives voltage from the position error without compensating its back-EMF. A
+        ``dcmotor`` compensates it, so a derivative gain of K²/R takes the compensation out again.
+        """
+        motor, gear = self.servo.model, self.servo.gear
+        actuator = spec.add_actuator(name=self.name, target=self.name)
+        if self.turns:
+            turned = self._add_tendon(spec)
+            actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
+        else:
+            turned = spec.joint(self.name)
+            actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        turned.armature = motor.armature * gear**2
+        turned.frictionloss = motor.friction * gear
+        actuator.set_to_dcmotor(
+            motorconst=[self.motor_constant, self.motor_constant],
+            resistance=motor.resistance,
+            saturation=[self.stall_torque, 0.0, 0.0],
+            controller=[
+                self.position_gain,
+                0,
+                self.torque_speed_slope,
+                0,
+                0,
+                motor.nominal_voltage,
+            ],
+            ctrlspec=mujoco.mjtCtrlInput.mjINPUT_POS,
+        )
+
+    def _add_tendon(self, spec: mujoco.MjSpec) -> mujoco.MjsTendon:
+        """Add a fixed tendon whose length is the angle that a coupled servo turns."""
+        tendon = spec.add_tendon(name=self.name)
+        for joint, turns in self.turns.items():
+            tendon.wrap_joint(joint, turns)
+        return tendon

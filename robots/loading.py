@@ -1,8 +1,9 @@
 """Loading a robot from its folder: its robot.toml, its model, and its computed stance."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from robots.model_checks import find_model_problems
 from robots.passive_joints import rest_passive_joints
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body, BodyError
+from robots.reshaping.reshaped_robot import ReshapedRobot
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.schema import JointRow, RobotTable, read_description
 from robots.servo import LimitMode, Servo, ServoModel
@@ -77,7 +79,9 @@ def reshape(robot: Robot, body: Body) -> Robot:
     Raises:
         BodyError: if the robot lacks a part of it, or its model cannot be stretched.
     """
-    reshaped = replace(robot, body=body)
+    values: dict[str, Any] = {field.name: getattr(robot, field.name) for field in fields(robot)}
+    values["body"] = body
+    reshaped = Robot(**values) if body.is_original else ReshapedRobot(**values)
     try:
         model = reshaped.spec().compile()
     except BodyError:

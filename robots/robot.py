@@ -13,12 +13,12 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
-from robots.actuators import add_actuator
+from robots import quaternion
+from robots.actuators import PositionActuator
 from robots.imu import AxesSetting, ImuKind, ImuSettings
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body
 from robots.quaternion import Array
-from robots.reshaping.reshape_model import reshape_model
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
 from robots.transmission import Coupling, Transmission
 from robots.validation import Names, positive, whole
@@ -317,19 +317,46 @@ class Robot:
         lag = self.torque_speed_slope / self.position_gain
         return self.transmission.to_joint(lag * self.transmission.to_actuator(speed))
 
+    def mirror_posture(self, posture: Posture) -> Posture:
+        """Exchange left and right in a posture."""
+        return Posture(
+            position=posture.position * np.array([1.0, -1.0, 1.0]),
+            orientation=quaternion.mirror(posture.orientation),
+            joint_pos=self.mirror_joints(posture.joint_pos),
+        )
+
     def mirror_joints(self, joint_pos: Array) -> Array:
         """Exchange left and right in joint angles, (..., n)."""
         return joint_pos[..., self.mirror_index] * self.mirror_sign
 
     def spec(self) -> mujoco.MjSpec:
         """Build the robot's model with one position servo a joint, in joint order."""
-        spec = mujoco.MjSpec.from_file(str(self.model_file))
+        spec = self.read_model()
         spec.option.timestep = self.choose_timestep(min(spec.option.timestep, LONGEST_TIMESTEP))
-        if not self.body.is_original:
-            reshape_model(spec, self, self.body)
         for i in range(self.n):
-            add_actuator(spec, self, i)
+            self._describe_actuator(i).add(spec)
         return spec
+
+    def read_model(self) -> mujoco.MjSpec:
+        """Read its model, without servos."""
+        return mujoco.MjSpec.from_file(str(self.model_file))
+
+    def _describe_actuator(self, i: int) -> PositionActuator:
+        coupling = next((c for c in self.couplings if i in c.joints), None)
+        turns: dict[str, float] = {}
+        if coupling is not None:
+            row = coupling.matrix[coupling.joints.index(i)]
+            names = (self.joint_names[k] for k in coupling.joints)
+            turns = dict(zip(names, row.tolist(), strict=True))
+        return PositionActuator(
+            name=self.joint_names[i],
+            servo=self.joints[i].servo,
+            motor_constant=float(self.motor_constant[i]),
+            stall_torque=float(self.max_torque[i]),
+            position_gain=float(self.position_gain[i]),
+            torque_speed_slope=float(self.torque_speed_slope[i]),
+            turns=turns,
+        )
 
     def choose_timestep(self, longest: float) -> float:
         """Choose the longest physics step that divides the control period [s].

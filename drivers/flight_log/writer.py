@@ -18,6 +18,7 @@ from mcap.writer import Writer
 
 from drivers.control_loop import Cycle
 from robots import Posture, Robot
+from robots.posture_file import format_posture
 
 FORMAT = "1"
 METADATA = "flight"
@@ -150,7 +151,7 @@ class FlightLog:
             "period": repr(robot.control_period),
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "about": _to_json(self._about).decode(),
-            "start": start.to_json(robot) if start else "",
+            "start": format_posture(start, robot) if start else "",
         }
 
     def _set_time(self, time: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -14,9 +13,7 @@ from robots.reshaping.shoulders import stretch_shoulders
 from robots.reshaping.skeleton import Link, Skeleton
 from robots.reshaping.stretch import Stretch
 from robots.reshaping.stretching import make_explicit, stretch_link
-
-if TYPE_CHECKING:
-    from robots.robot import Robot
+from robots.robot import Robot
 
 UPWARDS = np.array([0.0, 0.0, 1.0])
 

@@ -108,7 +108,7 @@ def test_each_joint_has_its_servo_in_joint_order():
 
 @given(posture=postures())
 def test_mirroring_twice_changes_nothing(posture):
-    twice = posture.mirrored(OP3).mirrored(OP3)
+    twice = OP3.mirror_posture(OP3.mirror_posture(posture))
     assert np.array_equal(twice.joint_pos, posture.joint_pos)
     assert np.array_equal(twice.orientation, posture.orientation)
     assert np.array_equal(twice.position, posture.position)
@@ -116,7 +116,7 @@ def test_mirroring_twice_changes_nothing(posture):
 
 @given(posture=postures())
 def test_a_mirrored_posture_is_the_mirror_image_in_space(posture):
-    here, there = configured(posture), configured(posture.mirrored(OP3))
+    here, there = configured(posture), configured(OP3.mirror_posture(posture))
     checked = 0
     for site in range(MODEL.nsite):
         name = MODEL.site(site).name
@@ -143,7 +143,7 @@ def test_standing_has_level_soles_on_the_ground():
 
 
 def test_standing_is_its_own_mirror_image_within_the_joint_ranges():
-    assert OP3.standing.mirrored(OP3).joint_pos == pytest.approx(OP3.standing.joint_pos)
+    assert OP3.mirror_posture(OP3.standing).joint_pos == pytest.approx(OP3.standing.joint_pos)
     assert np.all((OP3.standing.joint_pos >= OP3.lower) & (OP3.standing.joint_pos <= OP3.upper))
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots import Posture
-from robots.posture import load_posture
+from robots.posture_file import format_posture, load_posture
 
 
 def record(**changes):
@@ -45,7 +45,7 @@ def test_a_posture_survives_the_trip_through_its_file(tmp_path_factory, tiny, po
         joint_pos=np.array(joint_pos),
     )
     path = tmp_path_factory.getbasetemp() / "posture.json"
-    path.write_text(posture.to_json(tiny), "utf-8")
+    path.write_text(format_posture(posture, tiny), "utf-8")
     again = load_posture(path, tiny)
     assert np.array_equal(again.position, posture.position)
     assert np.array_equal(again.joint_pos, posture.joint_pos)

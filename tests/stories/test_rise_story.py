@@ -24,6 +24,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot
 from robots.kinematics import place, read_posture
+from robots.posture_file import format_posture
 
 MOTION, SQUAT = "supine_sit_up_fast", "squat_to_stand"
 LIMIT = 3.0  # N·m
@@ -85,7 +86,7 @@ def test_the_motion_of_a_rise_can_be_played_again(
 ):
     motion = Motion.load(risen / "motion.npz")
     fallen = tmp_path / "fallen.json"
-    fallen.write_text(motion.posture(0).to_json(op3))
+    fallen.write_text(format_posture(motion.posture(0), op3))
     arguments = ["play", str(risen / "motion.npz"), "--from", str(fallen)]
     assert main([*arguments, "--torque-limit", f"{LIMIT}", "--json", "-"]) == 0
     out, error = capsys.readouterr()

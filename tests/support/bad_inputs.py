@@ -31,6 +31,7 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache
 from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
 from robots import Robot, load_robot
+from robots.posture_file import format_posture
 
 MOTION = "squat_to_stand"
 BVH = """HIERARCHY
@@ -746,7 +747,7 @@ def _make_styles(folder: Path) -> None:
 
 def _make_postures(folder: Path, robot: Robot) -> None:
     def save(name: str, **changes: object) -> None:
-        record = json.loads(robot.standing.to_json(robot))
+        record = json.loads(format_posture(robot.standing, robot))
         knee = changes.pop("l_knee", 0.0)
         record["joint_pos"]["l_knee"] = knee
         if knee is None:
@@ -760,12 +761,12 @@ def _make_postures(folder: Path, robot: Robot) -> None:
     save("stretched.json", orientation=[2.0, 0.0, 0.0, 0.0])
     save("high.json", position=[x, y, z + 5.0])
     save("far.json", position=[1e200, y, z])
-    standing = json.loads(robot.standing.to_json(robot))
+    standing = json.loads(format_posture(robot.standing, robot))
     standing["position"] = [x, y, z - 0.1]
     (folder / "sunk.json").write_text(json.dumps(standing))
     (wall,) = load_scene("wall", robot).obstacles
     save("walled.json", position=[x, float(wall.position[1]), z])
-    crossed = json.loads(robot.standing.to_json(robot))
+    crossed = json.loads(format_posture(robot.standing, robot))
     crossed["joint_pos"]["l_hip_roll"] = 0.5
     (folder / "tangled.json").write_text(json.dumps(crossed))
     (folder / "list.json").write_text("[]")

@@ -28,6 +28,7 @@ from humanoid_getup.cli import calibrate as command
 from humanoid_getup.cli.main import main
 from robots import Robot, load_robot
 from robots.calibration import Calibration, JointCalibration
+from robots.posture_file import format_posture
 
 L_HIP, R_HIP = JointCalibration(2100, 1), JointCalibration(1000, -1)
 """The robot as it is: the description has zeros 2048 and 1000."""
@@ -122,7 +123,7 @@ def test_the_calibrated_robot_measures_true_angles_afterwards(folder, calibrate,
 def test_any_known_posture_will_do(calibrate, tmp_path):
     posture = load_robot(TINY).standing
     held = replace(posture, joint_pos=np.radians([-45.0, 30.0]))
-    (tmp_path / "held.json").write_text(held.to_json(load_robot(TINY)))
+    (tmp_path / "held.json").write_text(format_posture(held, load_robot(TINY)))
     with real_robot() as served:
         served.place(l_hip=-45.0, r_hip=30.0)
         person = Person("", "yes")
@@ -152,7 +153,7 @@ def test_zeros_of_coupled_servos_are_found_in_a_posture_of_both_joints(folder, c
     held = tmp_path / "held.json"
     with coupled_robot(folder) as served:
         standing = replace(served.robot.standing, joint_pos=np.radians([20.0, -30.0]))
-        held.write_text(standing.to_json(served.robot))
+        held.write_text(format_posture(standing, served.robot))
         served.place(l_hip=20.0, r_hip=-30.0)
         code, _ = calibrate(served, Person("", "yes"), "--at", str(held))
     assert code == 0
@@ -389,7 +390,7 @@ def test_signs_before_zeros_in_one_go_and_a_joint_may_be_left(folder, calibrate)
             "yes",
         )
         standing = replace(load_robot(TINY).standing, joint_pos=np.radians([-30.0, 0.0]))
-        (folder / "held.json").write_text(standing.to_json(load_robot(TINY)))
+        (folder / "held.json").write_text(format_posture(standing, load_robot(TINY)))
         code, _ = calibrate(served, person, "--signs", "--at", str(folder / "held.json"))
     assert code == 0
     saved = read_saved(folder)["joints"]

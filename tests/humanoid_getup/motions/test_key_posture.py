@@ -8,6 +8,7 @@ import pytest
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion_database import find_motion
 from robots import Robot
+from robots.posture_file import format_posture
 
 
 @pytest.mark.parametrize(("time", "frame"), [(0.0, 0), (0.099, 12), (0.103, 13)])
@@ -22,12 +23,12 @@ def test_a_mirrored_motion_has_key_postures_too(op3: Robot):
     left, right = (
         load_key(f"motions:lateral_side_sit{side}@1", op3).posture for side in ("", "_mirrored")
     )
-    np.testing.assert_array_equal(left.mirrored(op3).joint_pos, right.joint_pos)
+    np.testing.assert_array_equal(op3.mirror_posture(left).joint_pos, right.joint_pos)
 
 
 def test_a_posture_file_is_a_key(op3: Robot, tmp_path: Path):
     file = tmp_path / "key.json"
-    file.write_text(op3.standing.to_json(op3))
+    file.write_text(format_posture(op3.standing, op3))
     key = load_key(str(file), op3)
     assert key.name == str(file)
     np.testing.assert_array_equal(key.posture.joint_pos, op3.standing.joint_pos)

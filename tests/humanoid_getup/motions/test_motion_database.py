@@ -111,7 +111,8 @@ def test_a_mirrored_fall_finds_the_mirrored_motion_at_the_same_frame(tmp_path: P
     rng = np.random.default_rng(2)
     for _ in range(10):
         posture = lying(rng)
-        one, other = database.select(posture)[0], database.select(posture.mirrored(ROBOT))[0]
+        one = database.select(posture)[0]
+        other = database.select(ROBOT.mirror_posture(posture))[0]
         assert one.motion.mirrored(ROBOT).name == other.motion.name
         assert (one.frame, pytest.approx(one.distance)) == (other.frame, other.distance)
 

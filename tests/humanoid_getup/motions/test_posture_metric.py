@@ -61,7 +61,7 @@ def test_turning_and_shifting_on_the_ground_changes_nothing(seed: int, yaw: floa
 @given(seeds)
 def test_mirror_images_are_as_far_apart_as_their_originals(seed: int):
     a, b = postures(seed, 2)
-    mirrored = METRIC.between(a.mirrored(ROBOT), b.mirrored(ROBOT))
+    mirrored = METRIC.between(ROBOT.mirror_posture(a), ROBOT.mirror_posture(b))
     assert abs(mirrored - METRIC.between(a, b)) < 1e-9
 
 

@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
-from drivers.imu.bno055 import (
-    ACC_DATA,
-    ACCELEROMETER_STEP,
-    ACCGYRO_MODE,
-    CONFIG_MODE,
-    GYR_DATA,
-    GYRO_STEP,
-    IDS,
-    OPR_MODE,
-    PAGE_ID,
-)
-from drivers.imu.register_link import DATA, DONE, READ, START, STATUS, WRITE
+import numpy as np
+
+from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.imu.i2c_chip import VirtualI2cChip
 from drivers.virtual_bus.imu.reading import ImuReading, to_counts
 
+# All numbers here are the data sheet's own (BST-BNO055-DS000), none is the driver's: what one side
+# gets wrong, the other does not follow.
 PAGE_SIZE = 0x80
-INVALID_ADDRESS, WRONG_START = 0x04, 0x06  # status bytes of a UART frame (data sheet, 4.7)
+IDS = bytes([0xA0, 0xFB, 0x32, 0x0F])  # of the chip, its accelerometer, magnetometer and gyro
+PAGE_ID, ACC_DATA, GYR_DATA = 0x07, 0x08, 0x14  # of page 0, as the next two
+UNIT_SEL, OPR_MODE = 0x3B, 0x3D
+ACC_CONFIG, GYR_CONFIG = 0x08, 0x0A  # of page 1
+POWER_UP = ({UNIT_SEL: 0x80}, {ACC_CONFIG: 0x0D, GYR_CONFIG: 0x38})
+"""Registers of each page that are not 0 after power-up (4.2)."""
+CONFIG_MODE = 0
+ACC_MODES = (1, 4, 5, 7, 8, 9, 10, 11, 12)  # in which it measures (table 3-3)
+GYR_MODES = (3, 5, 6, 7, 8, 11, 12)
+ACC_RANGES = {0: 2.0, 1: 4.0, 2: 8.0, 3: 16.0}  # g, by bits 0 and 1 of ACC_CONFIG
+GYR_RANGES = {0: 2000.0, 1: 1000.0, 2: 500.0, 3: 250.0, 4: 125.0}  # deg/s, by bits 0 to 2
+ACC_STEPS = (0.01, 1e-3 * GRAVITY)  # m/s² a count, by bit 0 of UNIT_SEL: m/s² or mg (3.6.4)
+GYR_STEPS = (np.radians(1.0 / 16.0), 1.0 / 900.0)  # rad/s a count, by bit 1: deg/s or rad/s
+# Bytes of a frame on a UART (4.7).
+START, WRITE, READ, DATA, STATUS, DONE = 0xAA, 0x00, 0x01, 0xBB, 0xEE, 0x01
+INVALID_ADDRESS, WRONG_START = 0x04, 0x06
 
 
 class VirtualBno055(VirtualI2cChip):
-    """Two pages of registers; it measures in the mode that samples gyro and accelerometer.
+    """Two pages of registers: what is written to them decides what it measures, and in what unit.
 
     As on the chip, the registers of page 1 and the units may only be written in configuration
     mode, in which the data registers hold zeros.
@@ -31,6 +39,9 @@ class VirtualBno055(VirtualI2cChip):
     def restart(self) -> None:
         """Lose power for a moment: all registers are as after power-up."""
         self.pages = [bytearray(PAGE_SIZE), bytearray(PAGE_SIZE)]
+        for page, values in zip(self.pages, POWER_UP, strict=True):
+            for register, value in values.items():
+                page[register] = value
         self.pages[0][: len(IDS)] = IDS
         self._heard = b""
 
@@ -46,11 +57,16 @@ class VirtualBno055(VirtualI2cChip):
             self._measure()
 
     def _measure(self) -> None:
-        registers, reading = self.pages[0], self._reading
+        registers, configuration = self.pages
         gyro = accelerometer = bytes(6)
-        if reading is not None and self.mode == ACCGYRO_MODE:
-            gyro = to_counts(reading.gyro, GYRO_STEP)
-            accelerometer = to_counts(reading.accelerometer, ACCELEROMETER_STEP)
+        if self._reading is not None and self.mode in ACC_MODES:
+            reach = GRAVITY * ACC_RANGES[configuration[ACC_CONFIG] & 0b11]
+            force = np.clip(self._reading.accelerometer, -reach, reach)
+            accelerometer = to_counts(force, ACC_STEPS[registers[UNIT_SEL] & 1])
+        if self._reading is not None and self.mode in GYR_MODES:
+            reach = np.radians(GYR_RANGES.get(configuration[GYR_CONFIG] & 0b111, 0.0))
+            rate = np.clip(self._reading.gyro, -reach, reach)
+            gyro = to_counts(rate, GYR_STEPS[registers[UNIT_SEL] >> 1 & 1])
         registers[GYR_DATA : GYR_DATA + 6] = gyro
         registers[ACC_DATA : ACC_DATA + 6] = accelerometer
 

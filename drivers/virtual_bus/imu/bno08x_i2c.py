@@ -5,26 +5,20 @@ from __future__ import annotations
 import struct
 from collections import deque
 
-from drivers.imu.bno08x_i2c import (
-    ACCELEROMETER,
-    ACCELEROMETER_STEP,
-    CONTINUED,
-    CONTROL,
-    EXECUTABLE,
-    FEATURE,
-    GYRO,
-    GYRO_STEP,
-    PACKET,
-    PRODUCT_REQUEST,
-    PRODUCT_RESPONSE,
-    REPORTS,
-    RESET_COMPLETE,
-    SET_FEATURE,
-    TIMEBASE,
-)
 from drivers.virtual_bus.imu.i2c_chip import VirtualI2cChip
 from drivers.virtual_bus.imu.reading import ImuReading, to_counts
 
+# All numbers here are those of the manuals of SHTP and SH-2 (CEVA), none is the driver's.
+PACKET = struct.Struct("<HBB")  # length, channel, sequence number
+CONTINUED = 0x8000
+EXECUTABLE, CONTROL, REPORTS = 1, 2, 3  # channels
+RESET_COMPLETE = 1
+PRODUCT_REQUEST, PRODUCT_RESPONSE, SET_FEATURE = 0xF9, 0xF8, 0xFD
+TIMEBASE, ACCELEROMETER, GYRO = 0xFB, 0x01, 0x02
+STEPS = {ACCELEROMETER: 2.0**-8, GYRO: 2.0**-9}  # m/s² and rad/s a count: Q points 8 and 9
+FEATURE = struct.Struct("<BBBHIII")  # the fifth is the interval [µs]
+ACCURATE = 3  # status of a report
+ROUNDING = 1e-9  # s; bus times are sums of periods
 KEPT = 8  # packets that wait for the host; older reports are dropped
 # Version 3.2, part, build and patch numbers as an example; 16 bytes (SH-2).
 PRODUCT = struct.pack("<BBBBIIHH", PRODUCT_RESPONSE, 1, 3, 2, 10003608, 370, 7, 0)
@@ -39,14 +33,17 @@ class VirtualBno08xI2c(VirtualI2cChip):
 
     def restart(self) -> None:
         """Lose power for a moment: no feature is on, and the hub says that it has started."""
-        self._features: set[int] = set()
+        self._intervals: dict[int, float] = {}  # s between two reports of a sensor that is on
+        self._due: dict[int, float] = {}  # bus time of the next [s]
         self._sent = [0] * 6
         self._reports = 0
+        self._now = 0.0
         self._rest: tuple[int, int, bytes] | None = None
         self._packets: deque[tuple[int, bytes]] = deque([(EXECUTABLE, bytes([RESET_COMPLETE]))])
 
     def sense(self, reading: ImuReading) -> None:
-        """Take a measurement, and queue the reports that are switched on."""
+        """Take a measurement, and queue the reports that are due."""
+        self._now = reading.time
         if not self.frozen:
             self._reading = reading
         self._report()
@@ -62,22 +59,26 @@ class VirtualBno08xI2c(VirtualI2cChip):
             self._packets.append((CONTROL, PRODUCT))
         elif cargo[0] == SET_FEATURE:
             _, sensor, _, _, interval, _, _ = FEATURE.unpack(cargo)
-            if interval:
-                self._features.add(sensor)
-            else:
-                self._features.discard(sensor)
+            self._intervals[sensor], self._due[sensor] = interval * 1e-6, self._now
+            if not interval:
+                del self._intervals[sensor]
             self._report()
 
     def _report(self) -> None:
-        if self._reading is None or not self._features:
+        """Queue a packet of what is due; a sensor that is faster than the bus reports each time."""
+        if self._reading is None:
             return
-        cargo = struct.pack("<Bi", TIMEBASE, 0)
-        for sensor, value, step in (
-            (ACCELEROMETER, self._reading.accelerometer, ACCELEROMETER_STEP),
-            (GYRO, self._reading.gyro, GYRO_STEP),
-        ):
-            if sensor in self._features:
-                cargo += bytes([sensor, self._reports % 256, 3, 0]) + to_counts(value, step)
+        values = {ACCELEROMETER: self._reading.accelerometer, GYRO: self._reading.gyro}
+        cargo = b""
+        for sensor in sorted(self._intervals.keys() & values.keys()):
+            if self._now < self._due[sensor] - ROUNDING:
+                continue
+            self._due[sensor] = max(self._due[sensor] + self._intervals[sensor], self._now)
+            head = bytes([sensor, self._reports % 256, ACCURATE, 0])
+            cargo += head + to_counts(values[sensor], STEPS[sensor])
+        if not cargo:
+            return
+        cargo = struct.pack("<Bi", TIMEBASE, 0) + cargo
         self._reports += 1
         waiting = [packet for packet in self._packets if packet[0] == REPORTS]
         if len(waiting) >= KEPT:

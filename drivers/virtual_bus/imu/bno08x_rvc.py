@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.imu.bno08x_rvc import (
-    ANGLE_STEP,
-    BODY,
-    FORCE_STEP,
-    FRAME_PERIOD,
-    HEADER,
-    INDICES,
-)
+from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.imu.reading import ImuReading, to_counts
 from drivers.virtual_bus.imu.sender import VirtualSender
 from robots.quaternion import Array, slerp
+
+# All numbers here are the data sheet's own (1.3.5.2), none is the driver's.
+HEADER = b"\xaa\xaa"
+INDICES = 256
+FRAME_PERIOD = 0.01  # s
+ANGLE_STEP = np.radians(0.01)  # rad
+FORCE_STEP = 1e-3 * GRAVITY  # m/s²
+RESERVED = bytes(3)
 
 
 class VirtualBno08xRvc(VirtualSender):
@@ -48,9 +49,8 @@ class VirtualBno08xRvc(VirtualSender):
         if not (self.frozen and self._values):
             angles = to_counts(_to_angles(orientation), ANGLE_STEP)
             self._values = angles + to_counts(accelerometer, FORCE_STEP)
-        body = bytes([self._index]) + self._values + bytes(3)
+        body = bytes([self._index]) + self._values + RESERVED
         self._index = (self._index + 1) % INDICES
-        assert len(body) == BODY.size
         return HEADER + body + bytes([sum(body) % 256])
 
 

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from waiting import wait_until
 
 from drivers.imu.background import BackgroundImu
 from drivers.imu.build import build_i2c_source, build_imu_source
+from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError
 from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
 from drivers.virtual_bus.imu.reading import ImuReading
@@ -27,6 +29,62 @@ def test_the_thread_hands_over_what_it_has_read_with_its_age():
     finally:
         source.close()
         source.close()
+
+
+class SlowSensor:
+    """A source whose only transfer takes half a second of a clock that it advances itself."""
+
+    name, note, damaged = "slow", "", 7
+
+    def __init__(self) -> None:
+        self.now = 10.0
+        self.requests: list[float] = []
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def request(self, now: float) -> None:
+        self.requests.append(now)
+
+    def poll(self) -> ImuSample | None:
+        if len(self.requests) != 1:
+            return None
+        self.now += 0.5
+        return ImuSample(np.zeros(3), np.array([0.0, 0.0, 9.81]), counts=b"", age=0.25)
+
+
+def test_a_sample_is_as_old_as_its_transfer_and_the_time_since(monkeypatch):
+    sensor = SlowSensor()
+    monkeypatch.setattr("drivers.imu.background.time", sensor)
+    source = BackgroundImu(sensor)
+    assert (source.name, source.note, source.damaged) == ("slow", "", 7)
+    source.open()
+    try:
+        wait_until(lambda: len(sensor.requests) > 2)  # the first sample is there
+        sensor.now = 12.0
+        sample = source.poll()
+    finally:
+        source.close()
+    assert sensor.requests[0] == 10.0
+    assert sample is not None and sample.age == 0.25 + 12.0 - 10.0
+
+
+def test_a_source_that_is_opened_again_hands_over_nothing_old(monkeypatch):
+    sensor = SlowSensor()
+    monkeypatch.setattr("drivers.imu.background.time", sensor)
+    source = BackgroundImu(sensor)
+    source.open()
+    wait_until(lambda: len(sensor.requests) > 2)
+    source.close()
+    assert source.poll() is None
+    count = len(sensor.requests)
+    source.open()
+    wait_until(lambda: len(sensor.requests) > count)
+    source.close()
 
 
 @pytest.mark.parametrize("kind", ["bno055", "bno08x"])

@@ -1,5 +1,7 @@
 """Ages of samples, and the time that they stand for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,3 +32,59 @@ def test_a_rate_stands_for_the_time_that_its_source_says():
     fusion.update(sample(1, gyro=1.0, duration=0.2), 1.01, speed=0.0)
     w, _, _, z = fusion.orientation
     assert 2.0 * np.arctan2(z, w) == pytest.approx(0.2, abs=0.01)
+
+
+def tilted(number: int, roll: float = 0.5, **fields) -> ImuSample:
+    """Make a sample of a body at rest that is rolled to one side [rad]."""
+    force = GRAVITY * np.array([0.0, np.sin(roll), np.cos(roll)])
+    return ImuSample(np.zeros(3), force, counts=number.to_bytes(4, "little"), **fields)
+
+
+def roll_of(fusion: ImuFusion) -> float:
+    w, x, _, _ = fusion.orientation
+    return 2.0 * np.arctan2(x, w)
+
+
+@pytest.mark.parametrize(("gap", "is_measured_again"), [(0.9, False), (1.1, True)])
+def test_after_a_second_without_a_sample_the_vertical_is_measured_again(gap, is_measured_again):
+    fusion = ImuFusion(0.008)
+    fusion.start(sample(0), 1.0)
+    fusion.update(tilted(1), 1.0 + gap, speed=0.0)
+    assert (roll_of(fusion) == pytest.approx(0.5)) == is_measured_again
+
+
+def test_a_body_that_moved_at_the_start_is_measured_again_once_it_has_rested():
+    fusion = ImuFusion(0.008)
+    fusion.start(sample(0, gyro=1.0), 0.0)
+    rests = 0
+    while roll_of(fusion) != pytest.approx(0.5):
+        rests += 1
+        fusion.update(tilted(rests), 0.008 * rests, speed=0.0)
+        if rests == 6:  # moves once more: the count starts over
+            fusion.update(replace(tilted(99), gyro=np.array([0.3, 0, 0])), 0.049, speed=0.0)
+    assert rests == 6 + 12
+
+
+@pytest.mark.parametrize("force", [0.94, 1.06])
+def test_a_body_that_is_pushed_does_not_rest(force: float):
+    fusion = ImuFusion(0.008)
+    first = sample(0)
+    fusion.start(replace(first, accelerometer=force * first.accelerometer), 0.0)
+    for k in range(1, 20):
+        pushed = tilted(k)
+        fusion.update(replace(pushed, accelerometer=force * pushed.accelerometer), 0.008 * k, 0.0)
+    assert roll_of(fusion) < 0.2
+
+
+def test_a_repeated_sample_counts_while_the_joints_rest_and_not_while_they_move():
+    """Eleven repeats may be chance; the twelfth shows that the sensor is frozen since the first."""
+    for speed, stamp in ((0.9, 1.5), (1.1, 1.0)):
+        fusion = ImuFusion(0.008)
+        fusion.start(sample(0), 1.0)
+        for k in range(1, 12):
+            fusion.update(sample(0), 1.0 + 0.01 * k, speed)
+        assert fusion.stamp == pytest.approx(1.11)
+        fusion.update(sample(0), 1.5, speed)
+        assert fusion.stamp == pytest.approx(stamp)
+        fusion.update(sample(1), 1.6, speed)
+        assert fusion.stamp == pytest.approx(1.6), "it is believed again"

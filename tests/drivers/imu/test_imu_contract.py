@@ -58,6 +58,25 @@ def test_each_axis_of_the_body_comes_through_with_its_sign(kind: str):
 
 
 @EVERY_KIND
+def test_a_sample_comes_in_at_least_half_of_the_cycles(kind: str):
+    bench = ImuBench(KINDS[kind])
+    bench.first()
+    samples = [bench.cycle(0.0, 0.0, 1.0) for _ in range(40)]
+    assert sum(sample is not None for sample in samples) >= 20
+
+
+@EVERY_KIND
+@pytest.mark.parametrize("rate", [-30.0, 30.0])
+def test_a_fast_turn_comes_through_whole(kind: str, rate: float):
+    """30 rad/s: no torso turns faster, also not in a fall."""
+    bench = ImuBench(KINDS[kind])
+    bench.first()
+    samples = [bench.cycle(0.0, rate, 0.0) for _ in range(6)]
+    newest = [sample for sample in samples if sample is not None][-1]
+    assert newest.gyro == pytest.approx([0.0, rate, 0.0], rel=0.01, abs=0.1)
+
+
+@EVERY_KIND
 def test_a_silent_sensor_delivers_nothing_until_it_speaks_again(kind: str):
     bench = ImuBench(KINDS[kind])
     bench.first()

@@ -6,9 +6,11 @@ import mujoco
 import numpy as np
 
 from robots import Robot
+from robots.body.ends import locate_end
 from robots.body.limb import LEGS, Limb, LimbName
+from robots.body.links import Link
+from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
-from robots.reshaping.skeleton import Link, Skeleton
 
 TWIST = 0.8  # cosine between a joint's axis and its limb from which it only twists the limb
 SMALL = 1e-9
@@ -44,18 +46,13 @@ class _LimbFinder:
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._robot, self._model, self._data = robot, model, data
         self._ids = [model.joint(name).id for name in robot.joint_names]
-        self._skeleton = Skeleton(
-            robot.spec(),
-            torso=robot.torso,
-            sole_sites=robot.sole_sites,
-            head_joints=[joint.name for joint in robot.joints if joint.segment == "head"],
-        )
+        self._soles = [model.site(name).id for name in robot.sole_sites]
 
     def list_limbs(self) -> list[tuple[float, Limb]]:
         """List the limbs, and how far to the left each is [m]."""
-        skeleton = self._skeleton
-        found = [("leg", link) for _, link in skeleton.legs]
-        found += [("arm", link) for _, link in skeleton.arms]
+        parts = find_robot_parts(self._robot, self._model)
+        found = [("leg", link) for _, link in parts.legs]
+        found += [("arm", link) for _, link in parts.arms]
         return [limb for kind, link in found if (limb := self._describe(kind, link)) is not None]
 
     def _describe(self, kind: str, first: Link) -> tuple[float, Limb] | None:
@@ -102,8 +99,7 @@ class _LimbFinder:
         data.qpos[robot.layout(model).qpos] = np.clip(0.0, robot.lower, robot.upper)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        last = self._ids[joints[-1]]
-        tip = 2.0 * data.subtree_com[model.jnt_bodyid[last]] - data.xanchor[last]
+        tip = locate_end(data, self._ids[joints[-1]])
         ways = {k: tip - data.xanchor[self._ids[k]] for k in joints[1:]}
         axes = {k: data.xaxis[self._ids[k]] for k in joints[1:]}
         return [k for k in joints[1:] if abs(axes[k] @ ways[k]) <= TWIST * np.linalg.norm(ways[k])]
@@ -117,25 +113,22 @@ class _LimbFinder:
 
     def _rank(self, link: Link) -> tuple[bool, int]:
         below = list(link.walk())
-        return any(self._skeleton.has_sole(part) for part in below), len(below)
+        return any(set(self._soles) & set(part.sites) for part in below), len(below)
 
     def _list_joints(self, chain: list[Link]) -> list[int]:
         """List the joints with servos along a chain, as places in the robot's order."""
-        places = {name: k for k, name in enumerate(self._robot.joint_names)}
-        found = [joint.name for link in chain for body in link.bodies for joint in body.joints]
-        return [places[name] for name in found if name in places]
+        places = {joint: k for k, joint in enumerate(self._ids)}
+        return [places[joint] for link in chain for joint in link.joints if joint in places]
 
     def _find_sole(self, chain: list[Link]) -> int:
-        names = {name for link in chain for name in link.site_names}
-        return next(self._model.site(s).id for s in self._robot.sole_sites if s in names)
+        sites = {site for link in chain for site in link.sites}
+        return next(sole for sole in self._soles if sole in sites)
 
     def _locate_tip(self, joints: list[int], sole: int | None) -> Array:
         """Locate the end of a limb: its sole, or as far beyond its last mass as the joint is."""
         if sole is not None:
             return self._data.site_xpos[sole]
-        last = self._ids[joints[-1]]
-        center = self._data.subtree_com[self._model.jnt_bodyid[last]]
-        return 2.0 * center - self._data.xanchor[last]
+        return locate_end(self._data, self._ids[joints[-1]])
 
     def _twists(self, joint: int, way: Array) -> bool:
         axis = self._data.xaxis[self._ids[joint]]

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from robots import Robot
+from robots.body.ends import locate_end
 from robots.body.limb import LEGS, Limb, LimbName, LimbPose
 from robots.body.limb_finder import find_limbs
 from robots.passive_joints import couple_passive_joints, rest_passive_joints
@@ -86,8 +87,7 @@ class Limbs:
         """Return where a limb's lower part ends, at the angles looked at last, (3,) [m]."""
         if limb.end is not None:
             return self.anchor(limb.end)
-        # An arm ends about as far beyond its mass center as its last joint is before it.
-        return 2.0 * self.data.subtree_com[limb.body] - self.anchor(limb.middle)
+        return locate_end(self.data, self._ids[limb.middle])
 
     def sole_position(self, leg: Limb) -> Array:
         """Return the position of a leg's sole, at the angles looked at last, (3,) [m]."""

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robots import Robot
+from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
 
 HABIT = 0.1  # weight of an angle itself, beside the chest's axes [1/rad]: joints share a bend
@@ -21,9 +22,10 @@ class Trunk:
         self._data = mujoco.MjData(self._model)
         self._layout = robot.layout(self._model)
         self._chest = int(self._model.site(robot.neck_site).bodyid[0])
+        spine = find_robot_parts(robot, self._model).find_spine(self._chest)
+        above = {joint for link in spine for joint in link.joints}
         ids = [self._model.joint(name).id for name in robot.joint_names]
-        above = self._list_bodies()
-        self.joints = [k for k, j in enumerate(ids) if int(self._model.jnt_bodyid[j]) in above]
+        self.joints = [k for k, joint in enumerate(ids) if joint in above]
         """Places in the robot's order."""
         self._bounds = (robot.lower[self.joints], robot.upper[self.joints])
         self._rest = self.measure(robot.standing.joint_pos)
@@ -58,10 +60,3 @@ class Trunk:
         start = np.clip(before[self.joints], lower + inner, upper - inner)
         angles[self.joints] = least_squares(residuals, start, bounds=self._bounds).x
         return angles
-
-    def _list_bodies(self) -> set[int]:
-        body, above = self._chest, set()
-        while body not in (0, self._layout.torso):
-            above.add(body)
-            body = int(self._model.body_parentid[body])
-        return above

@@ -5,9 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from robots.body.ends import locate_end
+from robots.body.links import Link
 from robots.proportions import BodyError
 from robots.quaternion import Array
-from robots.reshaping.skeleton import Link, Skeleton
+from robots.reshaping.skeleton import Skeleton
 
 LONG = 0.5  # share of the longest link's length; shorter ones are brackets between two joints
 NEAR_AXIS = np.cos(np.radians(30.0))
@@ -32,7 +34,9 @@ def find_directions(skeleton: Skeleton, limb: Link) -> dict[Link, Array]:
     reach = {link: _compute_reach(skeleton, link, limb) for link in limb.walk()}
     length = {link: float(np.linalg.norm(vector)) for link, vector in reach.items()}
     if max(length.values()) < LEAST_LENGTH:
-        raise BodyError(f"the limb '{limb.root.name}' has no length, expected a shape with mass")
+        raise BodyError(
+            f"the limb '{skeleton.root(limb).name}' has no length, expected a shape with mass"
+        )
     long = {link for link in reach if length[link] >= LONG * max(length.values())}
     directions: dict[Link, Array] = {}
     for link in limb.walk():
@@ -51,14 +55,13 @@ def _compute_reach(skeleton: Skeleton, link: Link, limb: Link) -> Array:
 
     A foot has none, unless it is the whole limb.
     """
-    start = skeleton.anchor(link)
+    start = link.anchor()
     if skeleton.has_sole(link):
         return skeleton.sole(link) - start if link is limb else np.zeros(3)
     if link.children:
         return np.mean([skeleton.anchor_in(end, link) for end in link.children], axis=0) - start
-    root = link.root.id  # of a last link, twice the way to the center of mass
-    to_center = skeleton.data.subtree_com[root] - skeleton.data.xpos[root]
-    return 2.0 * (skeleton.axes(link).T @ to_center - start)
+    end = locate_end(skeleton.data, link.joints[0])
+    return skeleton.axes(link).T @ (end - skeleton.data.xanchor[link.joints[0]])
 
 
 def _snap(skeleton: Skeleton, link: Link, direction: Array) -> Array:
@@ -67,8 +70,7 @@ def _snap(skeleton: Skeleton, link: Link, direction: Array) -> Array:
     A box that is stretched along an axis of its own stays a box.
     """
     model, axes = skeleton.model, [np.eye(3)]
-    geoms = [g.id for body in link.bodies for g in body.geoms]
-    geoms = [i for i in geoms if model.geom_type[i] in WITH_AXES]
+    geoms = [geom for geom in link.geoms if model.geom_type[geom] in WITH_AXES]
     if geoms:
         largest = max(geoms, key=lambda i: np.prod(model.geom_aabb[i, 3:]))
         in_world = skeleton.data.geom_xmat[largest].reshape(3, 3)

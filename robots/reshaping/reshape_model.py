@@ -7,10 +7,12 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from robots.body.links import Link
+from robots.body.parts import list_head_joints
 from robots.proportions import Body, BodyError
 from robots.reshaping.limb_directions import find_directions
 from robots.reshaping.shoulders import stretch_shoulders
-from robots.reshaping.skeleton import Link, Skeleton
+from robots.reshaping.skeleton import Skeleton
 from robots.reshaping.stretch import Stretch
 from robots.reshaping.stretching import make_explicit, stretch_link
 from robots.robot import Robot
@@ -33,9 +35,9 @@ def reshape_model(spec: mujoco.MjSpec, robot: Robot, body: Body) -> None:
             spec,
             torso=robot.torso,
             sole_sites=robot.sole_sites,
-            head_joints=[joint.name for joint in robot.joints if joint.segment == "head"],
+            head_joints=list_head_joints(robot),
         )
-        if part in ("shoulders", "arms") and not skeleton.arms:
+        if part in ("shoulders", "arms") and not skeleton.parts.arms:
             raise BodyError(
                 f"body '{body}': robot '{robot.name}' has no arms, expected torso or legs alone"
             )
@@ -45,28 +47,28 @@ def reshape_model(spec: mujoco.MjSpec, robot: Robot, body: Body) -> None:
 def _stretch_torso(skeleton: Skeleton, factor: float) -> None:
     """Stretch the trunk upwards; what is below the hips stays."""
     torso = skeleton.torso
-    legs = [leg.root for _, leg in skeleton.legs]
-    hips = [skeleton.anchor_in(leg, torso) for owner, leg in skeleton.legs if owner is torso]
-    for link in skeleton.trunk:
+    legs = [leg.root for _, leg in skeleton.parts.legs]
+    hips = [skeleton.anchor_in(leg, torso) for owner, leg in skeleton.parts.legs if owner is torso]
+    for link in skeleton.parts.trunk:
         up = skeleton.turn(UPWARDS, torso, link)
         at_hips = link is torso and hips
-        origin = np.mean(hips, axis=0) if at_hips else skeleton.anchor(link)
+        origin = np.mean(hips, axis=0) if at_hips else link.anchor()
         stretch_link(skeleton, link, Stretch(origin, up, factor, beyond=True), kept=legs)
 
 
 def _stretch_arms(skeleton: Skeleton, factor: float) -> None:
-    for _, arm in skeleton.arms:
+    for _, arm in skeleton.parts.arms:
         _stretch_limb(skeleton, arm, factor)
 
 
 def _stretch_legs(skeleton: Skeleton, factor: float) -> None:
-    for _, leg in skeleton.legs:
+    for _, leg in skeleton.parts.legs:
         _stretch_limb(skeleton, leg, factor)
 
 
 def _stretch_limb(skeleton: Skeleton, limb: Link, factor: float) -> None:
     for link, direction in find_directions(skeleton, limb).items():
-        stretch_link(skeleton, link, Stretch(skeleton.anchor(link), direction, factor))
+        stretch_link(skeleton, link, Stretch(link.anchor(), direction, factor))
 
 
 _CHANGES: dict[str, Callable[[Skeleton, float], None]] = {

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.body.links import Link
 from robots.quaternion import Array
-from robots.reshaping.skeleton import Link, Skeleton
+from robots.reshaping.skeleton import Skeleton
 from robots.reshaping.stretch import Stretch
 from robots.reshaping.stretching import stretch_geom, stretch_inertia, write_pose
 
@@ -26,9 +27,9 @@ def stretch_shoulders(skeleton: Skeleton, factor: float) -> None:
     sideways. A beam as thick as these links reaches from where each arm was to where it is; if
     the shoulders become narrower, so do the shapes at their height.
     """
-    for trunk in dict.fromkeys(trunk for trunk, _ in skeleton.arms):
+    for trunk in dict.fromkeys(trunk for trunk, _ in skeleton.parts.arms):
         _stretch_trunk(skeleton, trunk, factor)
-    beams = [_move_arm(skeleton, trunk, arm, factor) for trunk, arm in skeleton.arms]
+    beams = [_move_arm(skeleton, trunk, arm, factor) for trunk, arm in skeleton.parts.arms]
     for beam in beams:  # adding a shape changes the ids
         if beam is not None and factor > 1.0:
             beam.add()
@@ -36,18 +37,20 @@ def stretch_shoulders(skeleton: Skeleton, factor: float) -> None:
 
 def _stretch_trunk(skeleton: Skeleton, trunk: Link, factor: float) -> None:
     """Stretch a trunk's mass sideways at the height of its arms, and narrow its shapes there."""
-    boxes = [skeleton.bounds(arm, skeleton.torso) for owner, arm in skeleton.arms if owner is trunk]
+    boxes = [
+        skeleton.bounds(arm, skeleton.torso) for owner, arm in skeleton.parts.arms if owner is trunk
+    ]
     heights = np.array([box[:, 2] for box in boxes if box is not None])
     if len(heights) == 0:
         return
     low, high = float(heights.min()), float(heights.max())
-    for body in trunk.bodies:
-        position, axes = skeleton.pose(body, skeleton.torso)
+    for body in skeleton.bodies(trunk):
+        position, axes = skeleton.pose(body.id, skeleton.torso)
         stretch = Stretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)
         base, up = float(position[2]), axes[2]
         stretch_inertia(body, stretch, where=partial(_is_between, low - base, high - base, up))
         for geom in body.geoms if factor < 1.0 else ():
-            bottom, top = skeleton.bounds_of(geom, skeleton.torso)[:, 2]
+            bottom, top = skeleton.bounds_of(geom.id, skeleton.torso)[:, 2]
             if bottom < high and top > low:
                 stretch_geom(skeleton, geom, stretch)
 
@@ -63,11 +66,12 @@ def _move_arm(skeleton: Skeleton, trunk: Link, arm: Link, factor: float) -> _Bea
 
     In the torso's axes, the beam is as long as the arm has moved and as thick as that link.
     """
-    owner = next(body for body in trunk.bodies if arm.root in body.bodies)
-    position, axes = skeleton.pose(owner, skeleton.torso)
-    start = skeleton.model.body_pos[arm.root.id].copy()
+    root = skeleton.root(arm)
+    owner = next(body for body in skeleton.bodies(trunk) if root in body.bodies)
+    position, axes = skeleton.pose(owner.id, skeleton.torso)
+    start = skeleton.model.body_pos[arm.root].copy()
     end = Stretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)(start)
-    write_pose(arm.root, owner, end, skeleton.model.body_quat[arm.root.id])
+    write_pose(root, owner, end, skeleton.model.body_quat[arm.root])
     box = skeleton.bounds(arm, skeleton.torso)
     if box is None:
         return None
@@ -76,8 +80,10 @@ def _move_arm(skeleton: Skeleton, trunk: Link, arm: Link, factor: float) -> _Bea
     mujoco.mju_mat2Quat(quat, axes.T.ravel())
     return _Beam(
         owner=owner,
-        like=next((geom for body in trunk.bodies for geom in body.geoms if geom.contype), None),
-        name=f"{arm.root.name}_shoulder",
+        like=next(
+            (geom for body in skeleton.bodies(trunk) for geom in body.geoms if geom.contype), None
+        ),
+        name=f"{root.name}_shoulder",
         center=axes.T @ (box.mean(axis=0) - position),
         quat=quat,
         size=0.5 * np.ptp(box, axis=0),

@@ -1,52 +1,19 @@
-"""The skeleton of a model: links, and which of them are trunk, arms and legs."""
+"""The skeleton of a model that is reshaped: its parts, and where they are in each other's frames."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Collection
 
 import mujoco
 import numpy as np
 
+from robots.body.links import Link
+from robots.body.parts import find_parts
 from robots.quaternion import Array
-
-BESIDE = 1e-3  # m from the middle of the torso, where a limb is on one side
-
-
-@dataclass(eq=False)
-class Link:
-    """A body with joints, and the bodies that are welded to it."""
-
-    bodies: list[mujoco.MjsBody]
-    """The body with the joints first, parents before children."""
-    children: list[Link] = field(default_factory=list)
-    """Links that hang on it by a joint."""
-
-    @property
-    def root(self) -> mujoco.MjsBody:
-        """Return the body with the joints."""
-        return self.bodies[0]
-
-    def walk(self) -> Iterator[Link]:
-        """Return this link and all below it, parents before children."""
-        yield self
-        for link in self.children:
-            yield from link.walk()
-
-    @cached_property
-    def site_names(self) -> frozenset[str]:
-        """Return the names of the sites on it."""
-        return frozenset(site.name for body in self.bodies for site in body.sites)
 
 
 class Skeleton:
-    """Links of a compiled model whose joints are all at their zeros.
-
-    Legs end in soles; heads have joints of the segment "head" alone; what else hangs on the trunk
-    are arms. A link that hangs on the trunk by a joint and carries several limbs is trunk, too,
-    like a pelvis or a chest on a waist joint, and so are the links of a spine up to there.
-    """
+    """Parts of a specification that is compiled, its joints all at their zeros."""
 
     def __init__(
         self,
@@ -60,107 +27,68 @@ class Skeleton:
         self.data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
-        self._soles, self._head = frozenset(sole_sites), frozenset(head_joints)
-        self.torso = _gather(spec.body(torso))
-        self.trunk: list[Link] = []
-        self.arms: list[tuple[Link, Link]] = []
-        """Links of the trunk, and the first links of the arms that hang on them."""
-        self.legs: list[tuple[Link, Link]] = []
-        self._sort(self.torso)
+        self._soles = {self.model.site(name).id for name in sole_sites}
+        self._bodies = {body.id: body for body in spec.bodies}
+        self.parts = find_parts(self.model, torso, sole_sites, head_joints)
 
-    def _sort(self, trunk: Link) -> None:
-        self.trunk.append(trunk)
-        for link in trunk.children:
-            feet = self._count_feet(link)
-            if feet > 1:
-                self._sort(link)
-            elif feet:
-                self.legs.append((trunk, link))
-            elif not self._is_head(link):
-                if len(link.children) > 1 or self._leads_to_both_sides(link):
-                    self._sort(link)
-                else:
-                    self.arms.append((trunk, link))
+    @property
+    def torso(self) -> Link:
+        """Return the torso."""
+        return self.parts.torso
 
-    def _leads_to_both_sides(self, link: Link) -> bool:
-        """Tell whether a chain of links ends in one that carries limbs on the left and right."""
-        while len(link.children) == 1:
-            link = link.children[0]
-        aside = [self.anchor_in(child, self.torso)[1] for child in link.children]
-        return min(aside, default=0.0) < -BESIDE and max(aside, default=0.0) > BESIDE
+    def root(self, link: Link) -> mujoco.MjsBody:
+        """Return the body of a link that has the joints."""
+        return self._bodies[link.root]
 
-    def _count_feet(self, link: Link) -> int:
-        """Count the limbs that end in soles at or below a link."""
-        below = sum(self._count_feet(child) for child in link.children)
-        return max(below, int(bool(link.site_names & self._soles)))
-
-    def _is_head(self, link: Link) -> bool:
-        joints = {
-            joint.name for part in link.walk() for body in part.bodies for joint in body.joints
-        }
-        return joints <= self._head
+    def bodies(self, link: Link) -> list[mujoco.MjsBody]:
+        """Return the bodies of a link, that with the joints first."""
+        return [self._bodies[body] for body in link.bodies]
 
     def has_sole(self, link: Link) -> bool:
         """Return whether a link is a foot."""
-        return bool(link.site_names & self._soles)
+        return not self._soles.isdisjoint(link.sites)
 
     def sole(self, link: Link) -> Array:
         """Return the middle of a foot's soles, in its frame [m], (3,)."""
-        names = link.site_names & self._soles
-        away = [self.data.site(n).xpos - self.data.xpos[link.root.id] for n in sorted(names)]
+        soles = sorted(
+            self._soles.intersection(link.sites), key=lambda site: self.model.site(site).name
+        )
+        away = [self.data.site_xpos[sole] - self.data.xpos[link.root] for sole in soles]
         return self.axes(link).T @ np.mean(away, axis=0)
 
-    def pose(self, body: mujoco.MjsBody, link: Link) -> tuple[Array, Array]:
+    def pose(self, body: int, link: Link) -> tuple[Array, Array]:
         """Return position [m], (3,), and axes, (3, 3), of a body in a link's frame."""
         axes = self.axes(link)
-        away = self.data.xpos[body.id] - self.data.xpos[link.root.id]
-        return axes.T @ away, axes.T @ self.data.xmat[body.id].reshape(3, 3)
+        away = self.data.xpos[body] - self.data.xpos[link.root]
+        return axes.T @ away, axes.T @ self.data.xmat[body].reshape(3, 3)
 
     def axes(self, link: Link) -> Array:
         """Return the axes of a link's frame in the world, in columns, (3, 3)."""
-        return self.data.xmat[link.root.id].reshape(3, 3)
+        return self.data.xmat[link.root].reshape(3, 3)
 
     def turn(self, direction: Array, source: Link, target: Link) -> Array:
         """Convert a direction (3,) from one link's frame to another's."""
         return self.axes(target).T @ (self.axes(source) @ direction)
 
-    def anchor(self, link: Link) -> Array:
-        """Return where a link's first joint is, in its frame [m], (3,)."""
-        joint = self.model.body_jntadr[link.root.id]
-        is_free = self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
-        return np.zeros(3) if is_free else self.model.jnt_pos[joint].copy()
-
     def anchor_in(self, link: Link, parent: Link) -> Array:
         """Return where a link's first joint is in the frame of another [m], (3,)."""
         position, axes = self.pose(link.root, parent)
-        return position + axes @ self.anchor(link)
+        return position + axes @ link.anchor()
 
     def bounds(self, link: Link, frame: Link) -> Array | None:
         """Return the box that holds a link's shapes, in the frame of another, (2, 3) [m]."""
-        boxes = [self.bounds_of(geom, frame) for body in link.bodies for geom in body.geoms]
+        boxes = [self.bounds_of(geom, frame) for geom in link.geoms]
         if not boxes:
             return None
         corners = np.array(boxes)
         return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
-    def bounds_of(self, geom: mujoco.MjsGeom, frame: Link) -> Array:
+    def bounds_of(self, geom: int, frame: Link) -> Array:
         """Return the box that holds a geom, in the frame of a link, (2, 3) [m]."""
         axes = self.axes(frame)
-        own = axes.T @ self.data.geom_xmat[geom.id].reshape(3, 3)
-        middle, half = self.model.geom_aabb[geom.id].reshape(2, 3)
-        away = self.data.geom_xpos[geom.id] - self.data.xpos[frame.root.id]
+        own = axes.T @ self.data.geom_xmat[geom].reshape(3, 3)
+        middle, half = self.model.geom_aabb[geom].reshape(2, 3)
+        away = self.data.geom_xpos[geom] - self.data.xpos[frame.root]
         center = axes.T @ away + own @ middle
         reach = np.abs(own) @ half
         return np.array([center - reach, center + reach])
-
-
-def _gather(root: mujoco.MjsBody) -> Link:
-    """Gather a body, what is welded to it, and the links that hang on both."""
-    link = Link([root])
-    for body in link.bodies:  # which grows
-        for child in body.bodies:
-            if child.joints:
-                link.children.append(_gather(child))
-            else:
-                link.bodies.append(child)
-    return link

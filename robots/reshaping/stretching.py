@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.body.links import Link
 from robots.proportions import BodyError
 from robots.quaternion import Array
-from robots.reshaping.skeleton import Link, Skeleton
+from robots.reshaping.skeleton import Skeleton
 from robots.reshaping.stretch import Inertia, Stretch
 
 LEAST_HALF = 1e-4  # m; a capsule as short as this is a ball
@@ -46,7 +47,7 @@ def make_explicit(spec: mujoco.MjSpec) -> None:
 
 
 def stretch_link(
-    skeleton: Skeleton, link: Link, stretch: Stretch, kept: Collection[mujoco.MjsBody] = ()
+    skeleton: Skeleton, link: Link, stretch: Stretch, kept: Collection[int] = ()
 ) -> None:
     """Stretch a link with all that is on it; the frame of its first body stays.
 
@@ -57,9 +58,9 @@ def stretch_link(
         kept: Bodies on it that stay where they are.
     """
     model = skeleton.model
-    for body in link.bodies:
-        local = stretch.seen_from(*skeleton.pose(body, link))
-        shift = np.zeros(3) if body is link.root else local(np.zeros(3))
+    for body in skeleton.bodies(link):
+        local = stretch.seen_from(*skeleton.pose(body.id, link))
+        shift = np.zeros(3) if body.id == link.root else local(np.zeros(3))
         stretch_inertia(body, local, shift)
         for geom in body.geoms:
             stretch_geom(skeleton, geom, local, shift)
@@ -83,7 +84,7 @@ def stretch_link(
                 _leave_frame(joint, body)
         for child in body.bodies:
             at = model.body_pos[child.id]
-            at = (at if child in kept else local(at)) - shift
+            at = (at if child.id in kept else local(at)) - shift
             write_pose(child, body, at, model.body_quat[child.id])
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
+from robots.body.parts import find_arm_joints
 from robots.kinematics import place
 from robots.quaternion import Array
 from sim2real.environment.starts.start_pool import StartPool
@@ -30,7 +30,7 @@ def sample_stands(
     layout, data = robot.layout(model), mujoco.MjData(model)
     standing = place(robot, model, robot.standing)
     home = robot.standing.joint_pos
-    arms = find_arms(robot, model)
+    arms = find_arm_joints(robot, model)
     stands = np.tile(standing, (count, 1))
     for qpos in stands:
         anywhere = rng.uniform(robot.lower, robot.upper)
@@ -87,17 +87,3 @@ def place_on_terrain(
             qpos[upward] -= min(0.0, float(np.min(data.contact.dist, initial=0.0)))
     levels = np.array([patch.level for patch in terrain.patches])
     return StartPool.of(placed, levels[patches])
-
-
-def find_arms(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Find the joints that a rise moves and that do not carry a foot, (n,)."""
-    rising = np.array([robot.joint_names.index(name) for name in robot.rising_joints], dtype=int)
-    arms = np.zeros(robot.n, dtype=bool)
-    arms[rising] = arms[robot.mirror_index[rising]] = True
-    joint_bodies = model.jnt_bodyid[[model.joint(name).id for name in robot.joint_names]]
-    for site in robot.sole_sites:
-        body = int(model.site_bodyid[model.site(site).id])
-        while body:
-            arms &= joint_bodies != body
-            body = int(model.body_parentid[body])
-    return arms

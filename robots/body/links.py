@@ -1,0 +1,76 @@
+"""Links of a model: its bodies with joints, and what is welded to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from robots.quaternion import Array
+
+
+@dataclass(eq=False)
+class Link:
+    """A body with joints, and the bodies that are welded to it."""
+
+    model: mujoco.MjModel
+    bodies: list[int]
+    """The body with the joints first, parents before children."""
+    children: list[Link] = field(default_factory=list)
+    """Links that hang on it by a joint."""
+
+    @property
+    def root(self) -> int:
+        """Return the body with the joints."""
+        return self.bodies[0]
+
+    @property
+    def joints(self) -> list[int]:
+        """Return its joints."""
+        first = int(self.model.body_jntadr[self.root])
+        return list(range(first, first + int(self.model.body_jntnum[self.root])))
+
+    @cached_property
+    def sites(self) -> list[int]:
+        """Return the sites on it."""
+        return np.flatnonzero(np.isin(self.model.site_bodyid, self.bodies)).tolist()
+
+    @property
+    def geoms(self) -> list[int]:
+        """Return the shapes on it, body by body."""
+        model = self.model
+        return [
+            int(model.body_geomadr[body]) + k
+            for body in self.bodies
+            for k in range(int(model.body_geomnum[body]))
+        ]
+
+    def walk(self) -> Iterator[Link]:
+        """Return this link and all below it, parents before children."""
+        yield self
+        for link in self.children:
+            yield from link.walk()
+
+    def anchor(self) -> Array:
+        """Return where its first joint is, in its frame [m], (3,)."""
+        joint = self.model.body_jntadr[self.root]
+        if joint < 0 or self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+            return np.zeros(3)
+        return self.model.jnt_pos[joint].copy()
+
+
+def gather_links(model: mujoco.MjModel, body: int) -> Link:
+    """Gather a body, what is welded to it, and the links that hang on both."""
+    link = Link(model, [body])
+    for part in link.bodies:  # which grows
+        for child in np.flatnonzero(model.body_parentid == part).tolist():
+            if child == part:  # the world is its own parent
+                continue
+            if model.body_jntnum[child]:
+                link.children.append(gather_links(model, child))
+            else:
+                link.bodies.append(child)
+    return link

@@ -1,4 +1,4 @@
-"""The skeleton of a model that is reshaped: its parts, and where they are in each other's frames."""
+"""The skeleton of a model that is reshaped: its parts, and where they are with joints at zero."""
 
 from __future__ import annotations
 

@@ -8,15 +8,18 @@ pytest.importorskip("gymnasium")
 
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import load_robot
+from robots.body.parts import find_arm_joints
 from robots.kinematics import place
 from sim2real.environment.env_options import PHYSICS_STEP
 from sim2real.environment.physics.training_world import build_training_world
-from sim2real.environment.starts.stands import find_arms, sample_stands
+from sim2real.environment.starts.stands import sample_stands
 
 
 def test_op3s_arms_are_what_no_foot_hangs_on(op3, world):
     arms = {
-        name for name, arm in zip(op3.joint_names, find_arms(op3, world.model), strict=True) if arm
+        name
+        for name, arm in zip(op3.joint_names, find_arm_joints(op3, world.model), strict=True)
+        if arm
     }
     assert arms == {f"{side}_{name}" for side in "lr" for name in ("sho_pitch", "sho_roll", "el")}
 
@@ -24,7 +27,7 @@ def test_op3s_arms_are_what_no_foot_hangs_on(op3, world):
 def test_stands_have_their_feet_at_home_and_their_arms_anywhere_but_in_the_robot(op3, world):
     stands = sample_stands(op3, world.model, 32, np.random.default_rng(0))
     joints = stands[:, op3.layout(world.model).qpos]
-    arms = find_arms(op3, world.model)
+    arms = find_arm_joints(op3, world.model)
     assert np.array_equal(joints[:, ~arms], np.tile(op3.standing.joint_pos[~arms], (32, 1)))
     assert np.ptp(joints[:, arms], axis=0).min() > 1.0
     assert np.all((joints >= op3.lower) & (joints <= op3.upper))

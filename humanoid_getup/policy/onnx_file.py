@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from humanoid_getup.policy.onnx_content import find_content_faults
 from robots.files import read_bounded, write_atomically
 
 CONTRACT_KEY = "policy_contract"  # of the contract in the model's metadata
@@ -25,7 +26,8 @@ def read_model(file: Path) -> bytes:
 
     Raises:
         OSError: if it cannot be read.
-        NetworkError: if it has no contract, or its checksum is missing or wrong.
+        NetworkError: if it is larger than `MAX_BYTES`, has no contract, its checksum is missing
+            or wrong, or it has loops, functions or weights in other files.
     """
     try:
         content = read_bounded(file, MAX_BYTES)
@@ -44,6 +46,12 @@ def read_model(file: Path) -> bytes:
         )
     if checksum != _compute_checksum(model):
         raise NetworkError("it is damaged: its content does not match its checksum")
+    try:
+        faults = find_content_faults(content)
+    except ValueError as error:
+        raise NetworkError(f"it is not a complete ONNX file: {error}") from error
+    if faults:
+        raise NetworkError("; ".join(faults))
     return content
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_mod
 from robots.quaternion import Array
 
 QUIET = 4  # onnxruntime's log level: fatal errors only
+LONGEST_INFERENCE = 5.0  # s; hundreds of microseconds are usual
 
 
 class OnnxNetwork:
@@ -69,6 +71,33 @@ class OnnxNetwork:
             if len(shape) != 2 or (isinstance(shape[0], int) and shape[0] != 1) or shape[1] != size:
                 faults.append(f"network {name}: shape {shape}, expected (N, {size})")
         return faults
+
+    def try_out(self, observation_size: int, limit: float = LONGEST_INFERENCE) -> list[str]:
+        """Run the network once, on zeros; list what is wrong with what it returns.
+
+        Args:
+            observation_size: Of its input.
+            limit: Time [s] after which the inference is stopped.
+        """
+        import onnxruntime
+
+        options = onnxruntime.RunOptions()
+        options.log_severity_level = QUIET
+        timer = threading.Timer(limit, setattr, (options, "terminate", True))
+        timer.daemon = True
+        timer.start()
+        try:
+            blank = np.zeros((1, observation_size), dtype=np.float32)
+            found = self._session.run(None, {self._input.name: blank}, options)
+        except Exception as error:  # onnxruntime's errors have no base of their own
+            if options.terminate:
+                return [f"an inference takes more than {limit:g} s"]
+            return [f"the network cannot be run: {' '.join(str(error).split())}"]
+        finally:
+            timer.cancel()
+        # A weight that is not finite makes every action not finite.
+        finite = all(np.isfinite(np.asarray(values, dtype=float)).all() for values in found)
+        return [] if finite else ["the network returns NaN or infinity"]
 
     def __call__(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
         """Map observations, (N, size), to actions (N, k) and to what is remembered of them, (N, m).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import zipfile
 from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
@@ -12,12 +13,14 @@ import numpy as np
 import torch
 from tensordict import TensorDict
 
-from robots.files import atomic_path
+from robots.files import atomic_path, read_bounded
 from robots.validation import shown
 from sim2real.training.ppo import AVERAGE, UPDATES
 
 CHECKPOINT = "checkpoint.pt"
 """Name of the file in a training's folder."""
+MAX_BYTES = 2**30
+"""Of a checkpoint, packed and unpacked; those of 512 robots have some megabytes."""
 
 
 class CheckpointError(ValueError):
@@ -35,11 +38,15 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
 
     Raises:
         OSError: if the file cannot be read.
-        CheckpointError: if it is incomplete, not a checkpoint, or holds Python objects.
+        CheckpointError: if it is incomplete, too large, not a checkpoint, or holds Python
+            objects.
     """
-    content = BytesIO(file.read_bytes())
     try:
+        content = BytesIO(read_bounded(file, MAX_BYTES))
+        _check_unpacked_size(content)
         state = torch.load(content, weights_only=True, map_location=device)
+    except OSError:
+        raise
     except Exception as error:  # torch reports a damaged file in many ways
         if "weights_only" in str(error) or "Unsupported" in str(error):
             raise CheckpointError(
@@ -52,6 +59,15 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
     if not isinstance(state, dict) or not needed <= state.keys():
         raise CheckpointError(f"{file} is not a checkpoint of a training: {shown(state)}")
     return state
+
+
+def _check_unpacked_size(content: BytesIO) -> None:
+    """Refuse an archive that unpacks to more than a checkpoint may have, as torch reads it."""
+    if zipfile.is_zipfile(content):
+        size = sum(entry.file_size for entry in zipfile.ZipFile(content).infolist())
+        if size > MAX_BYTES:
+            raise ValueError(f"it unpacks to {size} bytes, expected at most {MAX_BYTES}")
+    content.seek(0)
 
 
 def restore_like(template: Any, stored: Any) -> Any:

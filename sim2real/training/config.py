@@ -12,7 +12,8 @@ import msgspec
 from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.contract import Fact
 from robots import Robot
-from robots.validation import shown
+from robots.files import read_bounded
+from robots.validation import MAX_TEXT, shown
 
 STEPS = 20  # policy steps of every robot between two updates
 
@@ -182,8 +183,9 @@ class TrainingRecord:
         """
         file = folder / RECIPE
         try:
-            record = msgspec.json.decode(file.read_bytes(), type=TrainingRecord)
-        except (msgspec.MsgspecError, ValueError) as error:
+            content = read_bounded(file, MAX_TEXT)
+            record = msgspec.json.decode(content, type=TrainingRecord)
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
             raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
         return replace(record, folder=folder)
 
@@ -193,8 +195,16 @@ class TrainingRecord:
         named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
         facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
         about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}
-        about |= {f"parent.{key}": value for key, value in (self.parent or {}).items()}
+        about |= {f"parent.{key}": value for key, value in self._parent_facts.items()}
         return facts | {key: _as_fact(value) for key, value in about.items()}
+
+    @property
+    def _parent_facts(self) -> dict[str, Fact]:
+        """Return what a policy tells of its parent: no checksum of a file that ships nowhere."""
+        parent = dict(self.parent or {})
+        if "policy" not in parent:
+            parent.pop("sha256", None)
+        return parent
 
 
 def _as_fact(value: object) -> Fact:
@@ -208,8 +218,8 @@ def check_recipe(file: Path, requested: dict[str, Any]) -> None:
         TrainingFolderError: naming all that differs.
     """
     try:
-        found = _flatten(json.loads(file.read_text("utf-8")))
-    except (ValueError, AttributeError) as error:
+        found = _flatten(json.loads(read_bounded(file, MAX_TEXT)))
+    except (ValueError, AttributeError, RecursionError) as error:
         raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
     wanted = _flatten(json.loads(json.dumps(requested)))
     differences = [

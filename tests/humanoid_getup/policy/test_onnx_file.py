@@ -21,7 +21,7 @@ from humanoid_getup.policy.onnx_file import (
     read_model,
 )
 from humanoid_getup.policy.onnx_network import OnnxNetwork
-from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError, read_contract
 from robots import Robot, load_robot
 
 TINY = load_robot("tests/robots/tiny")
@@ -94,3 +94,16 @@ def test_a_file_of_something_else_is_refused(tmp_path: Path, content: bytes):
 def test_an_endless_file_is_refused():
     with pytest.raises(NetworkError, match="expected a smaller file"):
         read_model(Path("/dev/zero"))
+
+
+ROBOTS = ("op3", "wolfgang")
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_checksum_that_a_shipped_policy_tells_is_that_of_a_shipped_file(robot: str):
+    files = [*Path(load_robot(robot).folder, "policies").iterdir()]
+    shipped = {hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+    told = [read_contract(file).provenance for file in files if file.suffix == ".onnx"]
+    assert told
+    sums = {value for facts in told for key, value in facts.items() if key.endswith("sha256")}
+    assert sums <= shipped

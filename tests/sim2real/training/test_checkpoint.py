@@ -16,6 +16,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.cli.main import main
 from robots import Robot
+from robots.validation import MAX_TEXT
 from sim2real.training.checkpoint import (
     CHECKPOINT,
     CheckpointError,
@@ -23,7 +24,7 @@ from sim2real.training.checkpoint import (
     restore_like,
     write_checkpoint,
 )
-from sim2real.training.config import RECIPE, RECIPES
+from sim2real.training.config import RECIPE, RECIPES, TrainingFolderError, TrainingRecord
 from sim2real.training.ppo import AVERAGE, UPDATES
 from sim2real.training.train import train, write_recipe
 
@@ -140,3 +141,38 @@ def test_an_archive_without_a_checkpoint_is_refused(tmp_path: Path):
         archive.writestr("a", "b")
     with pytest.raises(CheckpointError, match="is not a complete checkpoint"):
         read_checkpoint(tmp_path / CHECKPOINT)
+
+
+def test_a_checkpoint_that_is_too_large_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    file = tmp_path / CHECKPOINT
+    write_checkpoint(NEEDED, file)
+    monkeypatch.setattr("sim2real.training.checkpoint.MAX_BYTES", file.stat().st_size - 1)
+    with pytest.raises(CheckpointError, match=r"it has more than \d+ bytes"):
+        read_checkpoint(file)
+
+
+def test_a_checkpoint_that_unpacks_to_too_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Zeros of 4 MB, packed again with compression, are some kilobytes."""
+    file = tmp_path / CHECKPOINT
+    write_checkpoint(NEEDED | {"env": torch.zeros(1_000_000)}, file)
+    with zipfile.ZipFile(file) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in entries.items():
+            archive.writestr(name, content)
+    monkeypatch.setattr("sim2real.training.checkpoint.MAX_BYTES", 1_000_000)
+    assert file.stat().st_size < 50_000
+    with pytest.raises(CheckpointError, match=r"it unpacks to 4\d+ bytes, expected at most"):
+        read_checkpoint(file)
+
+
+def test_a_recipe_that_is_too_large_is_refused(op3: Robot, tmp_path: Path):
+    (tmp_path / RECIPE).write_bytes(b" " * (MAX_TEXT + 1))
+    with pytest.raises(TrainingFolderError, match="is not a recipe of a training: it has more"):
+        TrainingRecord.load(tmp_path)
+    with pytest.raises(TrainingFolderError, match="is not a recipe of a training: it has more"):
+        write_recipe(op3, RECIPES["quick"], 0, tmp_path / RECIPE)

@@ -33,7 +33,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     # Built from a copy: setuptools leaves a build folder behind.
     source = folder / "source"
-    for name in list_files(*PACKAGES, "pyproject.toml", "README.md", "LICENSE"):
+    for name in list_files(*PACKAGES, "pyproject.toml", "README.md", "LICENSE", "NOTICE"):
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         (source / name).write_bytes((REPOSITORY / name).read_bytes())
     pip = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps")
@@ -74,6 +74,11 @@ def test_every_file_of_the_packages_is_in_the_wheel(wheel: Path):
     assert len(tracked) > 200
     assert [f for f in tracked if f not in packed and Path(f).suffix not in LEFT_OUT] == []
     assert {f"{package}/py.typed" for package in PACKAGES} <= packed
+
+
+def test_license_and_notice_ship_with_the_wheel(wheel: Path):
+    packed = {Path(name).name for name in zipfile.ZipFile(wheel).namelist() if "/licenses/" in name}
+    assert packed == {"LICENSE", "NOTICE"}
 
 
 def test_the_installed_package_is_what_runs(run, environment: Path):

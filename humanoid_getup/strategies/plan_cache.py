@@ -159,6 +159,8 @@ class PlanCache:
             OSError: if it cannot be written.
         """
         folder = self._subfolder(rise.context.robot)
+        if folder.is_symlink():
+            raise NotADirectoryError(errno.ENOTDIR, "it is a link, expected a folder", str(folder))
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{rise.name}.json"
         motion.save(file.with_suffix(".npz"))
@@ -193,7 +195,7 @@ class PlanCache:
         return len(files)
 
     def _list_files(self, robot: str | None) -> list[Path]:
-        """List the cache's own files; others in its folder are left alone."""
+        """List the cache's own files; others in its folder, and linked folders, are left alone."""
         if not self.folder.exists():
             return []
         if not self.folder.is_dir():
@@ -202,7 +204,7 @@ class PlanCache:
         return [
             file
             for folder in folders
-            if folder.is_dir()
+            if folder.is_dir() and not folder.is_symlink()
             for file in sorted(folder.iterdir())
             if file.suffix in SUFFIXES and NAME.fullmatch(file.stem)
         ]

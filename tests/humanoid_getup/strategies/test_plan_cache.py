@@ -119,6 +119,28 @@ def test_clearing_removes_the_caches_own_files_alone(tmp_path):
     assert cache.clear() == 0
 
 
+def test_a_linked_folder_is_not_followed(tmp_path):
+    elsewhere, linked = PlanCache(tmp_path / "elsewhere"), PlanCache(tmp_path / "linked")
+    entry = elsewhere.keep(RISE, MOTION)
+    linked.folder.mkdir()
+    (linked.folder / "box").symlink_to(entry.file.parent)
+    assert (linked.clear(), linked.clear("box"), linked.read().entries) == (0, 0, ())
+    with pytest.raises(NotADirectoryError, match="it is a link, expected a folder"):
+        linked.keep(at(0.3), MOTION)
+    assert len(elsewhere.read().entries) == 1
+    assert elsewhere.find_problems() == []
+
+
+def test_a_link_in_the_place_of_an_entry_goes_and_its_target_stays(tmp_path):
+    cache = PlanCache(tmp_path / "cache")
+    entry = cache.keep(RISE, MOTION)
+    kept = entry.motion_file.rename(tmp_path / "mine.npz")
+    entry.motion_file.symlink_to(kept)
+    assert cache.clear() == 1
+    assert not entry.motion_file.is_symlink()
+    assert kept.exists()
+
+
 def test_a_cache_that_was_never_used_is_empty_and_makes_no_folder(tmp_path):
     cache = PlanCache(tmp_path / "never")
     assert cache.read().entries == ()

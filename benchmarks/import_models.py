@@ -5,7 +5,7 @@
 `models.txt` in the folder lists the models, one a line, each with what has to be said of it, as on
 the command line of `getup robots import`:
 
-    nao/nao.urdf --fix LHand --fix RHand
+    nao/nao.urdf --fix LHand,RHand
 
 Without it, every `.xml` and `.urdf` file at the top of the folder is imported. A stance holds if
 the robot, placed in it with its servos at its angles, stands for 3 s on the twin without feedback.

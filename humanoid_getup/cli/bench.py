@@ -32,7 +32,7 @@ from humanoid_getup.cli.options.bench import (
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.cli.options.shared import JsonOption, RobotOption, WorldOptions
+from humanoid_getup.cli.options.shared import BodyOption, JsonOption, WorldOptions
 from humanoid_getup.cli.output import (
     console_for,
     counting,
@@ -287,7 +287,7 @@ def hand_over(result: dict[str, Any], command: JsonOption) -> int:
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.
     """
-    if isinstance(command, RobotOption):
+    if isinstance(command, BodyOption):
         result |= {"body": str(Body.parse(command.body))}
     write_json(to_json(result), command.json)
     cases = result.get("classes") or result["cases"]

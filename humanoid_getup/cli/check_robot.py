@@ -45,15 +45,15 @@ def check_robot(command: CheckRobot) -> int:
         console.print(f"[{color}]{finding.level:7}[/] {escape(str(finding))}", soft_wrap=True)
     if found.unchecked:
         console.print(f"not checked before the faults are mended: {', '.join(found.unchecked)}")
-    if command.out is not None:
+    if command.picture is not None:
         _draw(robot, found, command)
-        console.print(f"picture in {command.out}", markup=False, soft_wrap=True)
+        console.print(f"picture in {command.picture}", markup=False, soft_wrap=True)
     return DID_IT if found.is_sound else DID_NOT_STAND
 
 
 def _draw(robot: Robot, found: RobotCheck, command: CheckRobot) -> None:
     """Draw the stance from the front and the side, and the deepest squat beside it."""
-    assert command.out is not None
+    assert command.picture is not None
     model = World(robot, FLAT_SCENE).model
     postures = {"stance": robot.standing}
     if found.squats:
@@ -68,4 +68,4 @@ def _draw(robot: Robot, found: RobotCheck, command: CheckRobot) -> None:
                 captions.append(f"{name}, {view}")
     except film_strip.NoRendererError as error:
         raise BadInputError(f"no picture: {error}") from error
-    film_strip.save_sheet(np.array(pictures), captions, command.out, title=robot.name)
+    film_strip.save_sheet(np.array(pictures), captions, command.picture, title=robot.name)

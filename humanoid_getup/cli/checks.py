@@ -1,4 +1,7 @@
-"""Option values, checked by the type of their field: choices by `Literal`, numbers by a `Range`."""
+"""Option values, checked by the type of their field: choices by `Literal`, numbers by a `Range`.
+
+Lists are written with commas between their items: `--ways plan,robust`.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from dataclasses import dataclass, fields
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
+import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 registry = ConstructorRegistry()
@@ -81,6 +85,8 @@ def _find_fault(value: Any, hint: Any) -> str | None:
     kinds, limits = _split(hint)
     if value is None:
         return None
+    if (items := _find_items(kinds)) and isinstance(value, str):
+        return f"'{value}', expected {_describe_items(items)} with commas between them"
     if choices := _list_choices(kinds):
         return None if value in choices else f"{value!r}, expected {name_choices(choices)}"
     if kinds not in ({int}, {float}):
@@ -105,6 +111,40 @@ def _split(hint: Any) -> tuple[set[Any], Range | None]:
 
 def _list_choices(kinds: set[Any]) -> tuple[str, ...]:
     return tuple(c for kind in kinds if get_origin(kind) is Literal for c in get_args(kind))
+
+
+def _find_items(kinds: set[Any]) -> tuple[Any, ...]:
+    """Return the types of a list's items, with an ellipsis for any number; () for no list."""
+    return next((get_args(kind) for kind in kinds if get_origin(kind) is tuple), ())
+
+
+def _describe_items(items: tuple[Any, ...]) -> str:
+    number = "numbers" if items[0] is float else "whole numbers"
+    return number if items[-1] is ... else f"{len(items)} {number}"
+
+
+@registry.primitive_rule
+def _split_at_commas(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
+    """Read an option's list; `find_value_faults` reports one whose items cannot be converted."""
+    items = _find_items(_split(info.type)[0])
+    if not items or tyro.conf.Positional in info.markers:
+        return None
+
+    def construct(texts: list[str]) -> Any:
+        words = [word.strip() for word in texts[0].split(",")] if texts[0] else []
+        try:
+            values = tuple(items[0](word) for word in words)
+        except ValueError:
+            return texts[0]
+        return values if items[-1] is ... or len(values) == len(items) else texts[0]
+
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="A,B",
+        instance_from_str=construct,
+        is_instance=lambda value: value is None or isinstance(value, tuple),
+        str_from_instance=lambda value: [",".join(map(str, value or ()))],
+    )
 
 
 @registry.primitive_rule

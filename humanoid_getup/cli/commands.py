@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Annotated, Any, Union
 
@@ -12,10 +15,20 @@ from tyro.conf import subcommand
 
 from humanoid_getup.cli.checks import find_value_faults, registry
 from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.old_spellings import modernize
 from humanoid_getup.cli.options.shared import CommandOptions
 from humanoid_getup.cli.output import phase
 
 DESCRIPTION = "Get a fallen humanoid up: plan, filter through physics, play, judge."
+
+SECTIONS = {
+    "get up": ("rise", "play", "run", "sit", "hold"),
+    "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
+    "learn": ("train", "eval", "export", "prior"),
+    "robot": ("robots", "scan", "doctor", "calibrate", "bus"),
+    "look": ("replay", "bench"),
+}
+"""Commands in the order of `getup --help`."""
 
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "rise": ("rise.Rise", "rise.rise", "Get up from a fall by a planned motion or a policy."),
@@ -28,7 +41,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "train": ("policies.Train", "train.train", "Train a policy, or continue a training."),
     "eval": ("policies.Evaluate", "evaluate.evaluate", "Evaluate a policy on settled falls."),
     "export": ("policies.Export", "export.export", "Export the policy of a training."),
-    "motions": ("", "", "List, build, discover, import, record, preview, show or play motions."),
+    "motions": (
+        "",
+        "",
+        "List, build, retarget, discover, import, record, preview or show motions.",
+    ),
     "motions list": ("motions.ListMotions", "motions.list_motions", "List a robot's motions."),
     "motions build": ("motions.BuildMotions", "building.build", "Build motions from keyframes."),
     "motions import": (
@@ -57,7 +74,6 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "Make motions from the rises of a policy.",
     ),
     "motions show": ("motions.ShowMotion", "motions.show", "Draw a motion as a film strip."),
-    "motions play": ("rise.Play", "rise.play", "Play a rising motion, as getup play does."),
     "bench": ("", "", "Run a benchmark on the twin or on the virtual bus."),
     "bench all": (
         "bench.BenchAll",
@@ -109,7 +125,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "Make a motion of a robot from a clip.",
     ),
     "scenes": ("motions.ListScenes", "scenes.list_scenes", "List or draw the scenes."),
-    "robots": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
+    "robots": ("", "", "List the robots, import one from a model file, check one."),
     "robots list": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
     "robots import": (
         "robots.ImportRobot",
@@ -123,6 +139,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     ),
 }
 """Name: options, the function that runs them, summary. A group of commands has only a summary."""
+
+
+DEFAULTS = {"robots": "robots list"}
+"""Commands that a group stands for when none of its own is named."""
+HELP = ("-h", "--help")
 
 
 @dataclass(frozen=True)
@@ -139,30 +160,72 @@ class Invocation:
         return work(self.options)
 
 
-@dataclass(frozen=True)
-class _Unread:
-    """A command that is only listed."""
-
-
 def parse(arguments: Sequence[str]) -> Invocation:
-    """Read a command line; exit with code 2 where tyro cannot read it.
+    """Read a command line; exit where tyro cannot read it (code 2), or after help.
 
     Raises:
         BadInputError: naming every option whose value does not fit.
     """
+    words = modernize(arguments)
+    if words != list(arguments):
+        print(f"getup: an old spelling, now: {shlex.join(['getup', *words])}", file=sys.stderr)
+    name, rest = find_command(words)
+    if not COMMANDS.get(name, ("", ""))[0]:
+        return _explain(name, rest)
+    options = _read(load_options(name), f"getup {name}", rest)
+    if faults := find_value_faults(options) or options.find_faults():
+        raise BadInputError("; ".join(faults))
+    return Invocation(name, options)
+
+
+def find_command(words: Sequence[str]) -> tuple[str, Sequence[str]]:
+    """Return the command or group that words begin with, none for no such one; and the rest."""
     for length in (2, 1):
-        name = " ".join(arguments[:length])
-        if COMMANDS.get(name, ("", ""))[0]:
-            options = _read(load_options(name), f"getup {name}", arguments[length:])
-            if faults := find_value_faults(options) or options.find_faults():
-                raise BadInputError("; ".join(faults))
-            return Invocation(name, options)
-    completes = any(argument.startswith("--tyro-") for argument in arguments)
-    group = arguments[0] if arguments and arguments[0] in COMMANDS else ""
-    description = COMMANDS[group][-1] if group else DESCRIPTION
-    listed = list_commands(group, load=completes)
-    _read(listed, f"getup {group}".rstrip(), arguments[bool(group) :], description)
-    raise BadInputError("expected a command first: getup --help")
+        if len(words) >= length and (name := " ".join(words[:length])) in COMMANDS:
+            rest = words[length:]
+            is_alone = not rest or (rest[0].startswith("-") and rest[0] not in HELP)
+            return (DEFAULTS.get(name, name) if is_alone else name), rest
+    return "", words
+
+
+def _explain(group: str, rest: Sequence[str]) -> Any:
+    """Print the commands of a group, or of all; or completions.
+
+    Raises:
+        BadInputError: if neither was asked for.
+    """
+    if any(word.startswith("--tyro-") for word in rest):
+        _read(list_commands(), "getup", rest, DESCRIPTION)
+    if rest and rest[0] in HELP:
+        print(write_help(group))
+        raise SystemExit(0)
+    program = f"getup {group}".rstrip()
+    if not rest:
+        raise BadInputError(f"expected a command first: {program} --help")
+    known = [name.removeprefix(group).strip() for name in COMMANDS if name.startswith(group)]
+    nearest = get_close_matches(rest[0], known, n=1)
+    hint = f" expected {nearest[0]}?" if nearest else ""
+    raise BadInputError(f"unknown command '{rest[0]}',{hint} see {program} --help")
+
+
+def write_help(group: str = "") -> str:
+    """Write the commands of a group, or all in their sections, each with a summary."""
+    own = [name for name in COMMANDS if name.startswith(f"{group} ")]
+    sections = {"commands": own} if group else SECTIONS
+    about = COMMANDS[group][-1] if group else DESCRIPTION
+    program = f"getup {group}".rstrip()
+    width = max(
+        len(name.removeprefix(f"{group} ")) for names in sections.values() for name in names
+    )
+    lines = [f"usage: {program} COMMAND [OPTIONS]", "", about]
+    for heading, names in sections.items():
+        lines += ["", heading]
+        for name in names:
+            default = " The default." if name in DEFAULTS.values() else ""
+            lines.append(
+                f"  {name.removeprefix(f'{group} '):{width}}  {COMMANDS[name][-1]}{default}"
+            )
+    return "\n".join([*lines, "", f"{program} COMMAND --help lists the options of a command."])
 
 
 def load_options(name: str) -> Any:
@@ -175,14 +238,14 @@ def _load(package: str, target: str) -> Any:
     return getattr(import_module(f"{package}.{module}"), name)
 
 
-def list_commands(group: str = "", *, load: bool = False) -> Any:
-    """Return the commands of a group, or all groups and single commands, as a tyro union."""
+def list_commands(group: str = "") -> Any:
+    """Return the commands of a group, or all of them, as a tyro union: for completions."""
     members: list[Any] = []
     for name, (target, _, summary) in COMMANDS.items():
         parent, _, own_name = name.rpartition(" ")
         if parent != group:
             continue
-        kind = (load_options(name) if target else _load_group(name)) if load else _Unread
+        kind = load_options(name) if target else _load_group(name)
         members.append(Annotated[kind, subcommand(own_name, description=summary)])
     return Union[tuple(members)]  # noqa: UP007  (as many as there are)
 
@@ -193,7 +256,7 @@ def _load_group(name: str) -> Any:
     A union of one would be that one, and bear two names: a single command is taken without its own.
     """
     members = [member for member in COMMANDS if member.startswith(f"{name} ")]
-    return load_options(members[0]) if len(members) == 1 else list_commands(name, load=True)
+    return load_options(members[0]) if len(members) == 1 else list_commands(name)
 
 
 def _read(options: Any, program: str, arguments: Sequence[str], about: str | None = None) -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.cli.errors import BadInputError, refusing
-from humanoid_getup.cli.options.shared import RobotOption, SceneOptions, TorqueOptions
+from humanoid_getup.cli.options.shared import BodyOption, RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.cli.output import phase
 from humanoid_getup.experiments.starts import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.motions import motion_database
@@ -30,7 +30,8 @@ from robots.imu import IMU_PORT
 def load_robot(options: RobotOption) -> Robot:
     """Load the robot of a command."""
     with refusing():
-        return load_robot_by_name(options.robot, Body.parse(options.body))
+        body = options.body if isinstance(options, BodyOption) else ""
+        return load_robot_by_name(options.robot, Body.parse(body))
 
 
 def load_robot_of(options: RobotOption, robot: str, owner: str) -> Robot:

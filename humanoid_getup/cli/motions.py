@@ -47,7 +47,7 @@ def show(command: ShowMotion) -> int:
     """Draw the postures of a motion, as rolled out when it was built."""
     robot = load_robot(command)
     motion = find_motion(robot, command.motion)
-    path = command.out or Path(f"{motion.name}.png")
+    path = command.picture or Path(f"{motion.name}.png")
     if faults := find_file_faults(path):
         raise BadInputError("; ".join(faults))
     with phase("drawing"):

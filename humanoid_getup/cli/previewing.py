@@ -26,7 +26,7 @@ def preview(command: PreviewMotion) -> int:
     """Play the keys once and draw them; 0 if that ends as it should."""
     robot = load_robot(command)
     (keyframes,) = find_keyframes(robot, [command.name], command.keyframes)
-    path = command.out or Path(f"{keyframes.name}.png")
+    path = command.picture or Path(f"{keyframes.name}.png")
     if faults := find_file_faults(path):
         raise BadInputError("; ".join(faults))
     console = console_for(None)

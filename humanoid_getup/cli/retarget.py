@@ -32,7 +32,7 @@ def retarget(command: RetargetMotions) -> int:
     with refusing():
         source = load(command.source)
     if source.folder.resolve() == robot.folder.resolve():
-        raise BadInputError(f"--from is {source.name}, the robot itself, expected another robot")
+        raise BadInputError(f"--source is {source.name}, the robot itself, expected another robot")
     for folder in (MOTION_FOLDER, UNFINISHED):
         if faults := find_folder_faults(robot.folder / folder, ()):
             raise BadInputError("; ".join(faults))

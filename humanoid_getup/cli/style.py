@@ -89,8 +89,8 @@ def extract(command: ExtractStyle) -> int:
         chosen = (time >= begin - 1e-9) & (time <= end + 1e-9)
         if chosen.sum() < 2:
             raise ExtractionError(
-                f"{command.source} lasts from {time[0]:.2f} to {time[-1]:.2f} s, expected --from "
-                "and --to within it"
+                f"{command.source} lasts from {time[0]:.2f} to {time[-1]:.2f} s, expected "
+                "--begin and --end within it"
             )
         time, features = time[chosen], features[chosen]
         moving = trim(features)

@@ -33,7 +33,7 @@ def train(command: Train) -> int:
     parent = command.parent
     if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
         raise BadInputError(
-            f"--from is {parent}, expected the folder of a training, or a policy file"
+            f"--parent is {parent}, expected the folder of a training, or a policy file"
         )
     if command.prior is not None and not command.prior.is_dir():
         raise BadInputError(f"--prior is {command.prior}, expected the folder of a pose prior")

@@ -20,7 +20,7 @@ def check_readiness(robot: Robot) -> Iterator[Finding]:
 
 
 def _check_motions(robot: Robot) -> Finding:
-    retarget = f"getup motions retarget {_option(robot)} --from op3"
+    retarget = f"getup motions retarget {_option(robot)} --source op3"
     if not any((robot.folder / MOTION_FOLDER).glob("*.npz")):
         return Finding(
             level="warning",

@@ -8,7 +8,7 @@ import pytest
 from document_pages import PAGES, list_commands, name_of
 from paths import REPOSITORY
 
-from humanoid_getup.cli.commands import parse
+from humanoid_getup.cli.commands import COMMANDS, parse
 from humanoid_getup.cli.main import main
 from humanoid_getup.motions.motion_database import load_database
 from robots import Robot
@@ -39,14 +39,10 @@ def test_the_commands_of_a_page_are_found(page: str, names: tuple[str, ...]):
     assert set(names) <= {line.split()[1] for line in lines}
 
 
-def test_every_command_of_the_program_is_in_the_reference(capsys: pytest.CaptureFixture[str]):
+def test_every_command_of_the_program_is_in_the_reference():
     reference = (REPOSITORY / "docs/reference/command_line.md").read_text("utf-8")
-    with pytest.raises(SystemExit):
-        parse(["--help"])
-    usage = capsys.readouterr().out
-    names = usage[usage.index("{") + 1 : usage.index("}")].split(",")
-    assert len(names) >= 15
-    assert [name for name in names if f"\n## getup {name.strip()}\n" not in reference] == []
+    assert len(COMMANDS) >= 40
+    assert [name for name in COMMANDS if f"## getup {name}\n" not in reference] == []
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least, between, positive
 from humanoid_getup.cli.options.shared import (
+    BodyOption,
     Count,
     JsonOption,
     MotionName,
@@ -38,7 +39,7 @@ WHOLE_ARTEFACTS = (PAGE, FIGURES, PLOT, *STRIPS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchAll(JsonOption, RobotOption):
+class BenchAll(BodyOption, JsonOption, RobotOption):
     """Measure a robot as one page: every method under several torque caps, from the same falls."""
 
     n: Annotated[int | None, at_least(1)] = None
@@ -84,7 +85,7 @@ class BenchMethods(TorqueOptions, WorldOptions):
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
-    ways: tuple[str, ...] = ("plan", "robust")
+    ways: Annotated[tuple[str, ...], arg(metavar="WAY,...")] = ("plan", "robust")
     """Strategies to compare: plan, and policies by name or file."""
 
 
@@ -94,22 +95,27 @@ class BenchDisturbed(TorqueOptions, WorldOptions):
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
-    policies: tuple[str, ...] = ("robust",)
+    policies: Annotated[tuple[str, ...], arg(metavar="POLICY,...")] = ("robust",)
     """Policies beside the plans, by name or file."""
-    cases: tuple[str, ...] = ()
+    cases: Annotated[tuple[str, ...], arg(metavar="CASE,...")] = ()
     """Disturbances by their names in the table; none for all."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchScenes(TorqueOptions, JsonOption, RobotOption):
+class BenchScenes(BodyOption, TorqueOptions, JsonOption, RobotOption):
     """Get up in every scene by plans, policies, stored motions and straight interpolation."""
 
     n: Count = 20
     """Falls in each scene, evenly of the ways in which robots lie there."""
     seed: Seed = 0
-    scenes: tuple[str, ...] = ()
+    scenes: Annotated[tuple[str, ...], arg(metavar="SCENE,...")] = ()
     """Names or files of scenes; none for all that are measured."""
-    ways: tuple[str, ...] = ("plan", "robust", "nearest", "straight")
+    ways: Annotated[tuple[str, ...], arg(metavar="WAY,...")] = (
+        "plan",
+        "robust",
+        "nearest",
+        "straight",
+    )
     """plan; nearest: the stored motion nearest to the start; straight: straight interpolation to
     a stored motion, unfiltered; and policies by name or file."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import Positional
 
@@ -24,4 +24,3 @@ class DiscoverMotions(RobotOption):
     most: Count = 3
     """Motions from each side, of different strategies."""
     seed: Seed = 0
-    only_original: ClassVar[str] = "motions are built for the original body, and retargeted"

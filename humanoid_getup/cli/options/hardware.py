@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
-    A_REAL_ROBOT,
     PORT_EXAMPLE,
+    BodyOption,
     JsonOption,
     Ports,
     RobotOption,
@@ -20,7 +20,7 @@ from humanoid_getup.cli.options.shared import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeBus(SceneOptions):
+class ServeBus(BodyOption, SceneOptions):
     """Serve a virtual bus with a simulated robot behind it, until stopped.
 
     Prints the path of the serial port; of a robot with several, one line each.
@@ -66,8 +66,7 @@ class ServiceOptions(JsonOption, RobotOption):
     """Options of the commands that service a robot on its bus."""
 
     port: Ports = ()
-    """Serial port; of a robot with several, one NAME=PATH each."""
-    only_original: ClassVar[str] = A_REAL_ROBOT
+    """Serial port; of a robot with several, NAME=PATH of each."""
 
     def find_faults(self) -> list[str]:
         """Report missing ports, too."""
@@ -91,7 +90,7 @@ class Calibrate(ServiceOptions):
     at: Annotated[str | None, arg(metavar="zero|standing|FILE")] = None
     """Posture in which the robot is held while its zeros are measured: all angles 0, its stance,
     or a posture file; default: zero, and with --signs alone no zeros are measured."""
-    joint: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
+    joint: Annotated[tuple[str, ...], arg(metavar="NAME,...")] = ()
     """Joints to calibrate; default: all."""
     signs: bool = False
     """Measure the servos' directions: a person turns one joint after the other."""

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
@@ -28,9 +28,9 @@ class ImportClip(JsonOption, RobotOption):
 
     files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILE.bvh|FILE.asf FILE.amc")]
     """Clip of motion capture: a .bvh file, or an .amc file and its skeleton."""
-    begin: Annotated[float | None, arg(name="from", metavar="S")] = None
+    begin: Annotated[float | None, arg(metavar="S")] = None
     """Time of the clip at which the motion begins [s]; default: its beginning."""
-    end: Annotated[float | None, arg(name="to", metavar="S")] = None
+    end: Annotated[float | None, arg(metavar="S")] = None
     """Time at which it ends [s]; default: its end."""
     finish: bool = False
     """Go on to the robot's stance at the end, whatever the clip ends with."""
@@ -42,7 +42,6 @@ class ImportClip(JsonOption, RobotOption):
     """Name of the motion; default: that of the clip's file."""
     out: Annotated[Path | None, arg(metavar="FILE.npz")] = None
     """Motion file to write; default: the motion's name in the working folder."""
-    only_original: ClassVar[str] = "a clip is taken to the original body"
 
     @property
     def clip(self) -> Path:
@@ -75,9 +74,9 @@ class ImportClip(JsonOption, RobotOption):
             faults.append("--rate is given, expected none with a .bvh file: it says its own")
         begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
         if not 0.0 <= begin < math.inf or math.isnan(end):
-            faults.append(f"--from is {begin:g} s, --to {end:g} s, expected times from 0 s on")
+            faults.append(f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on")
         elif not begin < end:
-            faults.append(f"--from is {begin:g} s, expected before --to, {end:g} s")
+            faults.append(f"--begin is {begin:g} s, expected before --end, {end:g} s")
         if self.target.suffix != SUFFIX:
             faults.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
         return faults + find_file_faults(self.target)

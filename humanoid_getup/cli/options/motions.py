@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import between, positive
 from humanoid_getup.cli.options.shared import (
+    BodyOption,
     CacheFolder,
     Count,
     JsonOption,
@@ -32,14 +33,15 @@ class ListRobots(JsonOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListScenes(JsonOption, RobotOption):
+class ListScenes(BodyOption, JsonOption, RobotOption):
     """List the scenes in which a robot may lie, or draw them."""
 
     scene: Positional[str] = ""
     """Name of a scene or a scene file (.toml); default: all that have a name."""
     seed: Seed = 0
-    picture: Annotated[Path | None, arg(metavar="FILE")] = None
-    """PNG file of a robot that lies in each scene; of one scene alone, in each way it has."""
+    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    """Picture to write of a robot that lies in each scene; of one scene alone, in each of its
+    ways."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +63,7 @@ class ListPlanCache(JsonOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListMotions(JsonOption, RobotOption):
+class ListMotions(BodyOption, JsonOption, RobotOption):
     """List a robot's rising motions."""
 
 
@@ -83,7 +85,6 @@ class BuildMotions(RobotOption):
     unfinished of the robot."""
     keep_keys: bool = False
     """Write the optimized keys of motions that are built back into the keyframes."""
-    only_original: ClassVar[str] = "motions are built for the original body, and retargeted"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,19 +92,19 @@ class RetargetMotions(BuildMotions):
     """Take the keyframes of another robot: point the limbs the same way, keep the motions that
     stand so, and improve the others as `getup motions build` does."""
 
-    source: Annotated[str, arg(name="from", metavar="NAME|DIR")] = "op3"
+    source: Annotated[str, arg(metavar="NAME|DIR")] = "op3"
     """Robot whose keyframes are taken."""
     improve: bool = True
     """Improve the motions that do not stand as they are."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShowMotion(RobotOption):
+class ShowMotion(BodyOption, RobotOption):
     """Draw a rising motion as a film strip."""
 
     motion: Positional[MotionName]
-    out: Annotated[Path | None, arg(metavar="FILE")] = None
-    """PNG file to write; default: MOTION.png."""
+    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    """Picture to write; default: MOTION.png."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import BackendOptions, CommandOptions, RobotOption
 
 MOST_PAGE = 255  # of an action file
-ONLY_ORIGINAL = "keys are for the original body"
 KeyframesFile = Annotated[Path | None, arg(metavar="FILE")]
 
 
@@ -36,7 +35,7 @@ class ImportMotion(NewKeysOptions, RobotOption):
 
     file: Annotated[Positional[Path], arg(metavar="FILE")]
     """File of another program: .bin, .json or .csv."""
-    page: Annotated[tuple[int, ...], arg(metavar="N")] = ()
+    page: Annotated[tuple[int, ...], arg(metavar="N,...")] = ()
     """Pages of an action file; those that follow one are played with it."""
     name: str = ""
     """Name of the motion; default: as in the file."""
@@ -44,7 +43,6 @@ class ImportMotion(NewKeysOptions, RobotOption):
     """What the keys end in: a stand, or the side on which the robot lies."""
     clip: bool = False
     """Take the nearest angle where one is out of the joint's range, instead of refusing it."""
-    only_original: ClassVar[str] = ONLY_ORIGINAL
 
     def find_faults(self) -> list[str]:
         """Report pages that cannot be, too."""
@@ -70,7 +68,6 @@ class RecordMotion(NewKeysOptions, BackendOptions):
 
     name: Positional[str]
     """Name of the new motion."""
-    only_original: ClassVar[str] = ONLY_ORIGINAL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +81,5 @@ class PreviewMotion(RobotOption):
     """Name of a motion in the keyframes."""
     keyframes: KeyframesFile = None
     """Keyframes file (.toml); default: the robot's keyframes.toml."""
-    out: Annotated[Path | None, arg(metavar="FILE")] = None
-    """PNG file to write; default: NAME.png."""
-    only_original: ClassVar[str] = ONLY_ORIGINAL
+    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    """Picture to write; default: NAME.png."""

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import at_least, between
 from humanoid_getup.cli.options.shared import (
-    A_POLICY,
+    JsonOption,
     PolicyName,
     RobotOption,
+    SceneOptions,
     Seed,
     TorqueOptions,
-    WorldOptions,
 )
 from humanoid_getup.cli.output import find_file_faults, find_folder_faults
 
@@ -28,7 +28,7 @@ class Train(RobotOption):
     """Folder for checkpoint, progress and TensorBoard files."""
     recipe: Literal["quick", "robust", "gentle", "rough", "styled-quick", "styled"] = "quick"
     """Training recipe."""
-    parent: Annotated[Path | None, arg(name="from", metavar="DIR")] = None
+    parent: Annotated[Path | None, arg(metavar="DIR|FILE.onnx")] = None
     """Folder of a training whose policy is the initial one, or a policy file (.onnx) with the same
     actions; default: random weights."""
     prior: Annotated[Path | None, arg(metavar="DIR")] = None
@@ -42,7 +42,6 @@ class Train(RobotOption):
     """Updates of the policy; default: the recipe's."""
     robots: Annotated[int | None, at_least(1)] = None
     """Robots that are simulated side by side; default: the recipe's."""
-    only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
         """Report a folder that cannot be written, too."""
@@ -59,7 +58,6 @@ class Export(RobotOption):
     """ONNX file to write; an existing file is replaced."""
     robot: str = ""
     """Name of a robot, or a folder with a robot.toml; default: the training's."""
-    only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
         """Report a file that cannot be written, too."""
@@ -67,7 +65,7 @@ class Export(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluate(TorqueOptions, WorldOptions):
+class Evaluate(TorqueOptions, JsonOption, SceneOptions):
     """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
 
     policy: Positional[PolicyName]
@@ -118,7 +116,6 @@ class Evaluate(TorqueOptions, WorldOptions):
         | None
     ) = None
     """Model variant to evaluate in; default: the physics of training."""
-    only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
         """Report files that cannot be written."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least
-from humanoid_getup.cli.options.shared import A_POLICY, Count, RobotOption, Seed
+from humanoid_getup.cli.options.shared import Count, RobotOption, Seed
 from humanoid_getup.cli.output import find_folder_faults
 
 
@@ -21,8 +21,8 @@ class MakePrior(RobotOption):
     """Folder for prior.npz, rises.npz and the planned motions; the same command continues."""
     rises: Annotated[int, at_least(4, step=4)] = 1000
     """Number of rises to plan, equally many of each class; policies add half as many."""
-    policies: tuple[str, ...] = ("robust", "gentle")
-    """Policies of the robot that add rises; with no name, none."""
+    policies: Annotated[tuple[str, ...], arg(metavar="POLICY,...")] = ("robust", "gentle")
+    """Policies of the robot that add rises; '' for none."""
     jobs: Count = 2
     """Number of processes that plan."""
     epochs: Annotated[int, at_least(1)] = 100
@@ -30,7 +30,6 @@ class MakePrior(RobotOption):
     fitted: Annotated[Path | None, arg(metavar="FILE.npz")] = None
     """Keep a prior that was fitted before, and only collect rises."""
     seed: Seed = 0
-    only_original: ClassVar[str] = A_POLICY
 
     def find_faults(self) -> list[str]:
         """Report a folder that cannot be written, too."""

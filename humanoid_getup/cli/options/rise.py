@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 from humanoid_getup.cli.checks import positive
 from humanoid_getup.cli.options.shared import (
     A_POLICY,
+    BodyOption,
     CacheFolder,
     Count,
     Keys,
@@ -23,7 +24,7 @@ from humanoid_getup.cli.output import find_folder_faults
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rise(PreferenceOptions, RunOptions):
+class Rise(BodyOption, PreferenceOptions, RunOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
     attempts: Count = 3
@@ -85,11 +86,10 @@ class RunPolicy(RunOptions):
     style: StyleOption = None
     longest: Annotated[float | None, positive("s"), arg(metavar="S")] = None
     """Time after which the run ends, standing or not [s]; default: 12."""
-    only_original: ClassVar[str] = A_POLICY
 
 
 @dataclass(frozen=True, kw_only=True)
-class Play(RunOptions):
+class Play(BodyOption, RunOptions):
     """Play a rising motion and judge how it ends."""
 
     motion: Positional[MotionName]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, UseAppendAction, arg
+from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.cli.output import find_file_faults
@@ -23,12 +23,11 @@ class ImportRobot(JsonOption):
     """Folder to make; it must not exist or be empty."""
     name: str = ""
     """Name of the robot; default: that of the folder."""
-    servo: Annotated[tuple[str, ...], arg(metavar="TYPE[=PATTERN]"), UseAppendAction] = ()
-    """Servo type of all joints, or of those whose names match a pattern such as '*knee*'; repeat
-    the option for several, the last that matches counts. Default: the types nearest to what the
-    model states."""
-    fix: Annotated[tuple[str, ...], arg(metavar="JOINT"), UseAppendAction] = ()
-    """Joint without servo, which is fixed where it stands; repeat the option for several."""
+    servo: Annotated[tuple[str, ...], arg(metavar="TYPE[=PATTERN],...")] = ()
+    """Servo types of all joints, or of those whose names match a pattern such as '*knee*'; the last
+    that matches counts. Default: the types nearest to what the model states."""
+    fix: Annotated[tuple[str, ...], arg(metavar="JOINT,...")] = ()
+    """Joints without servo, which are fixed where they stand."""
     meshes: bool = False
     """Keep meshes as convex hulls, instead of fitting boxes and capsules to them."""
 
@@ -40,10 +39,10 @@ class CheckRobot(JsonOption):
 
     robot: Annotated[Positional[str], arg(metavar="NAME|DIR")]
     """Name of a robot, or a folder with a robot.toml."""
-    out: Annotated[Path | None, arg(metavar="FILE")] = None
-    """PNG file for a picture of the stance and of the deepest squat."""
+    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    """Picture to write of the stance and of the deepest squat."""
 
     def find_faults(self) -> list[str]:
         """Report a file that cannot be written, too."""
         faults = super().find_faults()
-        return faults if self.out is None else faults + find_file_faults(self.out)
+        return faults if self.picture is None else faults + find_file_faults(self.picture)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from tyro.conf import UseAppendAction, arg
+from tyro.conf import arg
 
 from humanoid_getup.cli.checks import at_least, positive
 from humanoid_getup.cli.output import find_folder_faults, find_json_faults
@@ -24,11 +24,10 @@ JsonTarget = Annotated[
 Keys = Annotated[
     tuple[str, ...],
     arg(
-        metavar="FILE|motions:NAME@TIME",
-        help="Posture to rise through: a posture file, or a frame of a motion by its time [s]; "
-        "repeat the option for several, in order.",
+        metavar="FILE|motions:NAME@TIME,...",
+        help="Postures to rise through, in order: posture files, or frames of motions by their "
+        "times [s].",
     ),
-    UseAppendAction,
 ]
 MotionName = Annotated[
     str,
@@ -47,7 +46,7 @@ Prefer = Literal["time", "torque", "impact", "robustness"]
 PolicyName = Annotated[
     str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
 ]
-Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH")]
+Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
 PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
 StyleOption = Annotated[
     str | None,
@@ -81,15 +80,19 @@ A_POLICY = "a policy is made for the original body"
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOption(CommandOptions):
-    """Which robot, and the lengths of its parts."""
+    """Which robot."""
 
     robot: str = "op3"
     """Name of a robot, or a folder with a robot.toml."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyOption(CommandOptions):
+    """The lengths of a robot's parts."""
+
     body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
     """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
     such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
-    only_original: ClassVar[str] = ""
-    """Why a command takes no other body; empty if it does."""
 
     def find_faults(self) -> list[str]:
         """Report a body that cannot be, too."""
@@ -102,7 +105,8 @@ class RobotOption(CommandOptions):
             Body.parse(self.body)
         except BodyError as error:
             faults.append(f"--{error}")
-        return faults + (self.refuse_body(self.only_original) if self.only_original else [])
+        is_real = isinstance(self, BackendOptions) and self.backend == "dynamixel"
+        return faults + (self.refuse_body(A_REAL_ROBOT) if is_real else [])
 
     def refuse_body(self, reason: str) -> list[str]:
         """Report a body where only the original one will do."""
@@ -130,8 +134,8 @@ class SceneOptions(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorldOptions(JsonOption, SceneOptions):
-    """Robot, scene, seed, and where the results go."""
+class WorldOptions(BodyOption, JsonOption, SceneOptions):
+    """Robot, body, scene, seed, and where the results go."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +167,7 @@ class BackendOptions(SceneOptions):
     backend: Literal["twin", "virtual", "dynamixel"] = "twin"
     """MuJoCo twin, virtual servos on a virtual bus, or a robot with Dynamixel servos."""
     port: Ports = ()
-    """Serial port; for a robot with several, one NAME=PATH each. Without it, --backend virtual
+    """Serial port; for a robot with several, NAME=PATH of each. Without it, --backend virtual
     serves a virtual robot of its own."""
     realtime: bool = False
     """Run a simulated robot in real time."""
@@ -176,8 +180,6 @@ class BackendOptions(SceneOptions):
             faults.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
         if self.backend == "dynamixel" and not self.port:
             faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
-        if self.backend == "dynamixel":
-            faults += self.refuse_body(A_REAL_ROBOT)
         return faults
 
     @property
@@ -187,7 +189,7 @@ class BackendOptions(SceneOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MoveOptions(TorqueOptions, BackendOptions, WorldOptions):
+class MoveOptions(TorqueOptions, JsonOption, BackendOptions):
     """Options of every command that moves a robot."""
 
     out: Annotated[Path | None, arg(metavar="DIR")] = None
@@ -214,7 +216,7 @@ class RunOptions(MoveOptions):
     leave torque on for another program. Default: hold; of the twin, limp."""
     balance: bool = True
     """Feed the torso's attitude back to the ankles while the robot rises and stands."""
-    at: Annotated[tuple[float, float, float] | None, arg(metavar="X Y DEG")] = None
+    at: Annotated[tuple[float, float, float] | None, arg(metavar="X,Y,DEG")] = None
     """Where in its scene a real robot lies: its torso [m], and the direction in which its head
     points, from +x [deg]."""
     origin: Origin = None
@@ -229,7 +231,7 @@ class RunOptions(MoveOptions):
         if self.at is not None and not self.is_real:
             faults.append("--at is given, expected a real robot: a simulated one knows its place")
         if self.is_real and self.at is None and self.scene != "flat":
-            faults.append(f"--scene {self.scene} on a real robot requires --at X Y DEG")
+            faults.append(f"--scene {self.scene} on a real robot requires --at X,Y,DEG")
         if self.is_real and self.origin is not None:
             faults.append(
                 f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "

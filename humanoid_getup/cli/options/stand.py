@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from humanoid_getup.cli.options.shared import MoveOptions
+from humanoid_getup.cli.options.shared import BodyOption, MoveOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sit(MoveOptions):
+class Sit(BodyOption, MoveOptions):
     """Sit and lie down from a stand, then torque off.
 
     A simulated robot starts standing; a real one is held by a person until it moves.
@@ -20,7 +20,7 @@ class Sit(MoveOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hold(MoveOptions):
+class Hold(BodyOption, MoveOptions):
     """Hold a robot in its stand, supervised, until a key is pressed.
 
     A simulated robot starts standing; a real one is held by a person until it has torque. In

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.checks import positive
-from humanoid_getup.cli.options.shared import JsonOption, RobotOption
+from humanoid_getup.cli.options.shared import BodyOption, JsonOption, RobotOption
 from humanoid_getup.cli.output import find_file_faults
 
 StyleName = Annotated[
@@ -21,18 +21,18 @@ SUFFIX = ".toml"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListStyles(JsonOption, RobotOption):
+class ListStyles(BodyOption, JsonOption, RobotOption):
     """List the styles that have a name."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShowStyles(JsonOption, RobotOption):
+class ShowStyles(BodyOption, JsonOption, RobotOption):
     """Print the control points of styles, and draw their curves."""
 
     styles: Annotated[Positional[tuple[str, ...]], arg(metavar="STYLE...")]
     """Names of styles, or style files."""
     picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
-    """Draw the curves: each style's mean, and the deviation of several ways of lying from it."""
+    """Picture to write of the curves: each style's mean, and how several ways of lying differ."""
 
     def find_faults(self) -> list[str]:
         """Report a picture that cannot be written, and no style at all, too."""
@@ -47,7 +47,7 @@ class ShowStyles(JsonOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StyleOutput(RobotOption):
+class StyleOutput(BodyOption, RobotOption):
     """Where a style is written."""
 
     out: StyleOut
@@ -74,7 +74,7 @@ class EditStyle(StyleOutput):
     """Raise the neck so much sooner [s]; the duration stays."""
     later: Annotated[float | None, positive("s"), arg(metavar="S")] = None
     """Raise the neck so much later [s]; the duration stays."""
-    hold: Annotated[tuple[float, float] | None, arg(metavar="AT S")] = None
+    hold: Annotated[tuple[float, float] | None, arg(metavar="AT,S")] = None
     """Hold what is wanted at a time [s] for so long [s]."""
 
     def find_faults(self) -> list[str]:
@@ -88,7 +88,7 @@ class EditStyle(StyleOutput):
         ):
             at, lasting = self.hold
             faults.append(
-                f"--hold is {at:g} {lasting:g}, expected a time from 0 s and a duration above 0 s"
+                f"--hold is {at:g},{lasting:g}, expected a time from 0 s and a duration above 0 s"
             )
         edits = (self.slower, self.faster, self.sooner, self.later, self.hold)
         if all(edit is None for edit in edits):
@@ -110,9 +110,9 @@ class ExtractStyle(StyleOutput):
     """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
     up: Literal["y", "z"] | None = None
     """Axis of a clip that points up; default: y."""
-    begin: Annotated[float | None, arg(name="from", metavar="S")] = None
+    begin: Annotated[float | None, arg(metavar="S")] = None
     """Time at which the rise begins [s]; default: when something moves first."""
-    end: Annotated[float | None, arg(name="to", metavar="S")] = None
+    end: Annotated[float | None, arg(metavar="S")] = None
     """Time at which it ends [s]; default: when everything has come to rest."""
     finish: bool = False
     """Let the last control point be a stand, whatever the source ends with."""
@@ -121,5 +121,5 @@ class ExtractStyle(StyleOutput):
         """Report times in the wrong order, too."""
         faults = super().find_faults()
         if self.begin is not None and self.end is not None and not self.begin < self.end:
-            faults.append(f"--from is {self.begin:g} s, expected before --to, {self.end:g} s")
+            faults.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
         return faults

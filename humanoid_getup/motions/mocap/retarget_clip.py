@@ -211,7 +211,7 @@ class ClipRetargeter:
         if knots[-1] > MAX_DURATION:
             raise ClipError(
                 f"the motion would last {knots[-1]:.0f} s, expected at most {MAX_DURATION:g} s "
-                "(--from and --to choose a part)"
+                "(--begin and --end choose a part)"
             )
         count = math.ceil(knots[-1] / robot.control_period - 1e-9) + 1
         time = robot.control_period * np.arange(count)
@@ -267,7 +267,7 @@ def _choose_frames(clip: Clip, begin: float, end: float) -> Frames:
     if len(inside) < 2:
         raise ClipError(
             f"clip {clip.file}: {len(inside)} frames from {max(begin, 0.0):g} s on, it lasts "
-            f"{clip.time[-1]:.2f} s, expected two frames or more (--from, --to)"
+            f"{clip.time[-1]:.2f} s, expected two frames or more (--begin, --end)"
         )
     stride = max(round(SOLVE_PERIOD / clip.period), 1)
     return np.unique(np.append(inside[::stride], inside[-1]))

@@ -35,7 +35,7 @@ def test_all_is_well_with_op3_and_each_finding_is_a_line(run: Run):
 def test_a_folder_is_checked_and_told_what_comes_next(run: Run):
     code, out, _ = run("robots", "check", "mine", "--json", "found.json")
     assert code == 0
-    assert "(getup motions retarget --robot mine --from op3)" in out
+    assert "(getup motions retarget --robot mine --source op3)" in out
     found = json.loads(Path("found.json").read_text())
     assert found["robot"] == "op3"
     assert found["unchecked"] == []
@@ -65,7 +65,7 @@ def test_stance_and_deepest_squat_are_drawn(run: Run, op3: Robot, world: World, 
         render_frames(op3, world.model, place(op3, world.model, op3.standing)[None])
     except NoRendererError:
         pytest.skip("there is no GL")
-    code, out, _ = run("robots", "check", "op3", "--out", "op3.png")
+    code, out, _ = run("robots", "check", "op3", "--picture", "op3.png")
     assert code == 0
     assert out.endswith("picture in op3.png\n")
     assert (tmp_path / "op3.png").read_bytes().startswith(b"\x89PNG")

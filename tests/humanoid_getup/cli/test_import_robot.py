@@ -49,7 +49,7 @@ def test_a_servo_type_and_a_fixed_joint_can_be_said(run: Run, tmp_path: Path):
     (tmp_path / "small.xml").write_text(small_humanoid())
     code, _, _ = run(
         *("robots", "import", str(tmp_path / "small.xml"), "--out", str(tmp_path / "mine")),
-        *("--servo", "XM430-W210", "--servo", "XM540-W270=*shank*", "--fix", "head_joint"),
+        *("--servo", "XM430-W210,XM540-W270=*shank*", "--fix", "head_joint"),
     )
     assert code == 0
     robot = hg.load_robot(tmp_path / "mine")

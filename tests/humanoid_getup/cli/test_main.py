@@ -32,14 +32,36 @@ def getup(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [[], ["fly"], ["rise", "--from", "supine", "--torque", "2"], ["motions"], ["motions", "fly"]],
-)
-def test_a_command_line_that_cannot_be_read_leaves_with_2(arguments: list[str]):
+def test_an_option_that_cannot_be_read_leaves_with_2():
     with pytest.raises(SystemExit) as left:
-        main(arguments)
+        main(["rise", "--from", "supine", "--torque", "2"])
     assert left.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("", "expected a command first: getup --help"),
+        ("motions", "expected a command first: getup motions --help"),
+        ("ryse", "unknown command 'ryse', expected rise? see getup --help"),
+        ("motions fly", "unknown command 'fly', see getup motions --help"),
+        ("robots chek", "unknown command 'chek', expected check? see getup robots --help"),
+    ],
+)
+def test_a_missing_or_unknown_command_is_told_in_a_line(run: Run, arguments: str, message: str):
+    assert run(*arguments.split()) == (2, "", f"getup: {message}\n")
+
+
+@pytest.mark.parametrize(
+    "group", ["", *(name for name, (target, *_) in COMMANDS.items() if not target)]
+)
+def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as left:
+        main([*group.split(), "--help"])
+    assert left.value.code == 0
+    listed = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line[:2] == "  "]
+    own = [name for name in COMMANDS if name.rpartition(" ")[0] == group]
+    assert sorted(f"{group} {name}".strip() for name in listed) == sorted(own)
 
 
 @pytest.mark.parametrize("times", [1, 2])
@@ -150,7 +172,7 @@ def test_a_gl_that_does_not_exist_is_named():
 
 def test_without_a_gl_there_is_no_film_strip(tmp_path: Path):
     environment = {**os.environ, "MUJOCO_GL": "disable"}
-    done = getup("motions", "show", MOTION, "--out", str(tmp_path / "s.png"), env=environment)
+    done = getup("motions", "show", MOTION, "--picture", str(tmp_path / "s.png"), env=environment)
     assert done.returncode == 2
     assert done.stderr.startswith("getup: no film strip: no GL to render with (MUJOCO_GL=disable)")
     assert done.stderr.count("\n") == 1
@@ -174,7 +196,7 @@ def test_motions_are_listed(run: Run, op3: Robot):
 
 
 def test_a_motion_is_shown_as_a_film_strip_or_not_at_all(run: Run):
-    code, out, error = run("motions", "show", MOTION, "--out", "new/strip.png")
+    code, out, error = run("motions", "show", MOTION, "--picture", "new/strip.png")
     if code:
         assert error.startswith("getup: no film strip: no GL to render with")
         assert list(Path.cwd().iterdir()) == []

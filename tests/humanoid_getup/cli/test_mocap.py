@@ -38,7 +38,7 @@ def test_with_finish_and_a_name_it_is_a_rise_that_is_written_where_asked(run: Ru
     write_human_bvh(tmp_path / "clip.bvh")
     code, _, _ = run(
         *("mocap", "import", "clip.bvh", "--finish", "--name", "mine", "--out", "new/own.npz"),
-        *("--from", "0.2", "--to", "0.8"),
+        *("--begin", "0.2", "--end", "0.8"),
     )
     assert code == 0
     motion = Motion.load(tmp_path / "new" / "own.npz")

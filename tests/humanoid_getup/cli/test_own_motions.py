@@ -37,7 +37,7 @@ def op3_folder(op3: Robot, tmp_path: Path) -> Path:
 @pytest.mark.skipif(not ACTIONS.exists(), reason="needs the maker's action file")
 def test_the_makers_pages_become_keyframes_that_rise(run: Run, op3_folder: Path):
     before = (op3_folder / KEYFRAMES).read_text("utf-8")
-    pages = ("--page", "122", "123")
+    pages = ("--page", "122,123")
     code, _, error = run("motions", "import", str(ACTIONS), *pages, "--robot", str(op3_folder))
     assert code == 2
     assert "joint 'l_hip_pitch' of key number 2 is -110.742 deg" in error
@@ -70,7 +70,7 @@ def test_keys_may_go_to_a_file_of_their_own_and_be_previewed(run: Run, tmp_path:
     (read,) = load_keyframes(out, op3)
     assert (read.name, read.start_class) == ("kick", "supine")
     strip = tmp_path / "strip.png"
-    preview = ("motions", "preview", "kick", "--keyframes", str(out), "--out", str(strip))
+    preview = ("motions", "preview", "kick", "--keyframes", str(out), "--picture", str(strip))
     code, told, _ = run(*preview)
     assert code == 1  # a robot on its back does not rise by bending its knees
     told = " ".join(told.split())

@@ -80,7 +80,7 @@ def test_a_flight_shows_the_style_that_was_followed(op3, policy, tmp_path):
     assert main(("replay", str(log), "--out", str(replayed))) == 0
     assert (replayed / "style.png").read_bytes().startswith(b"\x89PNG")
     extracted = tmp_path / "flown.toml"
-    whole = ("style", "extract", str(log), "--from", "0", "--finish", "--out", str(extracted))
+    whole = ("style", "extract", str(log), "--begin", "0", "--finish", "--out", str(extracted))
     assert main(whole) == 0
     (curve,) = read_style(extracted, op3).curves
     assert curve.points[0] == pytest.approx(guidance["measured"][0], abs=0.05)

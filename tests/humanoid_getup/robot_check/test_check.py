@@ -183,7 +183,7 @@ def test_a_robot_without_motions_is_told_how_to_come_by_them(copied_op3: Path):
         finding.subject: finding for finding in check_robot(load_robot(copied_op3)).findings
     }
     assert findings["motions"].level == "warning"
-    assert findings["motions"].remedy == f"getup motions retarget --robot {copied_op3} --from op3"
+    assert findings["motions"].remedy == f"getup motions retarget --robot {copied_op3} --source op3"
     assert findings["policies"].level == "ok"
     assert "getup train --robot" in findings["policies"].remedy
 

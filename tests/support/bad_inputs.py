@@ -185,7 +185,7 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --from supine --method policy --policy moonwalk", "unknown policy 'moonwalk'"),
         case("motions list --robot nao", "unknown robot 'nao'"),
         case("motions show moonwalk", "unknown motion 'moonwalk'"),
-        case("motions play moonwalk", "unknown motion 'moonwalk'"),
+        case("play moonwalk", "unknown motion 'moonwalk'"),
         case("motions build moonwalk", "unknown motion 'moonwalk'", MOTION),
         case("motions build --jobs 0", "--jobs is 0, expected 1 or more"),
         case("motions build --generations -3", "--generations is -3, expected 1 or more"),
@@ -342,7 +342,7 @@ GROUPS: dict[str, list[Case]] = {
         case("style extract text.amc --out mine.toml", "text.asf: No such file or directory"),
         case(
             f"style extract {MOTION} --begin 3 --end 1 --out mine.toml",
-            "--from is 3 s, expected before --end, 1 s",
+            "--begin is 3 s, expected before --end, 1 s",
         ),
         case(
             f"style extract {MOTION} --end 0.1 --out mine.toml",

@@ -185,7 +185,6 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --from supine --method policy --policy moonwalk", "unknown policy 'moonwalk'"),
         case("motions list --robot nao", "unknown robot 'nao'"),
         case("motions show moonwalk", "unknown motion 'moonwalk'"),
-        case("play moonwalk", "unknown motion 'moonwalk'"),
         case("motions build moonwalk", "unknown motion 'moonwalk'", MOTION),
         case("motions build --jobs 0", "--jobs is 0, expected 1 or more"),
         case("motions build --generations -3", "--generations is -3, expected 1 or more"),

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
@@ -24,7 +24,6 @@ LEAST_SINE = 0.02  # of the angle between the rows of a coupling; less, and a se
 MAX_SUPPLY_VOLTAGE = 48.0  # V; the servos' own ranges are narrower, and checked as well
 
 Segment = Literal["head", "wrist", "hand", "finger", "thumb", "foot", "toes", "other"]
-SEGMENTS: tuple[Segment, ...] = get_args(Segment)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -73,12 +73,8 @@ class Transmission:
         """Convert angles [rad] or speeds [rad/s] of actuators to those of joints, (..., n)."""
         return self._couple(actuator_motion, [c.inverse for c in self.couplings])
 
-    def torque_at_joint(self, actuator_torque: Array) -> Array:
-        """Convert torques of actuators to those that they make at joints [N·m], (..., n)."""
-        return self._couple(actuator_torque, [c.matrix.T for c in self.couplings])
-
     def torque_for_joint(self, joint_torque: Array) -> Array:
-        """Convert torques at joints to those that actuators have to make for them, (..., n)."""
+        """Convert torques at joints to those that actuators must make for them [N·m], (..., n)."""
         return self._couple(joint_torque, [c.inverse.T for c in self.couplings])
 
     def to_servo(self, joint_motion: Array) -> Array:

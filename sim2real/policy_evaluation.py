@@ -31,16 +31,6 @@ StyleChoice = Callable[[int, Array], StyleCurves]
 """Chooses curves by the number of a start, and the features (3,) that the robot measures there."""
 
 
-def remember_actions(act: Callable[[Floats], Array]) -> PolicyFunction:
-    """Let a policy without a memory of its own remember its clipped actions."""
-
-    def policy(observations: Floats) -> tuple[Array, Array]:
-        actions = act(observations)
-        return actions, np.clip(actions, -1.0, 1.0)
-
-    return policy
-
-
 DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
 

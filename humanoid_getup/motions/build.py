@@ -14,7 +14,6 @@ from humanoid_getup.experiments.play import Rollout, Trace
 from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
 from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
 from humanoid_getup.motions.motion import NO_END, Motion, hold_last, join
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
@@ -183,11 +182,6 @@ def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray
     trace: Trace = Rollout(world, len(frames)).play(starts, targets, limits)
     upright = is_upright(measure_stance(world, trace), robot)
     return np.array([judge(u, period).stood for u in upright])
-
-
-def load_robot_keyframes(robot: Robot) -> list[Keyframes]:
-    """Load the keyframes of a robot's folder."""
-    return load_keyframes(robot.folder / KEYFRAMES, robot)
 
 
 def motion_file(folder: Path, name: str) -> Path:

@@ -16,7 +16,6 @@ from robots.quaternion import Array
 
 MOVES = math.radians(1.0)
 """Change between keys from which a joint counts as moved by them."""
-NEAR_SYMMETRIC = math.radians(0.5)
 STANCE = math.radians(0.05)
 
 

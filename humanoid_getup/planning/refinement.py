@@ -21,7 +21,6 @@ from humanoid_getup.planning.rrt_blossom import (
 )
 from robots.quaternion import Array
 
-INCREMENT = 0.025  # of looseness [Lin12], section 4.2.3
 WIDEST, FINEST = 0.2, 0.00625  # increments that adapt to how hard a path is to repair
 LEVEL_EDGES = 800  # that may be tried before an increment is halved
 SPACING = 0.3  # rad between the postures at which a path may be cut

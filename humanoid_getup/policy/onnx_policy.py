@@ -28,7 +28,6 @@ from robots import Robot
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
 
-POLICY_FOLDER = "policies"
 SUFFIX = ".onnx"
 LONGEST = 12.0  # s; includes further tries of the policy itself
 STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances

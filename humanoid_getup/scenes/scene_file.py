@@ -30,7 +30,6 @@ Friction = Annotated[float, Meta(ge=0.01, le=10.0, description="a number from 0.
 Degrees = Annotated[float, Meta(ge=-360.0, le=360.0, description="degrees from -360 to 360")]
 DegreeRange = Annotated[tuple[Degrees, Degrees], Meta(description="two angles in degrees")]
 NumberRange = Annotated[tuple[Number, Number], Meta(description="two numbers")]
-Tilt = Annotated[float, Meta(ge=-45.0, le=45.0, description="degrees from -45 to 45")]
 SlopeAngle = Annotated[float, Meta(ge=-30.0, le=30.0, description="degrees from -30 to 30")]
 MOST_OBSTACLES = 1000
 

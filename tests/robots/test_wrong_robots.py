@@ -1,10 +1,12 @@
 """What is said of a robot folder that is wrong."""
 
+from typing import get_args
+
 import pytest
 from spoiling import complaint, spoil
 
 from humanoid_getup.motions.posture_metric import SEGMENT_WEIGHT
-from robots.schema import SEGMENTS
+from robots.schema import Segment
 
 L_HIP = 'name = "l_hip", id = 1, servo = "XM430-W350", sign = 1'
 LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'
@@ -222,4 +224,4 @@ def test_a_file_that_is_no_description_is_refused(own_robot, content, words):
 
 
 def test_every_segment_has_a_weight_in_the_metric():
-    assert set(SEGMENTS) == set(SEGMENT_WEIGHT)
+    assert set(get_args(Segment)) == set(SEGMENT_WEIGHT)

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from policy_functions import remember_actions
 
 from humanoid_getup.experiments.starts import Fall
 from humanoid_getup.policy.action import ActionSpec, choose_actions
@@ -17,7 +18,7 @@ from sim2real.perturbations import (
     make_parameters,
     summarize_rollouts,
 )
-from sim2real.policy_evaluation import PolicyRollouts, remember_actions
+from sim2real.policy_evaluation import PolicyRollouts
 
 SHORT = 3.5  # s: a held stand and a little
 SIZE = choose_actions(load_robot("op3"), wide=True).size

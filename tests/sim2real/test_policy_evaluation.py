@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from policy_functions import remember_actions
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.kinematics import place
 from sim2real.environment.physics.randomization import ObservationNoise
 from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.policy_evaluation import PolicyRollouts, remember_actions, roll_out_policy
+from sim2real.policy_evaluation import PolicyRollouts, roll_out_policy
 
 
 def test_a_robot_that_diverged_never_stood_and_the_others_did(

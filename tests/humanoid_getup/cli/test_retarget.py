@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from authored import load_robot_keyframes
 from model_files import write_model
 from run_getup import Run
 
-from humanoid_getup.motions.build import load_robot_keyframes
 from humanoid_getup.motions.motion import Motion
 from robots import Robot, load_robot
 from robots.model_import.importer import ImportOptions, import_model

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from authored import load_robot_keyframes
 from model_files import write_model
 
-from humanoid_getup.motions.build import load_robot_keyframes, try_out
+from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.simulation.world import World

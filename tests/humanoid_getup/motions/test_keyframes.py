@@ -2,10 +2,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from authored import load_robot_keyframes
 from nonempty import nonempty
 from spoiling import spoiled
 
-from humanoid_getup.motions.build import load_robot_keyframes
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.keyframes_file import KeyframesError, load_keyframes
 from robots import load_robot

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from authored import load_robot_keyframes
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.motions.build import load_robot_keyframes
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KeyframesError, load_keyframes
 from humanoid_getup.motions.keyframes_writer import (

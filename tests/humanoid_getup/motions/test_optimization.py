@@ -2,9 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from authored import load_robot_keyframes
 
 from humanoid_getup.experiments.play import Rollout, RolloutRandomization
-from humanoid_getup.motions.build import load_robot_keyframes, settle
+from humanoid_getup.motions.build import settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import make_scenarios
 from humanoid_getup.motions.preference import Preference

@@ -4,8 +4,9 @@ import re
 from dataclasses import replace
 
 import pytest
+from authored import load_robot_keyframes
 
-from humanoid_getup.motions.build import load_robot_keyframes, settle, try_out
+from humanoid_getup.motions.build import settle, try_out
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.world import World

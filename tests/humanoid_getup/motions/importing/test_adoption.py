@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from action_files import Slot, write_action_file
+from authored import load_robot_keyframes
 
-from humanoid_getup.motions.build import load_robot_keyframes
 from humanoid_getup.motions.importing.adoption import adopt, guess_start, load_sequences
 from humanoid_getup.motions.importing.key_sequence import KeyCollector
 from humanoid_getup.motions.keyframes_file import load_keyframes

@@ -26,8 +26,8 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.backends import LOCK_STEP_MARGIN
 from humanoid_getup.cli.output import counting, to_json
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -67,10 +67,9 @@ def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
         )
         with driver:  # switches servo power on
             pass
-        session = RiseSession.on(
-            driver, strategy, max_attempts=1, then="limp", simulation=virtual.simulation
-        )
-        result = AttemptManager(session).get_up(np.random.default_rng(seed))
+        options = SessionOptions(simulation=virtual.simulation)
+        rng = np.random.default_rng(seed)
+        result = get_up(driver, strategy, seed=rng, max_attempts=1, options=options)
     return result.record()
 
 

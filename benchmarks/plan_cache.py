@@ -25,9 +25,9 @@ from rich.console import Console
 
 from drivers import Twin
 from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
-from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts import CLASSES, sample_falls, settle_posture
 from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.simulation.world import World
@@ -95,11 +95,12 @@ def perturb(world: World, start: Posture, angle: float, rng: np.random.Generator
     return read_posture(robot, world.model, settle_posture(world, lifted))
 
 
-def get_up(strategy: Strategy, start: Posture, seed: int) -> RiseResult:
+def rise(strategy: Strategy, start: Posture, seed: int) -> RiseResult:
     """Get the twin up from a posture, in one attempt."""
     with Twin(strategy.world, start, limit_by=strategy.torque_limit.by) as twin:
-        session = RiseSession.on(twin, strategy, max_attempts=1, settle=False)
-        return AttemptManager(session).get_up(np.random.default_rng(seed))
+        options = SessionOptions(settle=False)
+        rng = np.random.default_rng(seed)
+        return get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
 
 
 def main(
@@ -120,13 +121,13 @@ def main(
     with tempfile.TemporaryDirectory() as folder, counting("falls", len(falls)) as advance:
         for number, fall in enumerate(falls):
             solved = Path(folder, str(number))
-            get_up(CachedRise(planner, PlanCache(solved)), fall.posture, seed)
+            rise(CachedRise(planner, PlanCache(solved)), fall.posture, seed)
             for angle in angles:
                 copy = shutil.copytree(solved, Path(folder, f"{number} by {angle:g}"))
                 start = perturb(world, fall.posture, np.radians(angle), rng)
                 cached = CachedRise(planner, PlanCache(copy))
                 for way, strategy in (("fresh", planner), ("cache", cached)):
-                    result = get_up(strategy, start, seed + 1)
+                    result = rise(strategy, start, seed + 1)
                     tallies[angle, way].add(result, cached=way == "cache")
             advance(1)
     rows = {f"{angle:g} deg, {way}": tally.record() for (angle, way), tally in tallies.items()}

@@ -22,8 +22,8 @@ from rich.console import Console
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judge import APART, count_episodes
 from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.experiments.summary import summarize, wilson_interval
@@ -127,10 +127,9 @@ def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
     judged = preflight(world, plan.motion, voltage=VOLTAGE, start=fall.posture)
     record |= asdict(measure_quality(world, plan.motion))
     record["saturation_s"] = float(judged.figures.saturation.max())
-    session = RiseSession.on(
-        Twin(world, fall.posture), strategy, max_attempts=1, preflight=strategy.filtering
-    )
-    played = AttemptManager(session).get_up(np.random.default_rng(seed))
+    options = SessionOptions(preflight=strategy.filtering)
+    rng, twin = np.random.default_rng(seed), Twin(world, fall.posture)
+    played = get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
     return record | {"stood": played.stood, "reason": played.reason}
 
 

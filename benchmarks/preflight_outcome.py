@@ -27,8 +27,7 @@ from rich.table import Table
 
 from drivers import State, Twin
 from humanoid_getup.cli.output import counting, to_json
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
 from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.playback.preflight import MotionVerdict, Verdict
@@ -119,8 +118,8 @@ class Outcome:
 
 def rise(body: World, strategy: Strategy, fall: Fall, seed: list[int]) -> Outcome:
     """Let a body that fell rise by a strategy, and keep the verdict and the end."""
-    session = RiseSession.on(Twin(body, fall.posture), PlayAnyway(strategy), max_attempts=1)
-    result = AttemptManager(session).get_up(np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    result = get_up(Twin(body, fall.posture), PlayAnyway(strategy), seed=rng, max_attempts=1)
     verdict = result.attempts[0].verdict if result.attempts else None
     given = verdict.given if isinstance(verdict, UnheededVerdict) else None
     if not isinstance(given, MotionVerdict):

@@ -23,6 +23,6 @@ else:
         backend = hg.DynamixelBackend(
             world.robot, ports.paths, clock=CycleClock(), answer_margin=0.2
         )
-        result = hg.get_up(backend, planner, realtime=False)
+        result = hg.get_up(backend, planner, options=hg.SessionOptions(realtime=False))
         print(backend.statistics["main"])
 print(result)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from drivers.twin.backend import Twin
     from humanoid_getup.execution.get_up import get_up
     from humanoid_getup.execution.keep_stand import keep_stand
+    from humanoid_getup.execution.session import SessionOptions
     from humanoid_getup.experiments.starts import sample_fall
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -53,6 +54,7 @@ _HOMES = {
     "PlanCache": "humanoid_getup.strategies.plan_cache",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
     "SafetyGuard": "drivers.safety_guard",
+    "SessionOptions": "humanoid_getup.execution.session",
     "StoredMotion": "humanoid_getup.strategies.stored_motion",
     "Style": "humanoid_getup.style.style",
     "StyleCurves": "humanoid_getup.style.curves",
@@ -77,6 +79,7 @@ __all__ = [
     "PlanCache",
     "PlannedRise",
     "SafetyGuard",
+    "SessionOptions",
     "StoredMotion",
     "Style",
     "StyleCurves",

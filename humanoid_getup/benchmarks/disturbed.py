@@ -16,9 +16,8 @@ from humanoid_getup.benchmarks.disturbances import (
     disturb_world,
     turn_head,
 )
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES, rise_once
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.experiments.summary import summarize_records
 from humanoid_getup.playback.estimation import estimate_posture
@@ -111,14 +110,9 @@ class Trial:
 
     def rise(self, strategy: Strategy, fall: Fall, seed: list[int]) -> dict[str, Any]:
         """Get up once; return the record of the rise."""
-        session = RiseSession.on(
-            WeakTwin(self.world, self.start, self.strength, self.voltage),
-            strategy,
-            max_attempts=1,
-            start_class=fall.start_class,
-            support=self.world.scene.support,
-        )
-        result = AttemptManager(session).get_up(np.random.default_rng(seed))
+        options = SessionOptions(start_class=fall.start_class, support=self.world.scene.support)
+        twin = WeakTwin(self.world, self.start, self.strength, self.voltage)
+        result = rise_once(twin, strategy, seed, options)
         return result.record() | {"refused": result.run is None}
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from drivers import Twin
-from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.experiments.summary import summarize, summarize_records
 from humanoid_getup.simulation.world import World
@@ -107,35 +107,39 @@ def rise_all(
     report: Report,
     *,
     classes: Sequence[str] = BENCH_CLASSES,
-    **options: Any,
+    preflight: bool = True,
 ) -> list[dict[str, Any]]:
     """Rise from every fall on a fresh twin; return the labeled record of each rise.
 
-    The falls are in the order of the classes, as many of each; ``options`` are those of the
-    session.
+    The falls are in the order of the classes, as many of each.
     """
     records = []
     for number, fall in enumerate(falls):
-        rise = rise_from(strategy, fall, number, seed, **options)
+        rise = rise_from(strategy, fall, number, seed, preflight=preflight)
         bench_class = classes[number * len(classes) // len(falls)]
         records.append(rise.record() | {"bench_class": bench_class} | label)
         report(records[-1])
     return records
 
 
-def rise_from(strategy: Strategy, fall: Fall, number: int, seed: int, **options: Any) -> RiseResult:
-    """Rise from one of many falls, by its number, on a fresh twin."""
-    twin = Twin(strategy.world, fall.posture)
-    return _rise(twin, strategy, fall, [seed, 1, number], **options)
-
-
-def _rise(
-    twin: Twin, strategy: Strategy, fall: Fall, seed: list[int], **options: Any
+def rise_from(
+    strategy: Strategy, fall: Fall, number: int, seed: int, *, preflight: bool = True
 ) -> RiseResult:
-    session = RiseSession.on(
-        twin, strategy, max_attempts=1, start_class=fall.start_class, **options
+    """Rise from one of many falls, by its number, on a fresh twin."""
+    return rise_once(
+        Twin(strategy.world, fall.posture),
+        strategy,
+        [seed, 1, number],
+        SessionOptions(start_class=fall.start_class, preflight=preflight),
     )
-    return AttemptManager(session).get_up(np.random.default_rng(seed))
+
+
+def rise_once(
+    twin: Twin, strategy: Strategy, seed: list[int], options: SessionOptions
+) -> RiseResult:
+    """Try once to rise on a twin."""
+    rng = np.random.default_rng(seed)
+    return get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
 
 
 def _heat_up(strategy: Strategy, falls: list[Fall], seed: int) -> float:
@@ -146,7 +150,8 @@ def _heat_up(strategy: Strategy, falls: list[Fall], seed: int) -> float:
     for number, fall in enumerate(falls):
         twin.place(fall.posture)
         simulation.temperature[:] = temperature
-        _rise(twin, strategy, fall, [seed, 1, number])
+        options = SessionOptions(start_class=fall.start_class)
+        rise_once(twin, strategy, [seed, 1, number], options)
         simulation.release()
         for _ in range(round(REST / twin.period)):
             simulation.step(simulation.steps_per_period)

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers import Twin
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.benchmarks.rise import rise_from
 from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
 from humanoid_getup.experiments.summary import summarize_records
 from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
@@ -96,9 +94,9 @@ def bench_scenes(
             strategies = {name: way.make(group.world) for name, way in ways.items()}
             for fall in group.falls:
                 for name, way in ways.items():
-                    rng = np.random.default_rng([seed, 1, number])
-                    record = _rise(strategies[name], fall, rng, preflight=way.preflight)
-                    records.append(record | {"case": scene, "way": name, "fall": number})
+                    rise = rise_from(strategies[name], fall, number, seed, preflight=way.preflight)
+                    label = {"case": scene, "way": name, "fall": number}
+                    records.append(rise.record() | {"refused": rise.run is None} | label)
                     report(records[-1])
                 number += 1
     return {
@@ -111,20 +109,6 @@ def bench_scenes(
         },
         "rises": records,
     }
-
-
-def _rise(
-    strategy: Strategy, fall: Fall, rng: np.random.Generator, *, preflight: bool
-) -> dict[str, Any]:
-    session = RiseSession.on(
-        Twin(strategy.world, fall.posture),
-        strategy,
-        max_attempts=1,
-        start_class=fall.start_class,
-        preflight=preflight,
-    )
-    result = AttemptManager(session).get_up(rng)
-    return result.record() | {"refused": result.run is None}
 
 
 def _summarize(records: list[dict[str, Any]], scene: str, way: str) -> dict[str, Any]:

@@ -11,8 +11,8 @@ import numpy as np
 
 from drivers import Twin
 from humanoid_getup.execution.after_stand import AfterStand
-from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.execution.keep_stand import keep_stand
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.play import RolloutRandomization
 from humanoid_getup.experiments.standing import StanceMeter, is_upright
 from humanoid_getup.experiments.starts import settle_posture
@@ -89,7 +89,8 @@ def _sit(world: World, stand: Stand, limit: TorqueLimit) -> AfterStand:
     model.geom_friction[model.geom(GROUND).id, 0] = stand.friction
     place = World(world.robot, world.scene, model=model)
     twin = Twin(place, stand.posture, voltage=stand.voltage)
-    return StandKeeper(StandSession.on(twin, place, limit, preflight=False)).start()
+    options = SessionOptions(preflight=False)
+    return keep_stand(twin, place, torque_limit=limit, options=options)
 
 
 def _summarize(results: list[AfterStand]) -> dict[str, Any]:

@@ -20,8 +20,8 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -177,14 +177,12 @@ def _go_round(
     """Rise, hold the stand and lie down from it, then tumble."""
     robot = planner.world.robot
     cycles = count(1)
-    session = RiseSession.on(
-        guard,
-        planner,
+    options = SessionOptions(
         simulation=virtual.simulation,
         then="hold",
         is_released=lambda: next(cycles) * guard.period >= STAND_TIME,
     )
-    rise = AttemptManager(session).get_up(rng)
+    rise = get_up(guard, planner, seed=rng, options=options)
     counts.rises += 1
     counts.stood += rise.stood
     counts.attempts += rise.times_played

@@ -16,7 +16,7 @@ from humanoid_getup.cli.output import REPORT, console_for, staging, to_json, wri
 from humanoid_getup.cli.recording import FLIGHT
 from humanoid_getup.cli.session import run_session
 from humanoid_getup.execution.blind_play import BlindPlay, play_blind
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.strategies.stored_motion import StoredMotion
 
 NO_PICTURE = "without an IMU no one knows how the robot was turned"
@@ -31,7 +31,7 @@ def play_without_imu(command: Play, strategy: StoredMotion) -> int:
             "expected a robot whose robot.toml has neither [imu] nor [bus.board]"
         )
 
-    def prepare(session: RiseSession, _rng: np.random.Generator) -> Callable[[], BlindPlay]:
+    def prepare(session: Session, _rng: np.random.Generator) -> Callable[[], BlindPlay]:
         return lambda: play_blind(session, strategy.motion)
 
     def finish(result: BlindPlay, start: str) -> int:

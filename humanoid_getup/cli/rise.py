@@ -24,7 +24,7 @@ from humanoid_getup.cli.results import hand_over, reporting_hand_over
 from humanoid_getup.cli.session import run_session
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
@@ -151,8 +151,8 @@ def _get_up(
     The extra keys are those of the report.
     """
 
-    def prepare(session: RiseSession, rng: np.random.Generator) -> Callable[[], RiseResult]:
-        manager = AttemptManager(session)
+    def prepare(session: Session, rng: np.random.Generator) -> Callable[[], RiseResult]:
+        manager = AttemptManager(session, strategy, max_attempts=max_attempts)
         return lambda: manager.get_up(rng)
 
     def finish(result: RiseResult, start: str) -> int:
@@ -165,6 +165,5 @@ def _get_up(
         prepare,
         finish,
         motion=motion,
-        max_attempts=max_attempts,
         preflight=preflight,
     )

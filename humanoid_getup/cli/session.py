@@ -15,7 +15,7 @@ from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.session_hooks import Result, SessionHooks
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.experiments.starts import Fall, settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.placement import Placement
@@ -30,7 +30,7 @@ OWN_START = "the motion's own"
 def run_session(
     command: RunOptions,
     strategy: Strategy,
-    prepare: Callable[[RiseSession, np.random.Generator], Callable[[], Result]],
+    prepare: Callable[[Session, np.random.Generator], Callable[[], Result]],
     finish: Callable[[Result, str], int],
     *,
     motion: Motion | None = None,
@@ -48,7 +48,7 @@ def run_session(
         finish: Hands over the result, and where the robot started; returns the exit code.
         motion: The motion that is played, if it is known beforehand.
         without_imu: Whether the robot has no IMU.
-        options: Further fields of the session.
+        options: Further options of the session.
     """
     world, rng = strategy.world, np.random.default_rng(command.seed)
     opened = open_backend(command, world, strategy.torque_limit, without_imu=without_imu)
@@ -61,9 +61,7 @@ def run_session(
         log = make_log(command, world.robot, own_start and own_start.posture, **about)
         with recording(log) as recorder:
             hooks = SessionHooks(choice, recorder, report)
-            session = RiseSession.on(
-                choice.backend,
-                strategy,
+            chosen = SessionOptions(
                 start_class=start and start.start_class,
                 settle=own_start is None,
                 balance=command.balance,
@@ -72,6 +70,7 @@ def run_session(
                 **_locate(command),
                 **options,
             )
+            session = Session.on(choice.backend, world, strategy.torque_limit, chosen)
             result = hooks.work(session.guard, lambda: prepare(session, rng))
         report("drawing")
         origin = command.origin or (OWN_START if own_start else WHERE_IT_LAY)

@@ -9,8 +9,8 @@ from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over_stand, reporting_hand_over
 from humanoid_getup.cli.session_hooks import SessionHooks
+from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.execution.stand_session import StandSession
 from humanoid_getup.experiments.starts import settle_posture
 from robots.kinematics import read_posture
 
@@ -33,14 +33,10 @@ def _keep_stand(command: Sit | Hold) -> int:
     with phase("opening the backend") as report, opened as choice:
         with recording(make_log(command, world.robot)) as recorder:
             hooks, place = SessionHooks(choice, recorder, report), choice.place
-            session = StandSession.on(
-                choice.backend,
-                world,
-                limit,
-                then=command.ending,
-                place=place and (lambda: place(at_rest)),
-                **hooks.fields(),
+            options = SessionOptions(
+                then=command.ending, place=place and (lambda: place(at_rest)), **hooks.fields()
             )
+            session = Session.on(choice.backend, world, limit, options)
             result = hooks.work(session.guard, lambda: StandKeeper(session).start)
         report("drawing")
         with reporting_hand_over(result):

@@ -11,7 +11,7 @@ from drivers.control_loop import Pacer
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import Recovery, StoppedError, UnrecoveredError
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.starts import UNCLASSED, classify
 from humanoid_getup.motions.posture_metric import measure_tilt
@@ -20,7 +20,7 @@ from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.play import play_engaged
 from humanoid_getup.playback.preflight import FAR_TILT, Verdict
 from humanoid_getup.playback.supervisor import Supervisor
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from robots import Posture
 
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
@@ -42,9 +42,23 @@ class AttemptManager:
     that stands is kept standing, lies down, goes limp or is handed over, as the session says.
     """
 
-    def __init__(self, session: RiseSession) -> None:
+    def __init__(self, session: Session, strategy: Strategy, *, max_attempts: int = 3) -> None:
+        """Prepare to get the robot of a session up, by the plans of a strategy.
+
+        Raises:
+            ValueError: if it may not even try once, or does not know where in its scene it lies.
+        """
+        if max_attempts < 1:
+            raise ValueError(f"max_attempts is {max_attempts}, expected 1 or more")
+        scene = session.world.scene
+        if session.locate is None and not scene.is_flat:
+            raise ValueError(
+                f"scene '{scene.name}' is not the same everywhere, expected `locate`, which tells "
+                "where in it the robot lies"
+            )
         self._session, self._guard = session, session.guard
-        self._keeper = StandKeeper(session.stand)
+        self._strategy, self._max_attempts = strategy, max_attempts
+        self._keeper = StandKeeper(session)
         self._number = 1
         self._moved = 0  # times
         self._recovery = Recovery(
@@ -83,7 +97,7 @@ class AttemptManager:
     def _try_all(
         self, attempts: list[Attempt], rng: np.random.Generator
     ) -> tuple[AttemptStatus, str]:
-        most = self._session.max_attempts
+        most = self._max_attempts
         for self._number in range(1, most + 1):
             attempt = self._attempt(rng)
             attempts.append(attempt)
@@ -145,7 +159,7 @@ class AttemptManager:
             posture = self._estimate(state)
             side = classify(posture.orientation) or UNCLASSED
             self._report(Phase.PLANNING, self._describe(side, len(refused)))
-            plan = self._session.strategy.plan(posture, rng)
+            plan = self._strategy.plan(posture, rng)
             attempt, controller = self._judge(plan, state)
             attempt = replace(attempt, start_class=side)
             verdict = attempt.verdict
@@ -178,13 +192,13 @@ class AttemptManager:
         if not session.balance:
             plan = plan.open_loop() or plan
         attempt = Attempt(number=self._number, plan=plan)
-        controller = plan.controller(session.strategy)
+        controller = plan.controller(self._strategy)
         if controller is None or not session.preflight:
             return attempt, controller
         self._report(Phase.PREFLIGHT, plan.title)
         plan, verdict = self._preflight(plan, state)
         attempt = replace(attempt, plan=plan, verdict=verdict)
-        controller = plan.controller(session.strategy)
+        controller = plan.controller(self._strategy)
         if controller is None or not verdict.passed:
             return replace(attempt, refusal=str(verdict)), None
         down = self._keeper.preflight(state)
@@ -194,7 +208,7 @@ class AttemptManager:
 
     def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
         """Judge a plan, and without its feedback if it falls with it; return which is played."""
-        strategy = self._session.strategy
+        strategy = self._strategy
         verdict = plan.preflight(strategy, state, self._locate)
         other = plan.open_loop() if verdict.falls else None
         if other is not None:
@@ -222,7 +236,7 @@ class AttemptManager:
         return self._estimate(self._measure())
 
     def _estimate(self, state: State) -> Posture:
-        world, locate = self._session.strategy.world, self._session.locate
+        world, locate = self._session.world, self._session.locate
         return estimate_posture(world, state, locate() if locate else None)
 
     def _measure(self) -> State:

@@ -9,7 +9,7 @@ from typing import Any
 from drivers import Cycle, DriverError, Ending, RunReport, State, engaged, run_engaged
 from drivers.control_loop import Pacer
 from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.experiments.joint_figures import JointFigures
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import FaultedError, StartError, settle
@@ -83,7 +83,7 @@ class BlindPlay:
         }
 
 
-def play_blind(session: RiseSession, motion: Motion) -> BlindPlay:
+def play_blind(session: Session, motion: Motion) -> BlindPlay:
     """Play a motion open loop, without an IMU; torque is off afterwards.
 
     The robot settles, as its joints tell; the preflight rolls the motion out from its own start,
@@ -103,7 +103,7 @@ def play_blind(session: RiseSession, motion: Motion) -> BlindPlay:
         return replace(play, refusal=str(error), by_fault=True)
 
 
-def _settle(session: RiseSession) -> State:
+def _settle(session: Session) -> State:
     _report(session, Phase.SETTLING)
     if session.settle:
         return settle(session.guard, Pacer(session.guard.period) if session.realtime else None)
@@ -111,24 +111,24 @@ def _settle(session: RiseSession) -> State:
         return session.guard.read()
 
 
-def _preflight(session: RiseSession, play: BlindPlay, state: State) -> BlindPlay:
+def _preflight(session: Session, play: BlindPlay, state: State) -> BlindPlay:
     if not session.preflight:
         return play
     _report(session, Phase.PREFLIGHT)
     verdict = preflight(
-        session.strategy.world,
+        session.world,
         play.motion,
         voltage=state.voltage,
-        torque_limit=session.strategy.torque_limit,
+        torque_limit=session.torque_limit,
         temperature=state.temperature,
         balanced=False,
     )
     return replace(play, verdict=verdict, refusal=None if verdict.passed else str(verdict))
 
 
-def _play(session: RiseSession, play: BlindPlay) -> BlindPlay:
+def _play(session: Session, play: BlindPlay) -> BlindPlay:
     """Play the motion and hold its end, in one piece."""
-    world, limit = session.strategy.world, session.strategy.torque_limit.value
+    world, limit = session.world, session.torque_limit.value
     cycles: list[Cycle] = []
     supervisor = supervise_motion(world, play.motion, torque_limit=limit, balanced=False)
     hold = None
@@ -157,7 +157,7 @@ def _play(session: RiseSession, play: BlindPlay) -> BlindPlay:
 
 
 def _run(
-    session: RiseSession, supervisor: Supervisor, longest: float, keep: Callable[[Cycle], None]
+    session: Session, supervisor: Supervisor, longest: float, keep: Callable[[Cycle], None]
 ) -> RunReport:
     def observe(cycle: Cycle) -> None:
         keep(cycle)
@@ -176,5 +176,5 @@ def _run(
     return run
 
 
-def _report(session: RiseSession, phase: Phase, detail: str = "") -> None:
+def _report(session: Session, phase: Phase, detail: str = "") -> None:
     session.on_phase(PhaseChange(phase, 1, detail or phase.value))

@@ -20,7 +20,7 @@ from drivers import (
 from drivers.errors import NoImuError
 from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.execution.stand_session import StandSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_watch import StandWatch
 from humanoid_getup.experiments.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.motions.motion_database import find_lying_down
@@ -38,7 +38,7 @@ class StandKeeper:
     are never without commands. What fails ends with torque off.
     """
 
-    def __init__(self, session: StandSession) -> None:
+    def __init__(self, session: Session) -> None:
         """Prepare to keep the stand of a robot.
 
         Raises:

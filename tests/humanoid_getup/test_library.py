@@ -13,7 +13,7 @@ import pytest
 import humanoid_getup as hg
 from drivers.dynamixel.backend import DynamixelBackend
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.experiments.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.scenes.scene import FLAT_SCENE
 
@@ -55,7 +55,7 @@ def test_every_public_name_is_there_and_is_listed():
     names = "load_robot Body World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall get_up"
     names += (
         " keep_stand PlannedRise CachedRise PlanCache LearnedRise StoredMotion Motion OnnxPolicy"
-        " Style StyleCurves StyledRise load_style"
+        " SessionOptions Style StyleCurves StyledRise load_style"
     )
     assert set(hg.__all__) == set(names.split())
     for name in hg.__all__:
@@ -99,24 +99,24 @@ def test_a_twin_starts_where_it_is_put(world):
 
 def test_a_strategy_brings_its_torque_limit_to_the_twin_and_its_guard(world):
     twin, strategy = hg.Twin(world), hg.StoredMotion(world, MOTION, torque_limit=LIMIT)
-    session = RiseSession.on(twin, strategy)
+    session = Session.on(twin, world, strategy.torque_limit)
     assert twin.limit_by == "pwm"
     assert np.all(session.guard.limits.torque_limit == 2.5)
     assert isinstance(session.make_judge(), GroundTruthJudge)
-    RiseSession.on(twin, hg.StoredMotion(world, MOTION))
+    Session.on(twin, world)
     assert twin.limit_by == "current", "OP3's own"
 
 
 def test_a_guard_is_taken_as_it_is(world):
     guard = hg.SafetyGuard(hg.Twin(world))
-    session = RiseSession.on(guard, hg.StoredMotion(world, MOTION))
+    session = Session.on(guard, world)
     assert session.guard is guard
     assert isinstance(session.make_judge(), GroundTruthJudge)
 
 
 def test_a_robot_on_a_bus_is_judged_by_its_sensors_and_may_reboot_servos(op3, world):
     backend = DynamixelBackend(op3, {"main": "/dev/none"})
-    session = RiseSession.on(backend, hg.StoredMotion(world, MOTION))
+    session = Session.on(backend, world)
     assert isinstance(session.make_judge(), SensorJudge)
     assert session.services is backend
 

@@ -6,7 +6,6 @@ import pytest
 import humanoid_getup as hg
 from drivers import SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
-from humanoid_getup.execution.rise_session import RiseSession
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
 from robots import Robot
@@ -41,4 +40,4 @@ def test_a_robot_that_does_not_know_its_place_is_refused(op3: Robot):
     world = hg.World(op3, load_scene("wall", op3))
     guard = SafetyGuard(DynamixelBackend(op3, {"main": "/dev/none"}))
     with pytest.raises(ValueError, match="scene 'wall' is not the same everywhere"):
-        RiseSession.on(guard, hg.PlannedRise(world))
+        hg.get_up(guard, hg.PlannedRise(world))

@@ -11,9 +11,9 @@ from drivers import Twin
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.rise import Play
 from humanoid_getup.cli.results import hand_over
-from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.experiments.starts import classify, settle_posture
 from humanoid_getup.motions.motion import Motion
@@ -151,7 +151,7 @@ def played(op3: Robot, world: World) -> RiseResult:
     at_rest = settle_posture(world, squat.posture(0))
     twin.place(read_posture(op3, world.model, at_rest))
     strategy = StoredMotion(world, squat)
-    session = RiseSession.on(twin, strategy, max_attempts=1, settle=False)
-    result = AttemptManager(session).get_up(np.random.default_rng(0))
+    options = SessionOptions(settle=False)
+    result = get_up(twin, strategy, max_attempts=1, options=options)
     assert result.stood
     return result

@@ -13,7 +13,7 @@ from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance
@@ -111,16 +111,17 @@ def manage(world: World, twin: Ailing, phases: list[PhaseChange]):
 
     def manage(plans, guard=None, services=None, sensed=False, **options) -> AttemptManager:
         plans.world = world
-        options = {"max_attempts": 3, "preflight": False, "cooling": FAST} | options
-        session = RiseSession(
+        most = options.pop("max_attempts", 3)
+        if services is not None:
+            twin.reboot = services.reboot
+        session = Session(
             guard=guard or SafetyGuard(twin),
-            strategy=plans,
+            world=world,
             simulation=None if sensed else twin.simulation,
-            services=services,
             on_phase=phases.append,
-            **options,
+            **{"preflight": False, "cooling": FAST} | options,
         )
-        return AttemptManager(session)
+        return AttemptManager(session, plans, max_attempts=most)
 
     return manage
 

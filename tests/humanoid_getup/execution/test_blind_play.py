@@ -13,9 +13,9 @@ from drivers.errors import NoImuError, SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.blind_play import UNKNOWN, play_blind
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.experiments.judge import SensorJudge
 from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
@@ -51,13 +51,10 @@ def place_at_start(world: World, motion) -> Posture:
 def play_on_twin(world: World, motion, start: Posture, **options):
     """Play on a twin; return the result and the targets of every cycle."""
     sent = []
-    session = RiseSession.on(
-        Twin(world, start, without_imu=True),
-        StoredMotion(world, motion),
-        settle=False,
-        on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos),
-        **options,
+    chosen = SessionOptions(
+        settle=False, on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos), **options
     )
+    session = Session.on(Twin(world, start, without_imu=True), world, options=chosen)
     return play_blind(session, motion), np.array(sent)
 
 
@@ -98,14 +95,13 @@ def test_a_robot_that_is_held_keeps_its_last_targets_until_a_key_is_pressed(bare
     start = place_at_start(bare, squat)
     twin = Twin(bare, start, without_imu=True)
     sent = []
-    session = RiseSession.on(
-        twin,
-        StoredMotion(bare, squat),
+    options = SessionOptions(
         settle=False,
         then="hold",
         is_released=is_released,
         on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos),
     )
+    session = Session.on(twin, bare, options=options)
     result = play_blind(session, squat)
     assert result.hold is not None
     assert result.hold.duration >= 45 * bare.robot.control_period
@@ -129,7 +125,8 @@ def test_the_virtual_bus_plays_it_without_board_and_imu(bare, squat):
         driver = DynamixelBackend(
             bare.robot, ports.paths, clock=CycleClock(), answer_margin=0.2, without_imu=True
         )
-        session = RiseSession.on(driver, StoredMotion(bare, squat), settle=False)
+        options = SessionOptions(settle=False, then="limp", realtime=False)
+        session = Session.on(driver, bare, options=options)
         result = play_blind(session, squat)
         assert result.reason == UNKNOWN
 
@@ -147,8 +144,7 @@ def test_a_twin_whose_robot_has_no_imu_says_so(bare):
 
 def test_no_attempt_is_made_without_an_orientation(world, squat):
     backend = Twin(world, place_at_start(world, squat), without_imu=True)
-    session = RiseSession.on(backend, StoredMotion(world, squat), max_attempts=1)
-    result = AttemptManager(session).get_up(np.random.default_rng(0))
+    result = get_up(backend, StoredMotion(world, squat), max_attempts=1)
     assert not result.stood
     assert "has no IMU" in result.reason
     assert result.run is None
@@ -188,7 +184,7 @@ def test_a_guard_still_stands_between_the_motion_and_the_servos(bare, squat):
     start = place_at_start(bare, squat)
     guard = SafetyGuard(Twin(bare, start, without_imu=True))
     guard.stop("a key")
-    session = RiseSession.on(guard, StoredMotion(bare, squat), settle=False)
+    session = Session.on(guard, bare, options=SessionOptions(settle=False))
     result = play_blind(session, squat)
     assert result.by_fault
     assert not result.played

@@ -10,11 +10,12 @@ from prone_motions import RIGHT, WRONG
 
 from drivers import Twin
 from humanoid_getup.execution import attempt_manager
-from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS, AttemptManager
+from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
+from humanoid_getup.execution.get_up import get_up as get_robot_up
 from humanoid_getup.execution.phase import Phase
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.motions.motion import NO_END, Motion
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
@@ -67,8 +68,8 @@ def get_up(
     world: World, prone: Posture, plans: list[RisePlan], **options
 ) -> tuple[RiseResult, Plans]:
     strategy = Plans(world, plans)
-    session = RiseSession.on(Twin(world, prone), strategy, max_attempts=1, **options)
-    return AttemptManager(session).get_up(np.random.default_rng(0)), strategy
+    chosen, twin = SessionOptions(**options), Twin(world, prone)
+    return get_robot_up(twin, strategy, max_attempts=1, options=chosen), strategy
 
 
 def test_a_searched_plan_that_falls_in_the_preflight_is_made_again(world, prone, motions):

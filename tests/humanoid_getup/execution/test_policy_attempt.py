@@ -13,7 +13,7 @@ from tiny_policies import save_policy, weights_of
 from drivers import Ending, SafetyGuard, State, Twin
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
@@ -128,13 +128,9 @@ def test_a_policy_that_loses_its_numbers_is_given_up_and_told(lost: OnnxPolicy):
 def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[RiseResult, Twin]:
     twin = Twin(world, voltage=options.pop("voltage", None))
     twin.place(start)
-    session = RiseSession(
-        guard=SafetyGuard(twin),
-        strategy=LearnedRise(world, policy, name="mine"),
-        max_attempts=1,
-        **options,
-    )
-    return AttemptManager(session).get_up(np.random.default_rng(0)), twin
+    session = Session(guard=SafetyGuard(twin), world=world, **options)
+    manager = AttemptManager(session, LearnedRise(world, policy, name="mine"), max_attempts=1)
+    return manager.get_up(np.random.default_rng(0)), twin
 
 
 def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(world, idle, supine):

@@ -19,7 +19,7 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
@@ -50,16 +50,15 @@ def rise_and_break(
             if next(cycles) == STRIKE:
                 strike(ports.main.faults, guard)
 
-        session = RiseSession(
+        session = Session(
             guard=guard,
-            strategy=PlannedRise(world, load_database(op3)),
-            max_attempts=attempts,
+            world=world,
             simulation=virtual.simulation,
-            services=driver,
             on_phase=phases.append,
             on_cycle=look,
         )
-        rise = AttemptManager(session).get_up(rng)
+        strategy = PlannedRise(world, load_database(op3))
+        rise = AttemptManager(session, strategy, max_attempts=attempts).get_up(rng)
     return rise, phases, virtual
 
 

@@ -16,9 +16,8 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.execution.stand_session import StandSession
 from humanoid_getup.experiments.starts import classify, settle_posture
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.simulation.world import World
@@ -47,8 +46,13 @@ def after(seconds: float, period: float):
 
 def get_up(backend, rise: hg.StoredMotion, **options):
     """Play the rise, from a squat that is not given time to fall over."""
-    session = RiseSession.on(backend, rise, max_attempts=1, settle=False, **options)
-    return AttemptManager(session).get_up(np.random.default_rng(0))
+    chosen = SessionOptions(settle=False, **options)
+    return hg.get_up(backend, rise, max_attempts=1, options=chosen)
+
+
+def begin(backend, world: World, **options) -> Session:
+    """Begin a session with a robot that stands."""
+    return Session.on(backend, world, options=SessionOptions(**({"then": "sit"} | options)))
 
 
 def test_a_robot_that_stands_sits_and_lies_down_and_is_limp_then(world: World, op3: Robot):
@@ -138,13 +142,13 @@ def test_the_default_drops_no_robot_on_servos(world: World, rise: hg.StoredMotio
     """A robot that never comes to rest shows the session that it was given, and nothing moves."""
     asked: list[str | None] = []
 
-    class Recorded(RiseSession):
-        def __post_init__(self) -> None:
-            asked.append(self.then)
+    class Recorded(AttemptManager):
+        def __init__(self, session: Session, *_strategy, **_options) -> None:
+            asked.append(session.then)
             raise InterruptedError
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("humanoid_getup.execution.get_up.RiseSession", Recorded)
+        patch.setattr("humanoid_getup.execution.get_up.AttemptManager", Recorded)
         virtual = VirtualRobot(Simulation(world))
         with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
             for backend in (Twin(world), DynamixelBackend(world.robot, ports.paths)):
@@ -166,7 +170,9 @@ class Pushed(Twin):
 
 def test_a_robot_pushed_over_while_it_is_held_goes_limp(world: World, op3: Robot):
     twin = Pushed(world, op3.standing)
-    result = hg.keep_stand(twin, world, then="hold", is_released=after(20.0, twin.period))
+    result = StandKeeper(
+        begin(twin, world, then="hold", is_released=after(20.0, twin.period))
+    ).start()
     assert not result.succeeded
     assert result.way_down is None
     assert result.hold is not None
@@ -193,13 +199,11 @@ def test_a_robot_that_stands_or_lies_down_is_watched(
             return replace(state, time=5.5)
 
     twin = Ailing(world, op3.standing)
-    result = hg.keep_stand(
-        twin,
-        world,
-        then="hold",
+    options = SessionOptions(
         is_released=after(8.0 if phase is Phase.HOLDING else 1.0, twin.period),
         on_phase=lambda change: phases.append(change.phase),
     )
+    result = hg.keep_stand(twin, world, then="hold", options=options)
     assert not result.succeeded
     step = result.hold if phase is Phase.HOLDING else result.way_down
     assert step is not None
@@ -234,7 +238,7 @@ def test_a_robot_that_has_no_way_down_is_refused_before_it_moves(tiny: Robot):
 
 def test_a_way_down_that_the_supply_does_not_allow_is_refused(world: World, op3: Robot):
     twin = Twin(world, op3.standing, voltage=9.0)
-    result = StandKeeper(StandSession.on(twin, world)).start()
+    result = StandKeeper(begin(twin, world)).start()
     assert result.refusal is not None
     assert result.refusal.startswith("the supply is too low: 9.0 V")
     assert result.by_fault
@@ -252,9 +256,7 @@ class Turned(Twin):
 def test_a_robot_that_stood_lies_down_whenever_it_is_released(world: World, op3: Robot):
     """By its sensors, as a robot is judged: 3 s without a break are over 1 s too late."""
     twin = Turned(world, op3.standing)
-    session = StandSession.on(
-        twin, world, then="hold", is_released=after(10.0, twin.period), simulation=None
-    )
+    session = begin(twin, world, then="hold", is_released=after(10.0, twin.period))
     result = StandKeeper(replace(session, simulation=None)).start()
     assert result.succeeded, result.reason
     assert result.record()["held_s"] == pytest.approx(10.0, abs=0.1)
@@ -273,7 +275,7 @@ def test_a_robot_that_sways_on_lies_down_all_the_same(world: World, op3: Robot, 
             return replace(state, gyro=state.gyro + np.array([0.0, 0.0, 1.2 * (state.time < 8.0)]))
 
     twin = Swaying(world, op3.standing)
-    session = StandSession.on(twin, world, then="hold")
+    session = begin(twin, world, then="hold")
     result = StandKeeper(replace(session, simulation=None)).start()
     assert not result.succeeded
     assert result.way_down is not None
@@ -322,7 +324,7 @@ def test_an_interrupted_hold_leaves_the_robot_limp(world: World, op3: Robot):
 
     twin = Twin(world, op3.standing)
     with pytest.raises(KeyboardInterrupt):
-        hg.keep_stand(twin, world, then="hand-over", on_cycle=interrupt)
+        hg.keep_stand(twin, world, then="hand-over", options=SessionOptions(on_cycle=interrupt))
     assert not twin.simulation.has_torque
     assert not twin.simulation.on_sensor_update, "a judge goes on sampling after the run"
     assert twin.release is Release.LIMP

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from drivers import SafetyGuard, State, Twin
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.judge import GroundTruthJudge
 from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.experiments.starts import sample_falls, settle_posture
@@ -281,8 +280,7 @@ def test_a_planned_rise_that_would_stand_is_never_given_up(world: World, kind: s
     planner = PlannedRise(world, load_database(world.robot))
     twin = Twin(world)
     twin.place(fall.posture)
-    session = RiseSession.on(twin, planner, max_attempts=1)
-    (attempt,) = AttemptManager(session).get_up(rng).attempts
+    (attempt,) = get_up(twin, planner, seed=rng, max_attempts=1).attempts
     if attempt.abort is None:
         assert attempt.stood
         return

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from drivers import Twin
-from humanoid_getup.execution.attempt_manager import MOST_PLANS, AttemptManager
+from humanoid_getup.execution.attempt_manager import MOST_PLANS
+from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus
-from humanoid_getup.execution.rise_session import RiseSession
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
@@ -285,8 +286,8 @@ def test_a_plan_that_the_preflight_refuses_leaves_the_cache(world, database, sta
     planner = CountingPlanner(world, database, answer=refused)
     cache = PlanCache(tmp_path)
     with Twin(world, start) as twin:
-        session = RiseSession.on(twin, CachedRise(planner, cache), max_attempts=2, settle=False)
-        result = AttemptManager(session).get_up(np.random.default_rng(0))
+        options = SessionOptions(settle=False)
+        result = get_up(twin, CachedRise(planner, cache), max_attempts=2, options=options)
     assert result.status is AttemptStatus.NEEDS_HELP
     assert "preflight refused" in result.reason
     assert len(planner.states) == 2 * MOST_PLANS

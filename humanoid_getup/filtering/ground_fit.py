@@ -9,6 +9,7 @@ from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.kinematics import leg_length, place_postures
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 FLAT_FROM, FLAT_AT = 0.7, 0.95  # vertical part of a sole's normal: not on the ground, on it
 PLACE_COST = 5.0  # of a sole that misses its place by 1 m, beside its tilt by 1 rad
@@ -64,7 +65,7 @@ class GroundFit:
         data.qpos[:] = qpos
         mujoco.mj_kinematics(self._world.model, data)
         position, matrix = data.site_xpos[self._soles], data.site_xmat[self._soles]
-        return position, matrix, _smooth((matrix[:, 8] - FLAT_FROM) / (FLAT_AT - FLAT_FROM))
+        return position, matrix, smooth_step((matrix[:, 8] - FLAT_FROM) / (FLAT_AT - FLAT_FROM))
 
     def shift_legs(self, qpos: Array) -> Array:
         """Compute what to add to the joint angles of one posture, (n,).
@@ -112,12 +113,6 @@ class GroundFit:
         axis /= np.maximum(sine, 1e-9)[:, None]
         turn = quaternion.from_axis_angle(axis, share * np.arctan2(sine, ground[:, 2]))
         return quaternion.rotate(turn, normal)
-
-
-def _smooth(share: Array) -> Array:
-    """Smooth a share, from 0 to 1."""
-    share = np.clip(share, 0.0, 1.0)
-    return share * share * (3.0 - 2.0 * share)
 
 
 def _solve(slide: Array, turn: Array, off: Array, miss: Array, shift: Array) -> Array:

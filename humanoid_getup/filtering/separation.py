@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 MARGINS = (0.005, 0.01, 0.002)  # m, in turn
 FADES = (0.15, 0.4)  # s
@@ -120,5 +121,4 @@ class Separation:
         """Return 1 while bodies touch, and smoothly less before and after, (length,)."""
         time = np.arange(length)
         away = np.maximum(touch.first - time, time - touch.last) * self._robot.control_period
-        share = np.clip(1.0 - away / fade, 0.0, 1.0)
-        return share * share * (3.0 - 2.0 * share)
+        return smooth_step(1.0 - away / fade)

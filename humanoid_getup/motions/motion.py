@@ -16,6 +16,7 @@ from robots import Posture, Robot, quaternion
 from robots.arrays import NUMBERS, load_arrays, save_arrays, to_text
 from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 Bools = NDArray[np.bool_]
 StartClass = Literal["supine", "prone", "left", "right", "squat", "standing"]
@@ -262,6 +263,5 @@ def join(motion: Motion, frame: int, joint_pos: Array, period: float) -> Array:
     the load on the servos there, is blended in smoothly.
     """
     time = np.arange(motion.time[frame], motion.time[-1] + 0.5 * period, period)
-    share = np.clip((time - time[0]) / BLEND, 0.0, 1.0)[:, None]
-    share = share * share * (3.0 - 2.0 * share)
+    share = smooth_step((time - time[0]) / BLEND)[:, None]
     return motion.sample(time) - (1.0 - share) * (motion.joint_target[frame] - joint_pos)

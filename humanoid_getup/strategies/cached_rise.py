@@ -28,6 +28,7 @@ from humanoid_getup.strategies.search_record import SearchRecord
 from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 SAME_ANGLE = 0.001  # rad; less than a tick of an encoder
 MOST_DISTANCE = 0.5  # posture metric; a little more than 5 degrees in every joint
@@ -262,8 +263,7 @@ def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
 
 def _fade(time: Array) -> Array:
     """Return the share of the difference that is left at times [s], smoothly from 1 to 0."""
-    share = np.clip(time / FADE, 0.0, 1.0)
-    return 1.0 - share * share * (3.0 - 2.0 * share)
+    return 1.0 - smooth_step(time / FADE)
 
 
 def compute_fingerprint(planner: PlannedRise) -> str:

@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from humanoid_getup.style.features import mirror_features
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 POINTS = 9
 PIECES = POINTS - 1
@@ -194,8 +195,7 @@ class CurveTargets:
         ahead = (slice(None), *(np.newaxis,) * (time.ndim - 1))
         duration, entered = self.duration[ahead], self._entered[ahead]
         blend = np.maximum(BLEND_SHARE * (duration - entered), 1e-3)
-        left = 1.0 - np.clip((time - entered) / blend, 0.0, 1.0)
-        fade = left * left * (3.0 - 2.0 * left)
+        fade = smooth_step(1.0 - (time - entered) / blend)
         targets = evaluate(self._pieces, np.clip(time / duration, 0.0, 1.0))
         return targets + fade[..., np.newaxis] * self._offset[(*ahead, slice(None))]
 

@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from robots import Robot
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 from sim2real.motion_discovery.learned_rise import LearnedRise
 
 BALANCING = 1.0  # s of a policy's balancing that belong to a rise: it catches what it has not held
@@ -34,8 +35,7 @@ def shape(robot: Robot, rise: LearnedRise, smoothing: float) -> Array:
     target = _limit_steps(_smooth(rise.target[:count], smoothing / period), fastest * period)
     way = robot.standing.joint_pos - target[-1]
     duration = max(HOMING, PEAK * float((np.abs(way) / fastest).max()))
-    share = np.linspace(0.0, 1.0, math.ceil(duration / period) + 1)[1:, None]
-    share = share * share * (3.0 - 2.0 * share)
+    share = smooth_step(np.linspace(0.0, 1.0, math.ceil(duration / period) + 1))[1:, None]
     return np.concatenate([target, target[-1] + share * way])
 
 

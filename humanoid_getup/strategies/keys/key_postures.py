@@ -19,6 +19,7 @@ from humanoid_getup.strategies.keys.key_record import CLOSE_TILT, KeyPass, KeyRe
 from humanoid_getup.strategies.keys.key_routes import RESTS, KeyRoutes
 from robots import Posture
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 CORRECTIONS = 3  # times that targets are shifted by the error at each key
 FLAT, FADE = 0.1, 0.3  # s around a key in which targets are shifted in full, and until not at all
@@ -184,8 +185,7 @@ class KeyedSearch:
     def _bump(self, length: int, frame: int) -> Array:
         """Return the share of a shift around a frame, (length, 1): smoothly from 1 to 0."""
         away = np.abs(np.arange(length) - frame) * self._world.robot.control_period
-        share = np.clip(1.0 - (away - FLAT) / FADE, 0.0, 1.0)
-        return (share * share * (3.0 - 2.0 * share))[:, None]
+        return smooth_step(1.0 - (away - FLAT) / FADE)[:, None]
 
     def _finish(
         self,

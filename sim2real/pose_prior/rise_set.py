@@ -22,7 +22,7 @@ PERIOD = 0.048  # s between two frames of a rise
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rise:
+class CollectedRise:
     """One rise on flat ground: MuJoCo positions every `PERIOD`, from lying to standing."""
 
     source: str
@@ -51,7 +51,7 @@ class RiseSet:
         return len(self.sources)
 
     @staticmethod
-    def join(robot: Robot, rises: Sequence[Rise]) -> RiseSet:
+    def join(robot: Robot, rises: Sequence[CollectedRise]) -> RiseSet:
         """Join rises of a robot."""
         return RiseSet(
             robot=robot,

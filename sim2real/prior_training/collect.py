@@ -24,7 +24,7 @@ from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.starts.settled_falls import drop_falls
 from sim2real.policy_evaluation import roll_out_policy
-from sim2real.pose_prior.rise_set import PERIOD, POLICY_SOURCE, Rise
+from sim2real.pose_prior.rise_set import PERIOD, POLICY_SOURCE, CollectedRise
 
 PRIOR_SEED = 7_003  # makes these falls differ from those of trainings and evaluations
 LONGEST = 8.0  # s of a policy's rollout
@@ -96,14 +96,16 @@ def _failed(file: Path) -> Path:
     return file.with_suffix(".none")
 
 
-def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) -> Rise:
+def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) -> CollectedRise:
     """Read the frames of a motion."""
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, PERIOD)
     k = np.clip(np.searchsorted(motion.time, time), 0, len(motion.time) - 1)
     qpos = place_postures(
         robot, model, motion.position[k], motion.orientation[k], motion.joint_pos[k]
     )
-    return Rise(source=f"{kind}: {motion.strategy}", qpos=qpos, joint_target=motion.joint_target[k])
+    return CollectedRise(
+        source=f"{kind}: {motion.strategy}", qpos=qpos, joint_target=motion.joint_target[k]
+    )
 
 
 def load_policy(robot: Robot, name: str) -> OnnxPolicy:
@@ -120,7 +122,9 @@ def load_policy(robot: Robot, name: str) -> OnnxPolicy:
     return policy
 
 
-def roll_out(robot: Robot, name: str, policy: OnnxPolicy, count: int, seed: int) -> Iterator[Rise]:
+def roll_out(
+    robot: Robot, name: str, policy: OnnxPolicy, count: int, seed: int
+) -> Iterator[CollectedRise]:
     """Roll out a policy from settled falls; yield the rises that stood."""
     world = build_training_world(
         robot, World(robot, "flat").scene, robot.choose_timestep(PHYSICS_STEP)
@@ -138,7 +142,7 @@ def roll_out(robot: Robot, name: str, policy: OnnxPolicy, count: int, seed: int)
             joint_pos = qpos[:, robot.layout(model).qpos]
             # What is sent shortly before is where the joints are one step later, or beyond.
             target = np.concatenate([joint_pos[1:], joint_pos[-1:]])
-            yield Rise(source=f"{POLICY_SOURCE}{name}", qpos=qpos, joint_target=target)
+            yield CollectedRise(source=f"{POLICY_SOURCE}{name}", qpos=qpos, joint_target=target)
 
 
 def collect_rises(
@@ -150,7 +154,7 @@ def collect_rises(
     *,
     jobs: int = 1,
     report: Callable[[float], None] = lambda _: None,
-) -> list[Rise]:
+) -> list[CollectedRise]:
     """Collect the robot's stored motions, ``count`` planned rises, and half as many of policies.
 
     Raises:

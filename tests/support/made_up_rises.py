@@ -4,7 +4,7 @@ import numpy as np
 
 from robots import Robot
 from sim2real.pose_prior.pose_prior import Network, PosePrior
-from sim2real.pose_prior.rise_set import Rise, RiseSet
+from sim2real.pose_prior.rise_set import CollectedRise, RiseSet
 
 RIGHT = np.pi / 2
 
@@ -28,7 +28,7 @@ def make_rises(robot: Robot, count: int = 6) -> RiseSet:
         joint_pos[:, robot.joint_names.index("l_el")] += 0.1 * number * np.sin(6.0 * share)
         qpos[:, layout.qpos] = joint_pos
         source = "planned: made up" if number % 2 else "policy: made up"
-        rises.append(Rise(source=source, qpos=qpos, joint_target=joint_pos + 0.01))
+        rises.append(CollectedRise(source=source, qpos=qpos, joint_target=joint_pos + 0.01))
     return RiseSet.join(robot, rises)
 
 

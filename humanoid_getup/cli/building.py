@@ -43,7 +43,7 @@ from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.motions.optimization import count_work
 from humanoid_getup.motions.search_log import SearchLog
 from humanoid_getup.reporting.film_strip import NoRendererError
-from humanoid_getup.simulation.worker_pool import SPAWN, worker_pool
+from humanoid_getup.worker_pool import SPAWN, worker_pool
 from robots import Robot
 
 POLL_TIME = 0.2  # s between two reads of the workers' progress

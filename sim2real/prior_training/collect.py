@@ -14,10 +14,10 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.vectorized_simulation import VecSim
-from humanoid_getup.simulation.worker_pool import worker_pool
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.worker_pool import worker_pool
 from robots import Posture, Robot
 from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.physics.training_simulation import TrainingSim

@@ -1,1 +1,1 @@
-"""Learning and calibration of get-up policies."""
+"""Learning: the training environment, training, the pose prior, motions from policies."""

@@ -1,1 +1,1 @@
-"""Getting up on a robot: estimation, preflight, supervision, attempts."""
+"""On a robot: a session of attempts, recovery between them, the stand and its end."""

@@ -1,1 +1,1 @@
-"""Physics: a robot compiled into a scene, one or many at a time."""
+"""Physics: a robot compiled into a scene, worlds stepped side by side, where there is room."""

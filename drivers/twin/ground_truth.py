@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import Posture, Robot
+from robots.body.overlap import measure_self_overlap
 from robots.quaternion import Array
 
 WORLD = 0
@@ -70,8 +71,7 @@ class GroundTruth:
     @property
     def self_penetration(self) -> float:
         """Return the greatest depth of the robot in itself [m]."""
-        first, second, depth = self._contacts()
-        return float(depth[~self._is_world[first] & ~self._is_world[second]].max(initial=0.0))
+        return measure_self_overlap(self.model, self.data)
 
     def measure_speed(self, body: int) -> float:
         """Measure the speed of a body's frame [m/s]."""

@@ -20,10 +20,10 @@ from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
-from humanoid_getup.playback.self_overlap import find_overlap, measure_overlap
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
-from robots.kinematics import read_posture
+from robots.body.overlap import measure_pair_overlaps, overlaps_at
+from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 
 MOST_RISES = 100  # in a row, after which temperatures are steady
@@ -80,7 +80,7 @@ def measure(
         at_rest = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
     balance = make_balance(world, motion) if balanced else None
     rollout = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)
-    at_start = find_overlap(world, at_rest, mujoco.MjData(world.model))
+    at_start = _find_overlap(world, at_rest, mujoco.MjData(world.model))
     deepest = np.maximum(rollout.overlap, _find_deepest(world, motion))
     stall = robot.max_torque * voltage / robot.nominal_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
@@ -147,7 +147,7 @@ def _roll_out(
 
     def record(_cycle: Cycle) -> None:
         velocity.append(twin.simulation.torque_vel)
-        np.maximum(overlap, measure_overlap(twin.truth.model, twin.truth.data), out=overlap)
+        np.maximum(overlap, measure_pair_overlaps(twin.truth.model, twin.truth.data), out=overlap)
 
     hold = hold_time(motion)
     player = MotionPlayer(
@@ -189,4 +189,9 @@ def _find_deepest(world: World, motion: Motion) -> Array:
     """Find how deep each pair of links overlaps at most in the motion's own postures [m]."""
     data = mujoco.MjData(world.model)
     frames = range(0, len(motion.time), OVERLAP_STRIDE)
-    return np.max([find_overlap(world, motion.posture(k), data) for k in frames], axis=0)
+    return np.max([_find_overlap(world, motion.posture(k), data) for k in frames], axis=0)
+
+
+def _find_overlap(world: World, posture: Posture, data: mujoco.MjData) -> Array:
+    """Find how deep each pair of links overlaps in a posture [m], (nbody, nbody)."""
+    return overlaps_at(world.model, place(world.robot, world.model, posture), data)

@@ -41,7 +41,7 @@ def _measure_arm(limbs: Limbs, arm: Limb) -> tuple[float, float]:
     """Measure upper arm and forearm [m]."""
     limbs.look(limbs.robot.standing.joint_pos)
     upper = limbs.anchor(arm.middle) - limbs.anchor(arm.start)
-    lower = limbs.end(arm) - limbs.anchor(arm.middle)
+    lower = limbs.find_end(arm) - limbs.anchor(arm.middle)
     return float(np.linalg.norm(upper)), float(np.linalg.norm(lower))
 
 

@@ -14,8 +14,8 @@ from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
 from robots.body.limb import LEGS
 from robots.body.limbs import Limbs
+from robots.body.overlap import find_overlaps
 from robots.kinematics import place
-from robots.model_import.contacts import ROOT, find_overlaps
 from robots.quaternion import Array
 
 LEAST_MARGIN = 0.01  # m from the center of mass to the edge of the soles
@@ -33,8 +33,7 @@ def check_stance(world: World, limbs: Limbs) -> Iterator[Finding]:
 
 def _check_overlaps(limbs: Limbs) -> Iterator[Finding]:
     robot, model = limbs.robot, limbs.model
-    angles = place(robot, model, robot.standing)[ROOT:]
-    for pair, depth in find_overlaps(model, angles).items():
+    for pair, depth in find_overlaps(model, place(robot, model, robot.standing)).items():
         a, b = (model.body(body).name or f"body {body}" for body in pair)
         yield Finding(
             level="warning",

@@ -7,6 +7,7 @@ import numpy as np
 
 from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.simulation.world import World
+from robots.body.overlap import measure_self_overlap
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
 
@@ -35,11 +36,17 @@ class Clearance:
 
     def measure_overlap(self, qpos: Array) -> float:
         """Measure how deep a robot reaches into the scene [m], at MuJoCo positions (nq,)."""
-        return self._measure(qpos, with_scene=True)
+        self._collide(qpos)
+        contact = self._data.contact
+        chosen = self._is_world[contact.geom].any(axis=1)
+        deepest = float(np.max(-contact.dist[chosen], initial=0.0))
+        crossed = self._crossings.find(self._data)
+        return max([deepest, *(self._crossings.depth(capsule) for capsule, _ in crossed)])
 
     def measure_self_overlap(self, qpos: Array) -> float:
         """Measure how deep a robot reaches into itself [m], at MuJoCo positions (nq,)."""
-        return self._measure(qpos, with_scene=False)
+        self._collide(qpos)
+        return measure_self_overlap(self._model, self._data)
 
     def measure_overlaps(self, qpos: Array) -> dict[str, float]:
         """Measure how deep a robot reaches into the ground and each obstacle it touches [m]."""
@@ -59,14 +66,6 @@ class Clearance:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
-
-    def _measure(self, qpos: Array, *, with_scene: bool) -> float:
-        self._collide(qpos)
-        contact = self._data.contact
-        chosen = self._is_world[contact.geom].any(axis=1) == with_scene
-        deepest = float(np.max(-contact.dist[chosen], initial=0.0))
-        crossed = self._crossings.find(self._data) if with_scene else ()
-        return max([deepest, *(self._crossings.depth(capsule) for capsule, _ in crossed)])
 
     def rest(self, qpos: Array, height: float = 0.0, over: float | None = None) -> Array:
         """Put a robot above what is under it, as low as it is free, counted from the ground up.

@@ -38,7 +38,5 @@ class Limb:
     """Joint at whose anchor the upper part ends and the lower one begins: elbow or knee."""
     end: int | None
     """Joint at whose anchor the lower part ends: ankle or wrist; None where the limb ends there."""
-    body: int
-    """Body of its lower part."""
     sole: int | None
     """Site of its sole; None for an arm."""

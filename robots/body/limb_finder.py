@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from robots import Robot
-from robots.body.ends import locate_end
+from robots.body.joint_view import JointView
 from robots.body.limb import LEGS, Limb, LimbName
 from robots.body.links import Link
 from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
 
-TWIST = 0.8  # cosine between a joint's axis and its limb from which it only twists the limb
-SMALL = 1e-9
 SHORT = 0.02  # m; joints nearer to each other than this are one, such as those of an ankle
 
 
-def find_limbs(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> dict[LimbName, Limb]:
+def find_limbs(robot: Robot, view: JointView) -> dict[LimbName, Limb]:
     """Find a robot's limbs; it may lack arms.
 
     Of several arms or legs on a side, the outermost counts.
 
     Args:
         robot: Robot.
-        model: Its compiled model.
-        data: Its kinematics and mass centers in the stance, in the torso's frame.
+        view: Of its joints, in the stance.
 
     Raises:
         ValueError: if it does not have two legs of at least two joints.
     """
-    found = [*_LimbFinder(robot, model, data).list_limbs()]
+    found = [*_LimbFinder(robot, view).list_limbs()]
     limbs: dict[LimbName, Limb] = {
         limb.name: limb for _, limb in sorted(found, key=lambda each: abs(each[0]))
     }
@@ -43,14 +39,13 @@ def find_limbs(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> dict
 
 
 class _LimbFinder:
-    def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._robot, self._model, self._data = robot, model, data
-        self._ids = [model.joint(name).id for name in robot.joint_names]
-        self._soles = [model.site(name).id for name in robot.sole_sites]
+    def __init__(self, robot: Robot, view: JointView) -> None:
+        self._robot, self._view = robot, view
+        self._soles = [view.model.site(name).id for name in robot.sole_sites]
 
     def list_limbs(self) -> list[tuple[float, Limb]]:
         """List the limbs, and how far to the left each is [m]."""
-        parts = find_robot_parts(self._robot, self._model)
+        parts = find_robot_parts(self._robot, self._view.model)
         found = [("leg", link) for _, link in parts.legs]
         found += [("arm", link) for _, link in parts.arms]
         return [limb for kind, link in found if (limb := self._describe(kind, link)) is not None]
@@ -61,7 +56,7 @@ class _LimbFinder:
         joints = self._list_joints(chain)
         if len(joints) < 2:
             return None
-        anchors = {k: self._data.xanchor[self._ids[k]] for k in joints}
+        anchors = {k: self._view.anchor(k).copy() for k in joints}
         sole = self._find_sole(chain) if kind == "leg" else None
         tip = self._locate_tip(joints, sole)
         start, middle = self._find_bends(joints, anchors, tip)
@@ -74,7 +69,6 @@ class _LimbFinder:
             start=start,
             middle=middle,
             end=ends[0] if ends else None,
-            body=int(self._model.jnt_bodyid[self._ids[middle]]),
             sole=sole,
         )
         return aside, limb
@@ -89,20 +83,17 @@ class _LimbFinder:
             key=lambda k: min(np.linalg.norm(anchors[k] - first), np.linalg.norm(anchors[k] - tip)),
         )
         above = joints[: joints.index(middle)]
-        bends = [k for k in above if not self._twists(k, anchors[middle] - anchors[k])]
+        bends = [k for k in above if not self._view.twists(k, anchors[middle] - anchors[k])]
         return (bends[-1] if bends else above[0]), middle
 
     def _list_bending(self, joints: list[int]) -> list[int]:
         """List the joints beyond the first that do not only twist a limb, all joints at 0."""
-        robot, model = self._robot, self._model
-        data = mujoco.MjData(model)
-        data.qpos[robot.layout(model).qpos] = np.clip(0.0, robot.lower, robot.upper)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        tip = locate_end(data, self._ids[joints[-1]])
-        ways = {k: tip - data.xanchor[self._ids[k]] for k in joints[1:]}
-        axes = {k: data.xaxis[self._ids[k]] for k in joints[1:]}
-        return [k for k in joints[1:] if abs(axes[k] @ ways[k]) <= TWIST * np.linalg.norm(ways[k])]
+        robot, view = self._robot, self._view
+        view.look(np.clip(0.0, robot.lower, robot.upper))
+        tip = view.end(joints[-1])
+        bending = [k for k in joints[1:] if not view.twists(k, tip - view.anchor(k))]
+        view.look(robot.standing.joint_pos)
+        return bending
 
     def _list_chain(self, first: Link) -> list[Link]:
         """List the links along a limb: to its sole, or else to its longest end."""
@@ -117,7 +108,7 @@ class _LimbFinder:
 
     def _list_joints(self, chain: list[Link]) -> list[int]:
         """List the joints with servos along a chain, as places in the robot's order."""
-        places = {joint: k for k, joint in enumerate(self._ids)}
+        places = {joint: k for k, joint in enumerate(self._view.ids)}
         return [places[joint] for link in chain for joint in link.joints if joint in places]
 
     def _find_sole(self, chain: list[Link]) -> int:
@@ -125,11 +116,6 @@ class _LimbFinder:
         return next(sole for sole in self._soles if sole in sites)
 
     def _locate_tip(self, joints: list[int], sole: int | None) -> Array:
-        """Locate the end of a limb: its sole, or as far beyond its last mass as the joint is."""
-        if sole is not None:
-            return self._data.site_xpos[sole]
-        return locate_end(self._data, self._ids[joints[-1]])
-
-    def _twists(self, joint: int, way: Array) -> bool:
-        axis = self._data.xaxis[self._ids[joint]]
-        return bool(abs(axis @ way) > TWIST * max(float(np.linalg.norm(way)), SMALL))
+        """Locate the end of a limb: its sole, or where what its last joint moves ends."""
+        tip = self._view.end(joints[-1]) if sole is None else self._view.data.site_xpos[sole]
+        return tip.copy()

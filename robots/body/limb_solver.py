@@ -8,7 +8,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robots.body.limb import LEGS, Limb, LimbName, LimbPose
-from robots.body.limb_finder import TWIST
 from robots.body.limbs import Limbs
 from robots.quaternion import Array
 
@@ -45,15 +44,16 @@ class LimbSolver:
     def solve_balance(self, ahead: float, before: Array) -> Array:
         """Shift the mass over the soles by hips, knees and ankles; see `Limbs.measure_balance`."""
         limbs = self.limbs
-        legs = [limbs.all[name] for name in LEGS]
-        joints = [k for leg in legs for k in self._list_pitch_joints(leg)]
+        legs = [limbs.leg(name) for name in LEGS]
+        limbs.look(limbs.robot.standing.joint_pos)
+        joints = [k for leg in legs for k in leg.list_pitch()]
         limbs.look(before)
-        feet = [limbs.sole_axes(leg) for leg in legs]
+        feet = [leg.sole_axes for leg in legs]
         start = self._inside(joints, before[joints])
 
         def residuals(values: Array) -> Array:
             self._look(before, joints, values)
-            turned = [limbs.sole_axes(leg) - foot for leg, foot in zip(legs, feet, strict=True)]
+            turned = [leg.sole_axes - foot for leg, foot in zip(legs, feet, strict=True)]
             off = BALANCE * (limbs.over_soles()[0] - ahead)
             return np.concatenate([[off], *map(np.ravel, turned), HABIT * (values - start)])
 
@@ -91,11 +91,6 @@ class LimbSolver:
         lower, upper = self._bounds(joints)
         inner = EDGE * (upper - lower)
         return np.clip(values, lower + inner, upper - inner)
-
-    def _list_pitch_joints(self, limb: Limb) -> list[int]:
-        """List the joints that turn about the y axis in the stance."""
-        self.limbs.look(self.limbs.robot.standing.joint_pos)
-        return [k for k in limb.joints if abs(self.limbs.axis(k)[1]) > TWIST]
 
 
 def _replaced(angles: Array, joints: list[int], values: Array) -> Array:

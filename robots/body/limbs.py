@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import mujoco
 import numpy as np
 
 from robots import Robot
-from robots.body.ends import locate_end
+from robots.body.joint_view import SMALL, JointView
+from robots.body.leg import Leg
 from robots.body.limb import LEGS, Limb, LimbName, LimbPose
 from robots.body.limb_finder import find_limbs
-from robots.passive_joints import couple_passive_joints, rest_passive_joints
 from robots.quaternion import Array
 
-SMALL = 1e-9
 PARALLEL = np.cos(np.radians(30.0))
 OVER_SOLES = 0.35  # leg lengths by which the mass may be beside the soles of a crouching robot
 
 
-class Limbs:
+class Limbs(JointView):
     """Arms and legs of a robot, found from its joints and soles.
 
     Positions and directions are in the torso's frame.
@@ -31,28 +29,15 @@ class Limbs:
         Raises:
             ValueError: if it does not have two legs of at least two joints.
         """
-        self.robot, self.model = robot, robot.spec().compile()
-        self.data = mujoco.MjData(self.model)
-        self._layout = robot.layout(self.model)
-        self._ids = [self.model.joint(name).id for name in robot.joint_names]
-        self._rest = self.model.qpos0.copy()
-        self._rest[self._layout.root_position] = 0.0
-        self._rest[self._layout.root_orientation] = [1.0, 0.0, 0.0, 0.0]
-        rest_passive_joints(self.model, robot.passive_joints, self._rest)
+        model = robot.spec().compile()
+        ids = [model.joint(name).id for name in robot.joint_names]
+        super().__init__(model, ids, robot.passive_joints)
+        self.robot = robot
         self.look(robot.standing.joint_pos)
-        self.all: dict[LimbName, Limb] = find_limbs(robot, self.model, self.data)
+        self.all: dict[LimbName, Limb] = find_limbs(robot, self)
         """Limbs by name; a robot may lack arms."""
         self.leg_length = self._measure_leg()
         """Of thigh and shank [m]."""
-
-    def look(self, joint_pos: Array) -> None:
-        """Bring `data` to joint angles (n,), the torso at the origin; passive joints follow."""
-        data = self.data
-        data.qpos[:] = self._rest
-        data.qpos[self._layout.qpos] = joint_pos
-        couple_passive_joints(self.model, self.robot.passive_joints, data.qpos)
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
 
     @cached_property
     def rest(self) -> dict[LimbName, LimbPose]:
@@ -68,46 +53,28 @@ class Limbs:
         """Return where a limb points, at the angles looked at last."""
         middle = self.anchor(limb.middle)
         upper = _unit(middle - self.anchor(limb.start))
-        lower = _unit(self.end(limb) - middle)
-        return LimbPose(upper, lower, None if limb.sole is None else self.sole_axes(limb))
+        lower = _unit(self.find_end(limb) - middle)
+        is_arm = limb.sole is None
+        return LimbPose(upper, lower, None if is_arm else self.leg(limb.name).sole_axes)
 
     def first_body(self, limb: Limb) -> int:
         """Return the body that a limb's first joint moves."""
-        return int(self.model.jnt_bodyid[self._ids[limb.joints[0]]])
+        return int(self.model.jnt_bodyid[self.ids[limb.joints[0]]])
 
-    def anchor(self, joint: int) -> Array:
-        """Return a point on a joint's axis, at the angles looked at last, (3,) [m]."""
-        return self.data.xanchor[self._ids[joint]]
+    def find_end(self, limb: Limb) -> Array:
+        """Find where a limb's lower part ends, at the angles looked at last, (3,) [m]."""
+        return self.end(limb.middle) if limb.end is None else self.anchor(limb.end)
 
-    def axis(self, joint: int) -> Array:
-        """Return the axis of a joint, at the angles looked at last, (3,)."""
-        return self.data.xaxis[self._ids[joint]]
-
-    def end(self, limb: Limb) -> Array:
-        """Return where a limb's lower part ends, at the angles looked at last, (3,) [m]."""
-        if limb.end is not None:
-            return self.anchor(limb.end)
-        return locate_end(self.data, self._ids[limb.middle])
-
-    def sole_position(self, leg: Limb) -> Array:
-        """Return the position of a leg's sole, at the angles looked at last, (3,) [m]."""
-        assert leg.sole is not None
-        return self.data.site_xpos[leg.sole].copy()
-
-    def sole_axes(self, leg: Limb) -> Array:
-        """Return forward, left and up of a leg's sole in columns, (3, 3), likewise."""
-        assert leg.sole is not None
-        return self.data.site_xmat[leg.sole].reshape(3, 3).copy()
+    def leg(self, name: LimbName) -> Leg:
+        """Return a leg, to be measured at the angles looked at last."""
+        limb = self.all[name]
+        assert limb.sole is not None
+        return Leg(self, limb.joints, limb.sole)
 
     @property
     def mass(self) -> float:
         """Return the mass of the robot [kg]."""
-        return float(self.model.body_subtreemass[self._layout.torso])
-
-    @property
-    def center_of_mass(self) -> Array:
-        """Return the robot's center of mass, at the angles looked at last, (3,) [m]."""
-        return self.data.subtree_com[self._layout.torso]
+        return float(self.model.body_subtreemass[self.torso])
 
     def measure_balance(self, joint_pos: Array) -> float | None:
         """Measure how far the center of mass is in front of the soles, in leg lengths.
@@ -116,7 +83,7 @@ class Limbs:
         not above them.
         """
         self.look(joint_pos)
-        left, right = (self.sole_axes(self.all[name]) for name in LEGS)
+        left, right = (self.leg(name).sole_axes for name in LEGS)
         if left[:, 2] @ right[:, 2] < PARALLEL:
             return None
         ahead, above = self.over_soles()
@@ -124,9 +91,9 @@ class Limbs:
 
     def over_soles(self) -> tuple[float, float]:
         """Return how far the mass is in front of the soles and above them, in leg lengths."""
-        legs = [self.all[name] for name in LEGS]
-        middle = np.mean([self.sole_position(leg) for leg in legs], axis=0)
-        axes = np.mean([self.sole_axes(leg) for leg in legs], axis=0)
+        legs = [self.leg(name) for name in LEGS]
+        middle = np.mean([leg.sole_position for leg in legs], axis=0)
+        axes = np.mean([leg.sole_axes for leg in legs], axis=0)
         way = (self.center_of_mass - middle) / self.leg_length
         return float(way @ axes[:, 0]), float(way @ axes[:, 2])
 

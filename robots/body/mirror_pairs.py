@@ -20,7 +20,7 @@ NAME_BONUS = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Mirror:
+class MirrorPairs:
     """What each of n hinges becomes when left and right are exchanged."""
 
     index: np.ndarray
@@ -38,7 +38,7 @@ def find_mirror(
     centers: Array,
     depths: Sequence[int],
     height: float,
-) -> Mirror:
+) -> MirrorPairs:
     """Pair hinges by the positions and axes of their mirror images; names decide among equals.
 
     Args:
@@ -71,7 +71,7 @@ def find_mirror(
         index[j] = j
         unpaired.append(int(j))
     sign = np.where(along[np.arange(len(names)), index] < 0.0, -1.0, 1.0)
-    return Mirror(index, sign, tuple(unpaired))
+    return MirrorPairs(index, sign, tuple(unpaired))
 
 
 def _part(points: Array) -> Array:

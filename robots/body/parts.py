@@ -119,8 +119,8 @@ def _count_feet(link: Link, is_foot: Callable[[Link], bool]) -> int:
 
 
 def _carries_limbs(link: Link, aside: Callable[[Link], float]) -> bool:
-    """Tell whether a link branches, or leads to one that carries limbs on the left and right."""
-    if len(link.children) > 1:
+    """Tell whether a link in the middle branches, or one leads to limbs on the left and right."""
+    if len(link.children) > 1 and abs(aside(link)) < BESIDE:
         return True
     while len(link.children) == 1:
         link = link.children[0]

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.body.mirror_pairs import Mirror, find_mirror
+from robots.body.links import Link, gather_links
+from robots.body.mirror_pairs import MirrorPairs, find_mirror
+from robots.body.parts import BodyParts, sort_parts
 from robots.model_import.source import ModelImportError
-from robots.model_import.tree import Tree
+from robots.model_import.tree import KinematicTree
 from robots.quaternion import Array
 from robots.side_names import side_of
 from robots.validation import shown
@@ -23,6 +25,7 @@ LEAST_LEG = 3  # hinges of a leg that can squat: hip, knee, ankle
 NEAR_AXIS = np.cos(np.radians(1.0))  # feet are that precisely beside each other
 ALONG = 0.7  # cosine from which an axis counts as parallel to a direction
 LEAST_TOE = 0.01  # share of the height by which a sole is longer in front of the ankle
+LOW_HEAD = 0.1  # share of the height by which a neck may be below the shoulders
 LEAST_BEND = 0.5  # rad by which a knee turns farther backwards
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -31,14 +34,14 @@ UP = np.array([0.0, 0.0, 1.0])
 class Anatomy:
     """Parts of a humanoid; hinges are places in the tree's list."""
 
-    tree: Tree
+    tree: KinematicTree
     axes: Array
     """Forward, left and up in the world, in columns, (3, 3)."""
     middle: Array
     """A point of the plane of symmetry in the world [m], (3,)."""
     legs: tuple[tuple[int, ...], tuple[int, ...]]
     """Hinges of the left and the right leg alone, from the hip down."""
-    mirror: Mirror
+    mirror: MirrorPairs
     height: float
     """From the lowest to the highest point [m]."""
 
@@ -52,52 +55,56 @@ class Anatomy:
         return self.local(np.array([hinge.anchor for hinge in self.tree.hinges]))
 
     @cached_property
-    def turns(self) -> Array:
-        """Return the hinges' axes: forward, left, up, (n, 3)."""
-        return np.array([hinge.axis for hinge in self.tree.hinges]) @ self.axes
+    def _parts(self) -> BodyParts:
+        """Sort the links by the feet that are known; what is its own mirror image may be a head."""
+        places = {hinge.id: k for k, hinge in enumerate(self.tree.hinges)}
+        feet = {self.tree.hinges[leg[-1]].body for leg in self.legs}
+        return sort_parts(
+            gather_links(self.tree.model, self.tree.root),
+            is_foot=lambda link: link.root in feet,
+            is_head=lambda link: all(
+                self.mirror.index[places[joint]] == places[joint]
+                for part in link.walk()
+                for joint in part.joints
+            ),
+            aside=lambda link: float(self.anchors[places[link.joints[0]]][1]),
+        )
 
     @cached_property
     def arms(self) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
         """Return pairs of limbs, left and right, that are not legs; each to its longest end."""
-        in_legs = {hinge for leg in self.legs for hinge in leg}
-        found: dict[int, tuple[int, ...]] = {}
-        for leaf in self.tree.leaves:
-            chain = self._own_part(leaf)
-            if not chain or set(chain) & in_legs or self.anchors[leaf][1] <= 0.0:
-                continue
-            if len(chain) > len(found.get(chain[0], ())):
-                found[chain[0]] = chain
         index = self.mirror.index
-        return tuple(
-            (chain, tuple(int(index[k]) for k in chain))
-            for chain in found.values()
-            if all(index[k] != k for k in chain)
-        )
+        chains = [self._list_longest(arm) for _, arm in self._parts.arms]
+        left = [chain for chain in chains if chain and self.anchors[chain[-1]][1] > 0.0]
+        return tuple((chain, tuple(int(index[k]) for k in chain)) for chain in left)
 
     @cached_property
     def head(self) -> tuple[int, ...]:
         """Return the hinges in the middle that end above the shoulders."""
         shoulders = [self.anchors[left[0]][2] for left, _ in self.arms]
-        floor = max(shoulders, default=0.0)
-        hinges = self.tree.hinges
-        above: list[int] = []
-        for leaf in self.tree.leaves:
-            chain = [k for k in self.tree.chain(leaf) if self.mirror.index[k] == k]
-            carries = {h for side in (*self.arms, self.legs) for limb in side for h in limb}
-            own = [k for k in chain if not any(self._is_above(k, h) for h in carries)]
-            if own and own[-1] == leaf and self.anchors[own[0]][2] >= floor - 0.1 * self.height:
-                above += own
-        return tuple(k for k in range(len(hinges)) if k in above)
+        floor = max(shoulders, default=0.0) - LOW_HEAD * self.height
+        heads = [
+            {joint for part in head.walk() for joint in part.joints}
+            for _, head in self._parts.heads
+        ]
+        found = [[k for k, h in enumerate(self.tree.hinges) if h.id in head] for head in heads]
+        return tuple(sorted(k for own in found if self.anchors[own[0]][2] >= floor for k in own))
 
-    def _own_part(self, leaf: int) -> tuple[int, ...]:
-        """Return the part of a chain that is on one side of the body."""
-        return tuple(k for k in self.tree.chain(leaf) if self.mirror.index[k] != k)
+    def _list_longest(self, limb: Link) -> tuple[int, ...]:
+        """List the hinges from where a limb begins to its longest end that have a counterpart."""
+        below = {part.root for part in limb.walk()}
+        chains = [
+            [
+                k
+                for k in self.tree.chain(leaf)
+                if self.tree.hinges[k].body in below and self.mirror.index[k] != k
+            ]
+            for leaf in self.tree.leaves
+        ]
+        return tuple(max(chains, key=len))
 
-    def _is_above(self, upper: int, lower: int) -> bool:
-        return upper in self.tree.chain(lower)[:-1]
 
-
-def find_anatomy(tree: Tree, path: Path, notes: list[str]) -> Anatomy:
+def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
     """Find the parts of a humanoid that stands upright, z up, in a tree's pose.
 
     Args:
@@ -128,7 +135,7 @@ def find_anatomy(tree: Tree, path: Path, notes: list[str]) -> Anatomy:
     return Anatomy(tree=tree, axes=axes, middle=middle, legs=legs, mirror=mirror, height=height)
 
 
-def _pair(tree: Tree, axes: Array, middle: Array, height: float) -> Mirror:
+def _pair(tree: KinematicTree, axes: Array, middle: Array, height: float) -> MirrorPairs:
     anchors = np.array([hinge.anchor for hinge in tree.hinges])
     turns = np.array([hinge.axis for hinge in tree.hinges])
     return find_mirror(
@@ -141,7 +148,7 @@ def _pair(tree: Tree, axes: Array, middle: Array, height: float) -> Mirror:
     )
 
 
-def _measure_ends(tree: Tree) -> tuple[Array, Array]:
+def _measure_ends(tree: KinematicTree) -> tuple[Array, Array]:
     """Measure the lowest and highest point of what each hinge's link is made of [m], (n,) each."""
     model, data = tree.model, tree.data
     low, high = np.full((2, len(tree.hinges)), np.nan)
@@ -157,7 +164,7 @@ def _measure_ends(tree: Tree) -> tuple[Array, Array]:
     return low, high
 
 
-def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, int]:
+def _find_feet(tree: KinematicTree, low: Array, height: float, path: Path) -> tuple[int, int]:
     """Find the two ends of limbs that are lowest, and apart from each other."""
     mass = {k: tree.model.body_subtreemass[tree.hinges[k].body] for k in tree.leaves}
     heavy = [k for k in tree.leaves if mass[k] > PARALLEL * max(mass.values())]
@@ -182,7 +189,7 @@ def _find_feet(tree: Tree, low: Array, height: float, path: Path) -> tuple[int, 
 
 
 def _check_hips(
-    tree: Tree, legs: tuple[tuple[int, ...], tuple[int, ...]], height: float, path: Path
+    tree: KinematicTree, legs: tuple[tuple[int, ...], tuple[int, ...]], height: float, path: Path
 ) -> None:
     """Raise ModelImportError if the lowest limbs begin above what they would carry, as arms do."""
     model, data = tree.model, tree.data
@@ -200,12 +207,12 @@ def _check_hips(
         )
 
 
-def _leg(tree: Tree, foot: int, other: int) -> tuple[int, ...]:
+def _leg(tree: KinematicTree, foot: int, other: int) -> tuple[int, ...]:
     shared = set(tree.chain(other))
     return tuple(k for k in tree.chain(foot) if k not in shared)
 
 
-def _snap(direction: Array, tree: Tree) -> Array:
+def _snap(direction: Array, tree: KinematicTree) -> Array:
     """Turn a direction to the nearest axis of the root body, or of the world, if close."""
     root = tree.data.xmat[tree.root].reshape(3, 3)
     for axes in (root, np.eye(3)):
@@ -218,7 +225,7 @@ def _snap(direction: Array, tree: Tree) -> Array:
 
 
 def _turn_forward(
-    tree: Tree, one: int, other: int, lateral: Array, height: float, notes: list[str]
+    tree: KinematicTree, one: int, other: int, lateral: Array, height: float, notes: list[str]
 ) -> tuple[int, int, Array]:
     """Tell left from right by names, else by the feet, which are longer in front of the ankle.
 
@@ -246,7 +253,7 @@ def _turn_forward(
     return left, right, np.column_stack([sign * forward, sign * lateral, UP])
 
 
-def _measure_bend(tree: Tree, leg: tuple[int, ...], lateral: Array) -> float:
+def _measure_bend(tree: KinematicTree, leg: tuple[int, ...], lateral: Array) -> float:
     """Measure how much farther a knee turns one way about an axis than the other [rad].
 
     It is positive if ``lateral`` points left.
@@ -261,7 +268,7 @@ def _measure_bend(tree: Tree, leg: tuple[int, ...], lateral: Array) -> float:
     return way if abs(way) > LEAST_BEND else 0.0
 
 
-def _measure_toe(tree: Tree, hinge: int, forward: Array) -> float:
+def _measure_toe(tree: KinematicTree, hinge: int, forward: Array) -> float:
     """Measure how much longer a foot is in front of its ankle than behind [m]."""
     model, data = tree.model, tree.data
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, tree.link(hinge)))

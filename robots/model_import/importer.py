@@ -8,11 +8,10 @@ from pathlib import Path
 
 import mujoco
 
-from robots.body.balanced_stance import Stance, StanceSolver
+from robots.body.balanced_stance import BalancedStance
 from robots.body.roles import list_rising, list_segments, list_spreading
 from robots.model_import.anatomy import find_anatomy
-from robots.model_import.body import describe_body, find_contradictions
-from robots.model_import.contacts import exclude_brackets, find_overlaps
+from robots.model_import.brackets import exclude_brackets, find_own_overlaps
 from robots.model_import.folding import Fold
 from robots.model_import.loose_ties import reduce_ties
 from robots.model_import.reading import read_model
@@ -54,7 +53,7 @@ class ImportedRobot:
     """Place of the joint that takes each one's place."""
     mirror_sign: tuple[int, ...]
     segments: tuple[str, ...]
-    stance: Stance
+    stance: BalancedStance
     servos: ServoChoice
     rising_joints: tuple[str, ...]
     spreading_joints: tuple[str, ...]
@@ -90,13 +89,14 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     start = rebuilt.look(rebuilt.start_angles())
     SitePlacer(path, anatomy, builder, guesses).add_sites(rebuilt.spec, start)
     rebuilt.compile()
-    body = describe_body(rebuilt, SOLES)
-    notes += find_contradictions(body)
+    body = rebuilt.describe(SOLES)
+    notes += body.find_contradictions()
     if source.stance:
         guesses.append("standing: begun from the model's keyframe, then balanced")
     stance = find_stance(rebuilt, body, notes)
     _settle_contacts(rebuilt, stance.joint_pos, notes, guesses)
-    leg_length = StanceSolver(body, stance.joint_pos).leg_length
+    body.view.look(stance.joint_pos)
+    leg_length = body.left_leg.measure_stretched()
     servos = _choose_servos(rebuilt, reduction.actuators, options, leg_length, guesses)
     guesses += [fold.describe() for fold in source.folds]
     return ImportedRobot(
@@ -106,11 +106,11 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
         joints=rebuilt.joint_names,
         mirror=tuple(int(k) for k in body.mirror.index),
         mirror_sign=tuple(int(s) for s in body.mirror.sign),
-        segments=list_segments(rebuilt, body),
+        segments=list_segments(body, rebuilt.start_angles()),
         stance=stance,
         servos=servos,
-        rising_joints=list_rising(rebuilt, body, stance.joint_pos),
-        spreading_joints=list_spreading(rebuilt, body, stance.joint_pos),
+        rising_joints=list_rising(body, stance.joint_pos),
+        spreading_joints=list_spreading(body, stance.joint_pos),
         notes=tuple(notes),
         folds=source.folds,
         guesses=(*guesses, *servos.guesses),
@@ -125,7 +125,7 @@ def _settle_contacts(
         guesses.append(f"contacts switched off, as shapes overlap there: {listed}")
     rebuilt.compile()
     model = rebuilt.model
-    for (a, b), depth in find_overlaps(model, stance).items():
+    for (a, b), depth in find_own_overlaps(model, stance).items():
         notes.append(
             f"in the stance {model.body(a).name} reaches {1e3 * depth:.0f} mm into "
             f"{model.body(b).name}: change [standing] or the shapes in model.xml"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from robots.model_import.source import ActuatorFigures, ModelSource
 from robots.model_import.ties import Tie, describe_separate
-from robots.model_import.tree import Tree
+from robots.model_import.tree import KinematicTree
 
 LIGHT = 0.1  # share of what the output moves, below which a hinge is only its motor's
 
@@ -22,7 +22,7 @@ class Reduction:
     """What actuators can do at the joints that remain, by name."""
 
 
-def reduce_ties(source: ModelSource, tree: Tree, notes: list[str]) -> Reduction:
+def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> Reduction:
     """Choose the output of each tie, with its motors' torque and speed there."""
     hinges = {hinge.name: hinge for hinge in tree.hinges}
     motors: list[str] = []
@@ -44,7 +44,7 @@ def reduce_ties(source: ModelSource, tree: Tree, notes: list[str]) -> Reduction:
     return Reduction(tuple(dict.fromkeys(motors)), actuators)
 
 
-def _open_loop(tree: Tree, bodies: tuple[int, int], notes: list[str]) -> Tie | None:
+def _open_loop(tree: KinematicTree, bodies: tuple[int, int], notes: list[str]) -> Tie | None:
     """Open a closed loop: its hinges are taken for those of a parallelogram."""
     ways = [set(_hinges_above(tree, body)) for body in bodies]
     loop = ways[0] ^ ways[1]
@@ -53,7 +53,7 @@ def _open_loop(tree: Tree, bodies: tuple[int, int], notes: list[str]) -> Tie | N
     return Tie(tuple(sorted(loop)), (1.0,) * len(loop)) if len(loop) > 1 else None
 
 
-def _hinges_above(tree: Tree, body: int) -> list[str]:
+def _hinges_above(tree: KinematicTree, body: int) -> list[str]:
     found = []
     while body != tree.root and body > 0:
         found += [hinge.name for hinge in tree.hinges if hinge.body == body]

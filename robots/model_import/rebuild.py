@@ -10,7 +10,7 @@ import numpy as np
 from robots import quaternion
 from robots.body.shapes import read_shapes
 from robots.model_import.anatomy import Anatomy
-from robots.model_import.tree import Tree, name_joint
+from robots.model_import.tree import KinematicTree, name_joint
 from robots.quaternion import Array
 
 TIMESTEP = 0.002  # s
@@ -37,7 +37,7 @@ class Rebuilder:
             fixed: Hinges that are fixed at the angle of the tree's pose.
             notes: Where is added what a user should know.
         """
-        self._tree: Tree = anatomy.tree
+        self._tree: KinematicTree = anatomy.tree
         self._model = anatomy.tree.model
         self._keep_hulls, self._fixed, self._notes = keep_hulls, set(fixed), notes
         self._boundless: list[str] = []

@@ -8,6 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots.body.body_plan import BodyPlan
+from robots.body.mirror_pairs import MirrorPairs
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.source import ModelImportError
@@ -43,15 +45,26 @@ class RebuiltModel:
             message = " ".join(str(error).split())
             raise ModelImportError([f"{self.path}: {message}"]) from error
 
-    @property
-    def tree_hinges(self) -> list[int]:
-        """Return which hinge of the tree each one is, (n,)."""
-        return self._kept
-
     def find(self, hinges: Iterable[int]) -> tuple[int, ...]:
         """Find hinges of the tree in the model; those that were fixed are left out."""
         place = {k: i for i, k in enumerate(self._kept)}
         return tuple(place[k] for k in hinges if k in place)
+
+    def describe(self, soles: tuple[str, str]) -> BodyPlan:
+        """Describe the body as compiled last; a joint whose counterpart is fixed mirrors itself."""
+        anatomy = self.anatomy
+        left_leg, right_leg = (self.find(leg) for leg in anatomy.legs)
+        arms = [(self.find(left), self.find(right)) for left, right in anatomy.arms]
+        mirrors = [self.find([int(anatomy.mirror.index[k])]) for k in self._kept]
+        index = [mirror[0] if mirror else i for i, mirror in enumerate(mirrors)]
+        return BodyPlan(
+            model=self.model,
+            mirror=MirrorPairs(np.array(index), anatomy.mirror.sign[self._kept], ()),
+            legs=(left_leg, right_leg),
+            arms=tuple((left, right) for left, right in arms if left and right),
+            head=self.find(anatomy.head),
+            soles=soles,
+        )
 
     def start_angles(self) -> Array:
         """Return the tree's pose within the ranges [rad], (n,)."""

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots.body.balanced_stance import SPREADS, Stance, StanceSolver
-from robots.model_import.body import Body
-from robots.model_import.contacts import find_brackets, find_overlaps
+from robots.body.balanced_stance import SPREADS, BalancedStance, StanceSolver
+from robots.body.body_plan import BodyPlan
+from robots.model_import.brackets import find_brackets, find_own_overlaps
 from robots.model_import.rebuilt import RebuiltModel
 
 EXTENSIONS = (0.94, 0.9, 0.86, 0.82, 0.78, 0.7)
 """Shares of the stretched leg that are tried for the stance, in turn."""
 
 
-def find_stance(rebuilt: RebuiltModel, body: Body, notes: list[str]) -> Stance:
+def find_stance(rebuilt: RebuiltModel, body: BodyPlan, notes: list[str]) -> BalancedStance:
     """Find a balanced stance on flat soles, or what comes closest; a note says so then."""
     solver, best = StanceSolver(body, rebuilt.start_angles()), None
     for extension in EXTENSIONS:
@@ -30,15 +30,15 @@ def find_stance(rebuilt: RebuiltModel, body: Body, notes: list[str]) -> Stance:
 
 
 def _free_arms(
-    rebuilt: RebuiltModel, solver: StanceSolver, stance: Stance, extension: float
-) -> Stance:
+    rebuilt: RebuiltModel, solver: StanceSolver, stance: BalancedStance, extension: float
+) -> BalancedStance:
     """Spread the arms until they touch nothing but what they always touch."""
     model = rebuilt.model
     always = {*find_brackets(model, stance.joint_pos, np.random.default_rng(0))}
     arms = _find_arm_bodies(rebuilt)
     for spread in SPREADS:
         tried = solver.solve(extension, spread)
-        touching = find_overlaps(model, tried.joint_pos).keys() - always
+        touching = find_own_overlaps(model, tried.joint_pos).keys() - always
         if tried.is_solved and not any(set(pair) & arms for pair in touching):
             return tried
     return stance

@@ -37,7 +37,7 @@ class Hinge:
     """Place of the hinge above it in the tree's list; -1: the root."""
 
 
-class Tree:
+class KinematicTree:
     """The part of a model that is the robot: a root body and all below it, in one pose."""
 
     def __init__(self, model: mujoco.MjModel, root: int, qpos: Array) -> None:
@@ -107,7 +107,7 @@ def name_joint(model: mujoco.MjModel, joint: int) -> str:
     return model.body(body).name + (f"_{number}" if number else "") or f"joint_{joint}"
 
 
-def find_tree(source: ModelSource, notes: list[str]) -> Tree:
+def find_tree(source: ModelSource, notes: list[str]) -> KinematicTree:
     """Find the robot in a model, in its stance where a keyframe holds one.
 
     Args:
@@ -132,7 +132,7 @@ def find_tree(source: ModelSource, notes: list[str]) -> Tree:
     for joint in range(model.njnt):
         if model.jnt_type[joint] == HINGE and model.joint(joint).name in source.stance:
             qpos[model.jnt_qposadr[joint]] = source.stance[model.joint(joint).name]
-    return Tree(model, root, qpos)
+    return KinematicTree(model, root, qpos)
 
 
 def _list_below(model: mujoco.MjModel, root: int) -> list[int]:

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from paths import REPOSITORY, SHARED
 
-from humanoid_getup.playback.self_overlap import find_overlap
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
+from robots.body.overlap import overlaps_at
+from robots.kinematics import place
 
 MESHES = SHARED / "models" / "op3-mesh"
 pytestmark = pytest.mark.skipif(not MESHES.exists(), reason="needs the mesh model in ../shared")
@@ -33,7 +34,9 @@ def test_shapes_overlap_where_the_meshes_do(world: World, mesh_world: World, op3
             joint_pos=rng.uniform(op3.lower, op3.upper),
         )
         both = zip((world, mesh_world), scratch, strict=True)
-        depth.append([find_overlap(w, posture, data).max() for w, data in both])
+        depth.append(
+            [overlaps_at(w.model, place(w.robot, w.model, posture), data).max() for w, data in both]
+        )
     own, mesh = np.array(depth).T
     clear, deep = 0.001, 0.006  # m
     assert np.sum(mesh > deep) > SAMPLES / 4

@@ -20,9 +20,10 @@ from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.estimation import estimate_posture, settle
 from humanoid_getup.playback.preflight import Severity, Verdict, preflight
 from humanoid_getup.playback.preflight_rollout import predict_heat
-from humanoid_getup.playback.self_overlap import find_overlap
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit, load_robot
+from robots.body.overlap import overlaps_at
+from robots.kinematics import place
 
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
 OWN = [name for name in MOTIONS if not name.endswith(MIRRORED_SUFFIX)]
@@ -149,7 +150,10 @@ def fold_an_arm(world: World, motion: Motion, *, deeper_than: float) -> Posture:
         folded = lying.joint_pos.copy()
         folded[roll] = angle
         posture = replace(lying, joint_pos=folded)
-        if find_overlap(world, posture, data).max() > deeper_than:
+        if (
+            overlaps_at(world.model, place(world.robot, world.model, posture), data).max()
+            > deeper_than
+        ):
             return posture
     raise AssertionError("the arm does not reach the torso")
 

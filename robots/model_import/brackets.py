@@ -1,50 +1,39 @@
-"""Contacts of a model with itself: pairs of bodies that always overlap, and those that touch."""
+"""Brackets of an imported model: pairs of bodies whose shapes overlap by construction."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
 
+from robots.body.overlap import Pair, find_overlaps
 from robots.quaternion import Array
 
 POSES = 60
 ALWAYS = 0.5  # share of random poses from which on a pair is said to overlap always
-DEEP = 0.001  # m
 NEAR = 3  # hinges between bodies up to which shapes that overlap are brackets of each other
-ROOT = 7
+ROOT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # a torso at the origin
 
 
-def find_overlaps(model: mujoco.MjModel, joint_pos: Array) -> dict[tuple[int, int], float]:
+def find_own_overlaps(model: mujoco.MjModel, joint_pos: Array) -> dict[Pair, float]:
     """Find bodies that reach into each other, and how deep [m], at hinge angles (n,)."""
-    data = mujoco.MjData(model)
-    data.qpos[:ROOT] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-    data.qpos[ROOT:] = joint_pos
-    mujoco.mj_fwdPosition(model, data)
-    deepest: dict[tuple[int, int], float] = {}
-    for contact in data.contact:
-        first, second = sorted(int(model.geom_bodyid[geom]) for geom in contact.geom)
-        if -contact.dist > DEEP and first > 0:
-            deepest[first, second] = max(-float(contact.dist), deepest.get((first, second), 0.0))
-    return deepest
+    return find_overlaps(model, np.concatenate([ROOT, joint_pos]))
 
 
-def find_brackets(
-    model: mujoco.MjModel, stance: Array, rng: np.random.Generator
-) -> list[tuple[int, int]]:
+def find_brackets(model: mujoco.MjModel, stance: Array, rng: np.random.Generator) -> list[Pair]:
     """Find pairs of bodies whose shapes overlap by construction.
 
     They overlap in most of random poses; or, few hinges apart, with all joints at zero or in the
     stance.
     """
-    count: dict[tuple[int, int], int] = {}
+    count: dict[Pair, int] = {}
     lower, upper = model.jnt_range[1:, 0], model.jnt_range[1:, 1]
     for _ in range(POSES):
         pose = stance + 0.5 * rng.uniform(-1.0, 1.0, len(stance)) * (upper - lower) / 2.0
-        for pair in find_overlaps(model, np.clip(pose, lower, upper)):
+        for pair in find_own_overlaps(model, np.clip(pose, lower, upper)):
             count[pair] = count.get(pair, 0) + 1
     always = {pair for pair, times in count.items() if times >= ALWAYS * POSES}
     for pose in (np.clip(np.zeros(len(stance)), lower, upper), stance):
-        overlaps = find_overlaps(model, pose)
+        overlaps = find_own_overlaps(model, pose)
         always |= {pair for pair in overlaps if count_hinges_between(model, *pair) <= NEAR}
     return sorted(always)
 

@@ -1,0 +1,83 @@
+"""Postures that are balanced on flat soles: how far one is from that, and the search for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from robots.body.joint_view import JointView
+from robots.body.leg import Leg
+from robots.quaternion import Array
+
+CLOSE, HABIT = 5.0, 0.02
+"""Weights: of the feet's place, of the angles' distance from before."""
+MARGIN = 0.02  # rad from the end of a joint's range
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """Where a sole should be, beside the hip of its leg."""
+
+    leg: Leg
+    width: float
+    """To the left of the hip [m]."""
+    yaw: float
+    """Sine of the angle by which it points to the left."""
+
+    @classmethod
+    def stand(cls, leg: Leg) -> Foot:
+        """Describe where it is, at the angles looked at last."""
+        return cls(leg, float(leg.sole_position[1] - leg.hip[1]), float(leg.sole_axes[1, 0]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlatSoles:
+    """Soles that are parallel and side by side, the center of mass above them."""
+
+    view: JointView
+    feet: Sequence[Foot]
+    """Of both legs, or of one whose mirror image the other is."""
+    length: float
+    """Of a stretched leg [m], by which distances are measured."""
+    stride: float = 0.0
+    """By which the first sole is in front of the second [m]."""
+    width_weight: float = 1.0
+    """Of a sole's place beside the hip."""
+
+    def measure(self, reach: float) -> tuple[Array, Array]:
+        """Measure how far the posture that was looked at last is from standing on legs so long.
+
+        Args:
+            reach: From the hip to the ground [m].
+
+        Returns:
+            Sines of the angles between the torso and each of f soles, about y, (f,), and errors
+            of unit vectors and of places in lengths of a leg.
+        """
+        legs = [foot.leg for foot in self.feet]
+        axes = np.array([leg.sole_axes for leg in legs])  # (f, 3, 3)
+        soles = np.array([leg.sole_position for leg in legs])  # (f, 3)
+        errors = [(axes[:-1, :, 2] - axes[1:, :, 2]).ravel()]
+        for foot, own, sole in zip(self.feet, axes, soles, strict=True):
+            hip = foot.leg.hip
+            width = self.width_weight * (sole[1] - hip[1] - foot.width) / self.length
+            height = ((hip - sole) @ own[:, 2] - reach) / self.length
+            errors.append(np.array([own[1, 2], own[1, 0] - foot.yaw, width, height]))
+        stride = (soles[:-1, 0] - soles[1:, 0] - self.stride) / self.length
+        over = self.view.center_of_mass - soles.mean(axis=0)
+        balance = over @ axes[:, :, 0].mean(axis=0) / self.length
+        return axes[:, 0, 2], np.concatenate([*errors, stride, [balance]])
+
+
+def fit_angles(
+    residuals: Callable[[Array], Array],
+    start: Array,
+    bounds: tuple[Array, Array],
+    evaluations: int,
+) -> Array:
+    """Fit angles (j,) within bounds to make residuals small, from a start that is clipped [rad]."""
+    start = np.clip(start, *bounds)
+    return least_squares(residuals, start, bounds=bounds, max_nfev=evaluations).x

@@ -26,7 +26,7 @@ def bare(op3: Robot, tmp_path: Path) -> str:
     return str(folder)
 
 
-@pytest.mark.parametrize("backend", ["twin", "virtual"])
+@pytest.mark.parametrize("backend", ["twin", pytest.param("virtual", marks=pytest.mark.slow)])
 def test_it_is_played_and_the_exit_code_claims_no_stand(bare: str, backend: str, run: Run):
     arguments = ("play", MOTION, "--robot", bare, "--without-imu", "--backend", backend)
     code, out, error = run(*arguments, "--out", "out", "--json", "-")

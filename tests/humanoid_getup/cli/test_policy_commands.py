@@ -38,16 +38,20 @@ def my_op3(op3: Robot, tmp_path: Path) -> Path:
 
 
 def run(*arguments: str, out: Path, code: int = 1) -> dict:
-    assert main([*arguments, "--out", str(out)]) == code
-    return json.loads((out / "report.json").read_text())
+    assert main([*arguments, "--json", str(out)]) == code
+    return json.loads(out.read_text())
 
 
 def test_a_policy_is_run_the_same_way_on_the_twin_and_on_the_bus(
     policy: str, op3: Robot, tmp_path: Path
 ):
     start = ("run", policy, "--from", "left", "--seed", "2", *SHORT)
-    on_twin = run(*start, out=tmp_path / "twin")
-    on_bus = run(*start, "--backend", "virtual", out=tmp_path / "bus")
+    reports = []
+    for name, backend in (("twin", "twin"), ("bus", "virtual")):
+        out = tmp_path / name
+        assert main([*start, "--backend", backend, "--out", str(out)]) == 1
+        reports.append(json.loads((out / "report.json").read_text()))
+    on_twin, on_bus = reports
     for report in (on_twin, on_bus):
         assert (report["method"], report["policy"]) == ("policy", "wild")
         assert (report["stood"], report["attempts"], report["start_class"]) == (False, 1, "left")
@@ -62,9 +66,9 @@ def test_a_policy_is_run_the_same_way_on_the_twin_and_on_the_bus(
     assert not (tmp_path / "twin" / "motion.npz").exists()
 
 
-def test_a_rise_may_use_a_policy_by_name(my_op3: Path, tmp_path: Path):
-    arguments = ("rise", "--robot", str(my_op3), "--from", "prone", "--attempts", "1")
-    report = run(*arguments, "--method", "policy", "--policy", "idle", out=tmp_path / "out")
+def test_a_rise_may_use_a_policy_by_name(my_op3: Path, lying: str, tmp_path: Path):
+    arguments = ("rise", "--robot", str(my_op3), "--from", lying, "--attempts", "1")
+    report = run(*arguments, "--method", "policy", "--policy", "idle", out=tmp_path / "rise.json")
     assert (report["method"], report["policy"], report["planned"]) == ("policy", "idle", False)
 
 
@@ -72,22 +76,23 @@ RECORDS = """
 [[record]]
 method = "plan"
 torque_limit = 2.0
-supine = { stood = 50, n = 100 }
+prone = { stood = 50, n = 100 }
 
 [[record]]
 method = "policy"
 policy = "idle"
 torque_limit = 2.0
-supine = { stood = 99, n = 100 }
+prone = { stood = 99, n = 100 }
 """
 
 
-def test_auto_takes_what_has_the_better_record(my_op3: Path, tmp_path: Path):
+@pytest.mark.usefixtures("stored_plans")
+def test_auto_takes_what_has_the_better_record(my_op3: Path, lying: str, tmp_path: Path):
     (my_op3 / "policies" / "records.toml").write_text(RECORDS)
-    arguments = ("rise", "--robot", str(my_op3), "--from", "supine", "--method", "auto")
-    learned = run(*arguments, "--attempts", "1", "--policy", "idle", out=tmp_path / "learned")
+    arguments = ("rise", "--robot", str(my_op3), "--from", lying, "--method", "auto")
+    learned = run(*arguments, "--attempts", "1", "--policy", "idle", out=tmp_path / "learned.json")
     assert learned["policy"] == "idle"
-    planned = run(*arguments, out=tmp_path / "planned", code=0)  # nothing is known of 'robust'
+    planned = run(*arguments, out=tmp_path / "planned.json", code=0)  # nothing is known of 'robust'
     assert (planned["policy"], planned["planned"], planned["stood"]) == (None, True, True)
 
 

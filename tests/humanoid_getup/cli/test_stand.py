@@ -24,13 +24,14 @@ SQUAT = "squat_to_stand"
 
 def run(*arguments: str, out: Path) -> tuple[int, dict]:
     figures = out / "figures.json"
-    code = main([*arguments, "--json", str(figures), "--out", str(out)])
+    code = main([*arguments, "--json", str(figures)])
     return code, json.loads(figures.read_text())
 
 
-@pytest.mark.parametrize("backend", ["twin", "virtual"])
+@pytest.mark.parametrize("backend", ["twin", pytest.param("virtual", marks=pytest.mark.slow)])
 def test_a_robot_sits_and_lies_down(backend: str, tmp_path: Path, op3: Robot):
-    code, report = run("sit", "--backend", backend, "--torque-limit", "2.5", out=tmp_path)
+    arguments = ("sit", "--backend", backend, "--torque-limit", "2.5", "--out", str(tmp_path))
+    code, report = run(*arguments, out=tmp_path)
     assert (code, report["succeeded"], report["then"]) == (0, True, "sit")
     assert report["reason"] == "sat and lay down, torque off"
     assert report["head_impact_m_s"] < 0.3

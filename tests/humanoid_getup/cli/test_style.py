@@ -86,9 +86,10 @@ def test_a_flight_shows_the_style_that_was_followed(op3, policy, tmp_path):
     assert curve.points[0] == pytest.approx(guidance["measured"][0], abs=0.05)
 
 
-@pytest.mark.parametrize("backend", ["twin", "virtual"])
-def test_a_plan_commands_the_policy_by_its_curves(op3, policy, tmp_path, backend):
-    arguments = ("rise", "--from", "supine", "--method", "policy", "--policy", policy)
+@pytest.mark.parametrize("backend", ["twin", pytest.param("virtual", marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("stored_plans")
+def test_a_plan_commands_the_policy_by_its_curves(op3, policy, lying, tmp_path, backend):
+    arguments = ("rise", "--from", lying, "--method", "policy", "--policy", policy)
     options = ("--style", "planned", "--attempts", "1", "--backend", backend)
     assert main((*arguments, *options, "--out", str(tmp_path / "out"))) == 1  # it lies still
     report = json.loads((tmp_path / "out" / "report.json").read_text())

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-from drivers.dynamixel.control_table import Item
+from drivers.dynamixel.control_table import ControlTable, Item
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset
 from drivers.virtual_bus.devices.device import Addressing, Handler
 from drivers.virtual_bus.devices.registers import Registers
-
-if TYPE_CHECKING:
-    from drivers.virtual_bus.devices.servo import VirtualServo
 
 GAINS = (
     "velocity_i_gain",
@@ -74,10 +71,29 @@ def _is_backed_up(item: Item) -> bool:
     return item.name in GAINS + PROFILE or item.name.startswith("indirect_address_")
 
 
+class Maintained(Protocol):
+    """A servo that is maintained."""
+
+    table: ControlTable
+    registers: Registers
+    firmware: int
+
+    @property
+    def torque_on(self) -> bool:
+        """Return whether it drives its motor."""
+        ...
+
+    def reboot(self, *, restore: bool = False) -> None:
+        """Restart with RAM at its defaults, or restored from the backup."""
+
+    def clear_turns(self) -> None:
+        """Bring the position back into one turn and hold it."""
+
+
 class Maintenance:
     """Executes reboot, clear, factory reset and backup on one servo."""
 
-    def __init__(self, servo: VirtualServo, backup: Backup) -> None:
+    def __init__(self, servo: Maintained, backup: Backup) -> None:
         self._servo, self._backup = servo, backup
         self.handlers: dict[int, Handler] = {
             Instruction.REBOOT: self._reboot,
@@ -97,7 +113,7 @@ class Maintenance:
             return ErrorNumber.INSTRUCTION
         if params != CLEAR_TURNS:
             return ErrorNumber.DATA_RANGE
-        if self._servo.peek("moving"):
+        if self._servo.registers["moving"]:
             return ErrorNumber.RESULT_FAIL
         self._servo.clear_turns()
         return ErrorNumber.NONE
@@ -131,7 +147,7 @@ class Maintenance:
             return ErrorNumber.RESULT_FAIL
         if params == STORE_BACKUP:
             self._backup.store(servo.registers)
-            servo.poke("backup_ready", 1)
+            servo.registers["backup_ready"] = 1
             return ErrorNumber.NONE
         if addressing is Addressing.SECONDARY:
             return ErrorNumber.ACCESS

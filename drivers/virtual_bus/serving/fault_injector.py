@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from drivers.errors import DriverError
+from drivers.virtual_bus.serving.interfaces import Faulty
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
-
-if TYPE_CHECKING:
-    from drivers.virtual_bus.serving.server import VirtualBus
 
 
 class FaultError(DriverError):
@@ -27,7 +25,7 @@ class FaultError(DriverError):
 class FaultInjector:
     """Injects faults, between two instructions; thread-safe."""
 
-    def __init__(self, bus: VirtualBus, rng: np.random.Generator) -> None:
+    def __init__(self, bus: Faulty, rng: np.random.Generator) -> None:
         """Inject faults into a bus; ``rng`` draws the random ones."""
         self.line = LineFaults(rng)
         self.silent = False

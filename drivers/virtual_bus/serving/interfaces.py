@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from drivers.dynamixel.protocol2 import Damaged, Packet
 from drivers.virtual_bus.reply import Reply
+
+T = TypeVar("T")
 
 
 class Device(Protocol):
@@ -60,6 +62,23 @@ class Physics(Protocol):
 
     def sag(self, voltage: float) -> None:
         """Set the supply voltage [V]."""
+
+
+class Faulty(Protocol):
+    """What faults are injected into: a bus, with its devices, its physics and its port."""
+
+    devices: Devices
+    physics: Physics
+
+    def call(self, action: Callable[[], T]) -> T:
+        """Run an action between two instructions; return its result."""
+        ...
+
+    def plug(self) -> None:
+        """Plug in a new port under the same path."""
+
+    def unplug(self) -> None:
+        """Unplug the port while clients may use it."""
 
 
 class StillPhysics(Physics):

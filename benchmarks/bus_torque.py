@@ -24,7 +24,6 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.backends import LOCK_STEP_MARGIN
 from humanoid_getup.cli.output import counting, to_json
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
@@ -62,7 +61,6 @@ def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
             world.robot,
             served.paths,
             clock=CycleClock(),
-            answer_margin=LOCK_STEP_MARGIN,
             limit_by=strategy.torque_limit.mode,
         )
         with driver:  # switches servo power on

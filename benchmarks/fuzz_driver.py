@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers import Command, SafetyGuard
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.protocol2 import Packet
 from drivers.servo_units import ServoUnits
@@ -71,7 +71,10 @@ def fuzz_driver(
     virtual = VirtualRobot(Simulation(robot), powered=True)
     port = MemoryPort(virtual.chains["main"], virtual.bus.baud, virtual.physics)
     backend = DynamixelBackend(
-        robot, {"main": "memory"}, clock=CycleClock(), make_port=lambda _path, _baud: port
+        robot,
+        {"main": "memory"},
+        clock=CycleClock(),
+        options=DriverOptions(make_port=lambda _path, _baud: port),
     )
     guard, units, tally = SafetyGuard(backend), ServoUnits(robot), DriverTally()
     share = 0.0

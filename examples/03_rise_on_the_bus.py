@@ -20,9 +20,7 @@ else:
     virtual.place(hg.sample_fall(world, "prone", seed=3).posture)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         # In lock-step, simulated time waits for the driver: nothing has a deadline.
-        backend = hg.DynamixelBackend(
-            world.robot, ports.paths, clock=CycleClock(), answer_margin=0.2
-        )
+        backend = hg.DynamixelBackend(world.robot, ports.paths, clock=CycleClock())
         result = hg.get_up(backend, planner, options=hg.SessionOptions(realtime=False))
         print(backend.statistics["main"])
 print(result)

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drivers.backend import Backend, Release
 from drivers.dynamixel.board import Board
-from drivers.dynamixel.bus import ANSWER_MARGIN, TRIES, BusStatistics, DynamixelBus
+from drivers.dynamixel.bus import (
+    ANSWER_MARGIN,
+    LOCK_STEP_MARGIN,
+    TRIES,
+    BusStatistics,
+    DynamixelBus,
+)
 from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
@@ -22,20 +28,22 @@ from drivers.dynamixel.startup import (
     BOOT_MARGIN,
     BOOT_TIME,
     SETUP_MARGIN,
+    check_description,
+    check_limit_mode,
     configure_servos,
     diagnose_robot,
     measure_once,
     open_ports,
     using_margin,
 )
-from drivers.errors import NoBusError, NotConnectedError, SetupError
+from drivers.errors import NotConnectedError, SetupError
 from drivers.imu.build import build_imu_source
 from drivers.imu.fusion import ImuFusion
 from drivers.imu.source import ImuSource
 from drivers.interrupts import deferred_interrupts
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
-from robots import BusSettings, Joint, Robot
+from robots import Joint, Robot
 from robots.imu import IMU_PORT
 from robots.servo import LimitMode
 
@@ -52,6 +60,19 @@ class RebootError(SetupError):
     def __init__(self, joint: Joint, text: str) -> None:
         super().__init__(f"{name_of(joint)}: {text}")
         self.joint = joint.name
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriverOptions:
+    """How a driver uses its buses; the defaults suit a robot."""
+
+    period: float | None = None
+    """Control period [s]; None for the robot's own."""
+    answer_margin: float | None = None
+    """How long a reply may take beyond its bytes' own time [s]; None for `ANSWER_MARGIN`, or
+    `LOCK_STEP_MARGIN` with simulated time."""
+    make_port: MakePort = SerialPort
+    """`SerialPort` or `SdkPort`."""
 
 
 class DynamixelBackend(Backend):
@@ -72,13 +93,10 @@ class DynamixelBackend(Backend):
         ports: Mapping[str, str],
         *,
         clock: Clock | None = None,
-        period: float | None = None,
-        answer_margin: float = ANSWER_MARGIN,
-        make_port: MakePort = SerialPort,
-        release: Release = Release.LIMP,
         limit_by: LimitMode | None = None,
         imu: ImuSource | None = None,
         without_imu: bool = False,
+        options: DriverOptions | None = None,
     ) -> None:
         """Prepare a backend; nothing is opened yet.
 
@@ -88,33 +106,31 @@ class DynamixelBackend(Backend):
                 IMU on another serial port than described.
             clock: Clock of the measurements; ``None`` for wall time. With simulated time (a
                 virtual bus in lock-step) no cycle has a deadline.
-            period: Control period [s]; ``None`` for the robot's own.
-            answer_margin: How long a reply may take beyond its bytes' own time [s].
-            make_port: `SerialPort` or `SdkPort`.
-            release: State of the joints after `close`; it may be changed until then.
             limit_by: What torque limits act on: the current, in current-based position mode, or
                 the PWM, in position mode; ``None`` for the robot's own.
             imu: Source of the IMU's samples; ``None`` for that of the robot's description.
             without_imu: Measure neither angular velocity nor orientation, of a robot that has no
                 IMU.
+            options: How the buses are used; ``None`` for the defaults.
 
         Raises:
             SetupError: if the robot has no bus, no IMU (or, without it, has one), or other ports,
                 or if its servos do not limit torque like that.
         """
-        self.robot, self._bus_settings = robot, _check_robot(robot, ports, without_imu)
-        self.period = robot.control_period if period is None else period
+        self.robot, self._bus_settings = robot, check_description(robot, ports, without_imu)
+        options = options or DriverOptions()
+        self.period = robot.control_period if options.period is None else options.period
         self._clock = clock or Clock()
-        self.release = release
-        self.limit_by: LimitMode = _check_limit_mode(robot, limit_by or robot.limit_by)
+        self.limit_by: LimitMode = check_limit_mode(robot, limit_by or robot.limit_by)
         self._converter, self._units = CommandConverter(robot, self.limit_by), ServoUnits(robot)
-        self._margin = answer_margin
+        margin = ANSWER_MARGIN if self._clock.is_real else LOCK_STEP_MARGIN
+        self._margin = margin if options.answer_margin is None else options.answer_margin
         self._watchdog = max(1, round(self._bus_settings.watchdog / WATCHDOG_STEP))
         self.diagnostics = Diagnostics((), ())
         """Findings of `connect`."""
         self.unreleased: tuple[str, ...] = ()
         """Joints that did not confirm torque off at the last `close`."""
-        self.chains = self._build_chains(ports, make_port)
+        self.chains = self._build_chains(ports, options.make_port)
         self.imu = None if without_imu else imu or self._find_imu(ports.get(IMU_PORT, ""))
         """Source of the IMU's samples; None without one."""
         self._connected = False
@@ -355,36 +371,3 @@ class DynamixelBackend(Backend):
     def _check_connected(self) -> None:
         if not self._connected:
             raise NotConnectedError(f"{self.robot.name} on its servo bus")
-
-
-def _check_limit_mode(robot: Robot, by: LimitMode) -> LimitMode:
-    if by == "ideal":
-        raise SetupError("torque limit is by 'ideal', which no servo can, expected another mode")
-    try:
-        robot.check_limit_mode(by)
-    except ValueError as error:
-        raise SetupError(str(error)) from error
-    return by
-
-
-def _check_robot(robot: Robot, ports: Mapping[str, str], without_imu: bool) -> BusSettings:
-    bus = robot.bus
-    if bus is None:
-        raise NoBusError(robot.name)
-    if robot.imu_kind is None and not without_imu:
-        raise SetupError(
-            f"robot '{robot.name}' has no IMU: add an [imu] table, or a [bus.board] table for one "
-            "on the servo bus, to its robot.toml, or play a motion with --without-imu"
-        )
-    if robot.imu_kind is not None and without_imu:
-        raise SetupError(
-            f"robot '{robot.name}' has an IMU ({robot.imu_kind}), expected a robot without one, or "
-            "without_imu=False"
-        )
-    wanted, has_own_port = list(bus.ports), robot.imu is not None and robot.imu.is_serial
-    if sorted(set(ports) - ({IMU_PORT} if has_own_port else set())) != sorted(wanted):
-        raise SetupError(
-            f"robot '{robot.name}' has the ports {', '.join(wanted)}; "
-            f"devices were named for: {', '.join(ports) or 'none'}"
-        )
-    return bus

@@ -26,6 +26,7 @@ BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit
 # Beyond the bytes' own time on the wire: the servo's turnaround, the USB adapter's latency
 # (1 ms at its best, twice) and the host's scheduler.
 ANSWER_MARGIN = 0.004  # s
+LOCK_STEP_MARGIN = 0.2  # s; where time is simulated nothing is timed, and the machine may be busy
 FACTORY_RETURN_DELAY = 250 * 2e-6  # s (e-manual, Return Delay Time)
 TRIES = 3  # of a request outside the control cycle
 PING_DATA = 3  # bytes: model number, firmware

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -23,10 +23,12 @@ from drivers.dynamixel.diagnostics import (
 from drivers.dynamixel.port import PortError
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
-from drivers.errors import SetupError
+from drivers.errors import NoBusError, SetupError
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
-from robots import Joint, Robot
+from robots import BusSettings, Joint, Robot
+from robots.imu import IMU_PORT
+from robots.servo import LimitMode
 
 SETUP_MARGIN = 0.03  # s that a reply may take where no cycle is waiting
 BOOT_TIME = 3.0  # s until servos reply after power-up or reboot; they take 0.3 s
@@ -35,6 +37,49 @@ BOOT_MARGIN = 0.01  # s to wait for each reply meanwhile
 # frames around them, and the background read with its replies.
 SERVO_BYTES, CYCLE_BYTES = 26, 94
 FIRST_READS = 10  # tries to read a first value of every joint
+
+
+def check_description(robot: Robot, ports: Mapping[str, str], without_imu: bool) -> BusSettings:
+    """Return the bus of a robot whose description fits its ports; see `DynamixelBackend`.
+
+    Raises:
+        SetupError: if it does not.
+    """
+    bus = robot.bus
+    if bus is None:
+        raise NoBusError(robot.name)
+    if robot.imu_kind is None and not without_imu:
+        raise SetupError(
+            f"robot '{robot.name}' has no IMU: add an [imu] table, or a [bus.board] table for one "
+            "on the servo bus, to its robot.toml, or play a motion with --without-imu"
+        )
+    if robot.imu_kind is not None and without_imu:
+        raise SetupError(
+            f"robot '{robot.name}' has an IMU ({robot.imu_kind}), expected a robot without one, or "
+            "without_imu=False"
+        )
+    wanted, has_own_port = list(bus.ports), robot.imu is not None and robot.imu.is_serial
+    if sorted(set(ports) - ({IMU_PORT} if has_own_port else set())) != sorted(wanted):
+        raise SetupError(
+            f"robot '{robot.name}' has the ports {', '.join(wanted)}; "
+            f"devices were named for: {', '.join(ports) or 'none'}"
+        )
+    return bus
+
+
+def check_limit_mode(robot: Robot, by: LimitMode) -> LimitMode:
+    """Return how a robot's servos are to limit torque, if they can.
+
+    Raises:
+        SetupError: if they cannot.
+    """
+    if by == "ideal":
+        raise SetupError("torque limit is by 'ideal', which no servo can, expected another mode")
+    try:
+        robot.check_limit_mode(by)
+    except ValueError as error:
+        raise SetupError(str(error)) from error
+    return by
 
 
 def open_ports(buses: Sequence[DynamixelBus]) -> None:

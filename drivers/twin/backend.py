@@ -9,14 +9,8 @@ from drivers.errors import NoImuError, NotConnectedError
 from drivers.orientation_filter import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
-from drivers.twin.servo_model import (
-    CURRENT_STEP,
-    VELOCITY_STEP,
-    VOLTAGE_STEP,
-    SensorNoise,
-    quantize,
-)
-from drivers.twin.simulation import CompiledWorld, Simulation
+from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP, quantize
+from drivers.twin.simulation import CompiledWorld, Simulation, SimulationOptions
 from robots import Posture, Robot
 from robots.drive import limit_servos
 from robots.quaternion import Array
@@ -37,12 +31,9 @@ class Twin(Backend):
         start: Posture | None = None,
         *,
         voltage: float | None = None,
-        supply_resistance: float = 0.0,
         limit_by: LimitMode | None = None,
-        period: float | None = None,
-        noise: SensorNoise | None = None,
-        rng: np.random.Generator | None = None,
         without_imu: bool = False,
+        options: SimulationOptions | None = None,
     ) -> None:
         """Build a twin, torque off; what is not listed here is as in `Simulation`.
 
@@ -54,14 +45,7 @@ class Twin(Backend):
         Raises:
             NoImuError: if the robot has no IMU and should measure with it.
         """
-        self.simulation = Simulation(
-            world,
-            voltage=voltage,
-            supply_resistance=supply_resistance,
-            period=period,
-            noise=noise,
-            rng=rng,
-        )
+        self.simulation = Simulation(world, voltage=voltage, options=options)
         self.robot, self.period = self.simulation.robot, self.simulation.period
         self.model, self.data = self.simulation.model, self.simulation.data
         self.truth = self.simulation.truth

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import mujoco
@@ -24,6 +25,20 @@ from robots.robot import LONGEST_TIMESTEP
 # MuJoCo's dry friction is soft: loaded joints without torque creep at up to 0.03 rad/s. Once they
 # have been that slow for a while, its noslip solver holds them, as the friction of gears does.
 REST_SPEED, REST_TIME, NOSLIP_ITERATIONS = 0.05, 1.0, 5  # rad/s and m/s; s
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationOptions:
+    """How a simulation measures and what supplies it; by default as the robot is described."""
+
+    supply_resistance: float = 0.0
+    """Of battery and wires [ohm]; the supply sags by it."""
+    period: float | None = None
+    """Time between two sensor updates [s]; None for the robot's own."""
+    noise: SensorNoise | None = None
+    """Of the sensors; None for their resolution alone."""
+    rng: np.random.Generator | None = None
+    """Source of the noise; None for one of a fixed seed."""
 
 
 class CompiledWorld(Protocol):
@@ -51,27 +66,21 @@ class Simulation:
         world: CompiledWorld | Robot,
         *,
         voltage: float | None = None,
-        supply_resistance: float = 0.0,
-        period: float | None = None,
-        noise: SensorNoise | None = None,
-        rng: np.random.Generator | None = None,
+        options: SimulationOptions | None = None,
     ) -> None:
         """Build a robot in its standing posture, torque off.
 
         Args:
             world: World to simulate, in a copy of its model; a robot alone is put on a plane.
             voltage: Supply without load [V]; ``None`` for the robot's nominal one.
-            supply_resistance: Resistance of battery and wires [ohm]; the supply sags by it.
-            period: Time between two sensor updates [s]; ``None`` for the robot's own.
-            noise: Sensor noise; ``None`` for resolution alone.
-            rng: Source of the noise.
+            options: Its sensors and its wiring; ``None`` for the defaults.
         """
         if isinstance(world, Robot):
             robot, self.model = world, build_flat_world(world)
         else:
             robot, self.model = world.robot, copy.copy(world.model)
-        self.robot = robot
-        self.period = robot.control_period if period is None else period
+        self.robot, options = robot, options or SimulationOptions()
+        self.period = robot.control_period if options.period is None else options.period
         self.data = mujoco.MjData(self.model)
         self.steps_per_period = _count_steps(self.period, self.model.opt.timestep)
         self._layout = robot.layout(self.model)
@@ -79,10 +88,10 @@ class Simulation:
         if voltage is not None and not 0.0 < voltage < math.inf:
             raise ValueError(f"voltage is {voltage:g} V, expected a finite number above 0 V")
         self._supply = robot.supply_voltage if voltage is None else voltage
-        self._supply_resistance = supply_resistance
-        self._supply_varies = bool(supply_resistance)
-        self._noise = noise or SensorNoise()
-        self._rng = rng or np.random.default_rng(0)
+        self._supply_resistance = options.supply_resistance
+        self._supply_varies = bool(options.supply_resistance)
+        self._noise = options.noise or SensorNoise()
+        self._rng = options.rng or np.random.default_rng(0)
         self._windings = Windings(robot)
         self._imu: TwinImu | None = None
         if robot.imu_site is not None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from drivers.errors import NoBusError
 from drivers.imu.build import build_i2c_source
@@ -20,9 +19,8 @@ from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
 from drivers.virtual_bus.imu.build import AnyVirtualImu, build_virtual_imu
 from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.imu_line import ImuLine
-from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
+from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
 from drivers.virtual_bus.servo_physics import ServoPhysics
 from robots import Posture
 from robots.imu import IMU_PORT, SensorAxes
@@ -133,36 +131,33 @@ class VirtualPorts:
         robot: VirtualRobot,
         *,
         time_mode: TimeMode,
-        link: Path | None = None,
-        rng: np.random.Generator | None = None,
-        schedule: FaultSchedule | None = None,
-        adapter_latency: float = 0.0,
+        options: PortOptions | None = None,
     ) -> None:
-        """Prepare the ports, each with the settings of a `VirtualBus`.
+        """Prepare the ports, each as a `VirtualBus` has it.
 
         With several ports, each gets ``-NAME`` appended to its link, and the schedule is for the
         last one.
         """
+        options = options or PortOptions()
         *_, main = robot.chains
-        self._robot, self._link = robot, link
+        self._robot, self._link = robot, None if options.link is None else Path(options.link)
         self._is_real_time = time_mode is TimeMode.REAL_TIME
         self.imu_line = self._make_imu_line()
         """The IMU's own serial port; None if it has none."""
         self.buses: dict[str, VirtualBus] = {}
         for name, chain in robot.chains.items():
             is_main = name == main
-            if link is not None and len(robot.chains) > 1:
-                own_link = link.with_name(f"{link.name}-{name}")
-            else:
-                own_link = link
+            own = replace(
+                options,
+                link=self._link_to(name) if len(robot.chains) > 1 else self._link,
+                rng=options.rng.spawn(1)[0] if options.rng else None,
+                schedule=options.schedule if is_main else None,
+            )
             self.buses[name] = VirtualBus(
                 chain,
                 robot.physics,
                 time_mode=time_mode,
-                link=own_link,
-                rng=rng.spawn(1)[0] if rng else None,
-                schedule=schedule if is_main else None,
-                adapter_latency=adapter_latency,
+                options=own,
                 strict_stuffing=robot.quirks.strict_stuffing,
                 advances_time=is_main or time_mode is TimeMode.REAL_TIME,
                 line=self.imu_line if is_main else None,
@@ -202,15 +197,17 @@ class VirtualPorts:
     def __exit__(self, *error: object) -> None:
         self._open.close()
 
+    def _link_to(self, port: str) -> Path | None:
+        """Return the path of one of several ports, None for a temporary one."""
+        return self._link.with_name(f"{self._link.name}-{port}") if self._link else None
+
     def _make_imu_line(self) -> ImuLine | None:
         """Plug in the IMU's serial port, if it has one of its own."""
-        imu, link = self._robot.imu, self._link
+        imu = self._robot.imu
         if imu is None or isinstance(imu, VirtualBno08xI2c):
             return None
         if self._robot.robot.imu is None or not self._robot.robot.imu.is_serial:
             return None
-        if link is not None:
-            link = link.with_name(f"{link.name}-{IMU_PORT}")
-        line = ImuLine(imu, link=link, repeats=not self._is_real_time)
+        line = ImuLine(imu, link=self._link_to(IMU_PORT), repeats=not self._is_real_time)
         self._robot.on_imu_update = line.pass_on
         return line

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
+from drivers.dynamixel.backend import DriverOptions
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
-from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import ServoTrace, Witness
@@ -35,7 +36,7 @@ from robots.kinematics import read_posture
 
 WINDOW = (0.1, 0.8)  # part of the motion, or of a held stand, in which the fault is injected
 AFTERMATH = 0.5  # s of bus time observed after the run: longer than the servos' watchdog
-REPLY_MARGIN = 0.03  # s of waiting for a reply: in lock-step nothing is timed
+OPTIONS = DriverOptions(answer_margin=0.03)  # s; replies that are lost are waited for
 
 
 class FaultyError(Exception):
@@ -191,8 +192,9 @@ def bench_faults(
 def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator) -> FaultTrial:
     robot = world.robot
     virtual = VirtualRobot(Simulation(world), powered=True)
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, rng=rng) as ports:
-        witness = Witness(virtual, ports, clock=CycleClock(), answer_margin=REPLY_MARGIN)
+    faulty = PortOptions(rng=rng)
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, options=faulty) as ports:
+        witness = Witness(virtual, ports, clock=CycleClock(), options=OPTIONS)
         with witness:
             pass  # the first connection configures the servos, which may take time
         at_rest = settle_posture(world, motion.posture(0))

@@ -28,7 +28,6 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.quaternion import Array
 
-REPLY_MARGIN = 0.2  # s of waiting for a reply: in lock-step nothing is timed
 STAND_TIME = 2.0  # s that the stand is held after it is judged
 TUMBLE_TIME, TUMBLE_HOLD = 0.8, 0.4  # s
 MEGABYTE = 2**20
@@ -116,9 +115,7 @@ def bench_soak(
     virtual = VirtualRobot(Simulation(world), powered=True)
     counts, began = SoakCounts(), time.perf_counter()
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = CountingBackend(
-            world.robot, ports.paths, clock=CycleClock(), answer_margin=REPLY_MARGIN
-        )
+        driver = CountingBackend(world.robot, ports.paths, clock=CycleClock())
         guard = SafetyGuard(driver)
         start = sample_falls(world, {"supine": 1}, rng)[0].posture
         ports.main.call(lambda: virtual.place(start))

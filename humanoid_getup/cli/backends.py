@@ -10,17 +10,14 @@ import numpy as np
 
 from drivers import Backend, Twin
 from drivers.dynamixel.backend import DynamixelBackend
-from drivers.dynamixel.bus import ANSWER_MARGIN
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.inputs import name_ports
 from humanoid_getup.cli.options.shared import BackendOptions
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
-
-LOCK_STEP_MARGIN = 0.2  # s to wait for a reply: nothing is timed, and the machine may be busy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,12 +56,11 @@ def open_backend(
     virtual = VirtualRobot(Simulation(world))
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
     rng = np.random.default_rng(command.seed)
-    with VirtualPorts(virtual, time_mode=time_mode, rng=rng) as served:
+    with VirtualPorts(virtual, time_mode=time_mode, options=PortOptions(rng=rng)) as served:
         driver = DynamixelBackend(
             robot,
             served.paths,
             clock=None if realtime else CycleClock(),
-            answer_margin=ANSWER_MARGIN if realtime else LOCK_STEP_MARGIN,
             limit_by=limit_by,
             imu=served.imu,
             without_imu=without_imu,

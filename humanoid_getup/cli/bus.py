@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT
@@ -29,14 +29,10 @@ def serve_bus(command: ServeBus) -> int:
     schedule = FaultSchedule.from_file(command.faults, ids) if command.faults else None
     robot.place(find_start(world, command.origin, rng).posture)
     time_mode = TimeMode.LOCK_STEP if command.lock_step else TimeMode.REAL_TIME
-    ports = VirtualPorts(
-        robot,
-        time_mode=time_mode,
-        link=command.link,
-        rng=rng,
-        schedule=schedule,
-        adapter_latency=command.latency,
+    options = PortOptions(
+        link=command.link, adapter_latency=command.latency, schedule=schedule, rng=rng
     )
+    ports = VirtualPorts(robot, time_mode=time_mode, options=options)
     with ports:
         for path in ports.paths.values():
             print(path, flush=True)

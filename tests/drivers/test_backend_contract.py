@@ -25,7 +25,7 @@ Make = Callable[[Robot], AbstractContextManager[Backend]]
 def virtual(robot: Robot) -> Iterator[Backend]:
     """The real driver, its port, and servos that speak the protocol with physics behind them."""
     with VirtualPorts(VirtualRobot(Simulation(robot)), time_mode=TimeMode.LOCK_STEP) as ports:
-        yield DynamixelBackend(robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
+        yield DynamixelBackend(robot, ports.paths, clock=CycleClock())
 
 
 @contextmanager

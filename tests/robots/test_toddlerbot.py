@@ -195,9 +195,7 @@ def test_driver_and_twin_measure_one_path_of_the_waist(toddlerbot: Robot):
 
     by_twin = swing(Twin(toddlerbot))
     with VirtualPorts(VirtualRobot(Simulation(toddlerbot)), time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(
-            toddlerbot, ports.paths, clock=CycleClock(), answer_margin=0.2, imu=ports.imu
-        )
+        driver = DynamixelBackend(toddlerbot, ports.paths, clock=CycleClock(), imu=ports.imu)
         by_bus = swing(driver)
     assert np.array_equal(by_bus, by_twin)
     assert np.ptp(by_bus[:, 2:4], axis=0).min() > 0.08

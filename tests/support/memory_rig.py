@@ -7,7 +7,7 @@ import numpy as np
 from memory_port import MemoryPort
 
 from drivers import Command, State
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
@@ -38,7 +38,7 @@ class Rig:
             robot,
             {name: name for name in names},
             clock=self.clock,
-            make_port=self._make_port,
+            options=DriverOptions(make_port=self._make_port),
             **settings,
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import TypeVar
@@ -34,6 +34,21 @@ class TimeMode(Enum):
     """One control period for each sync write of goal positions by the client."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class PortOptions:
+    """What a virtual port is like, and what goes wrong on it."""
+
+    link: Path | str | None = None
+    """Its path; None for a temporary one."""
+    adapter_latency: float = 0.0
+    """In real time, latency timer of the USB adapter [s] (FTDI: 0.016 as shipped, at best 0.001);
+    0 for none."""
+    schedule: FaultSchedule | None = None
+    """Faults to come."""
+    rng: np.random.Generator | None = None
+    """Random source of faults; None for one of a fixed seed."""
+
+
 class VirtualBusError(DriverError):
     """A virtual bus cannot do this in its present state."""
 
@@ -54,10 +69,7 @@ class VirtualBus:
         physics: Physics | None = None,
         *,
         time_mode: TimeMode = TimeMode.REAL_TIME,
-        link: Path | str | None = None,
-        rng: np.random.Generator | None = None,
-        schedule: FaultSchedule | None = None,
-        adapter_latency: float = 0.0,
+        options: PortOptions | None = None,
         strict_stuffing: bool = False,
         advances_time: bool = True,
         line: Line | None = None,
@@ -68,29 +80,26 @@ class VirtualBus:
             devices: Devices on the bus.
             physics: Physics behind them; None for devices that do not move.
             time_mode: How time advances.
-            link: Path of the port; None for a temporary one.
-            rng: Random source of faults.
-            schedule: Faults to come.
-            adapter_latency: In real time, latency timer of the USB adapter [s] (FTDI: 0.016 as
-                shipped, at best 0.001); 0 for none.
+            options: Its port, and what goes wrong there; None for the defaults.
             strict_stuffing: Whether devices ignore an instruction with an unstuffed FF FF FD;
                 otherwise it is only counted.
             advances_time: False if another bus of the same robot does.
             line: Another line of the robot to serve in the same thread, such as its IMU's.
         """
+        options = options or PortOptions()
         self.devices: Devices = devices
         self.physics: Physics = physics or StillPhysics(devices)
         self.time_mode = time_mode
-        self.faults = FaultInjector(self, rng or np.random.default_rng(0))
+        self.faults = FaultInjector(self, options.rng or np.random.default_rng(0))
         self._exchange = Exchange(
             devices,
             self.physics,
             self.faults,
-            schedule,
+            options.schedule,
             strict_stuffing=strict_stuffing,
             advances_time=advances_time,
         )
-        self._link, self._adapter_latency = link, adapter_latency
+        self._options = options
         self._calls = CallQueue()
         if line is not None:
             self._calls.lines.append(line)
@@ -110,7 +119,7 @@ class VirtualBus:
         """
         if self._wire is not None:
             raise VirtualBusError("a virtual bus runs once: create another one")
-        self._wire = PseudoTerminal(self._link)
+        self._wire = PseudoTerminal(self._options.link)
         ready = threading.Event()
         self._thread = threading.Thread(
             target=self._run, args=(self._wire, ready), name="virtual bus", daemon=True
@@ -207,4 +216,4 @@ class VirtualBus:
     def _make_served(self, wire: PseudoTerminal) -> RealTime | LockStep:
         if self.time_mode is TimeMode.LOCK_STEP:
             return LockStep(wire, self._exchange, self._calls.wait)
-        return RealTime(wire, self._exchange, self._calls.wait, self._adapter_latency)
+        return RealTime(wire, self._exchange, self._calls.wait, self._options.adapter_latency)

@@ -10,7 +10,7 @@ from memory_rig import Rig, split
 
 from drivers import Backend, Command
 from drivers.backend import Release
-from drivers.dynamixel.backend import DynamixelBackend, RebootError
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend, RebootError
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import HardwareError, OperatingMode
@@ -704,7 +704,8 @@ def test_closing_with_half_the_bus_dead_releases_the_rest_and_names_the_dead(op3
 
 
 def test_closing_may_leave_the_robot_standing(tiny):
-    with Rig(tiny, release=Release.HOLD) as rig:
+    with Rig(tiny) as rig:
+        rig.backend.release = Release.HOLD
         rig.turn(cycles=3)
         rig.backend.close()
         assert rig.peek("torque_enable") == [1, 1]
@@ -736,7 +737,10 @@ def plugged(request, tiny):
     virtual = VirtualRobot(Simulation(tiny), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         backend = DynamixelBackend(
-            tiny, ports.paths, clock=CycleClock(), answer_margin=0.1, make_port=request.param
+            tiny,
+            ports.paths,
+            clock=CycleClock(),
+            options=DriverOptions(answer_margin=0.1, make_port=request.param),
         )
         with backend:
             yield backend, virtual, ports.main

@@ -13,7 +13,7 @@ from imu_bench import KINDS
 from waiting import LONGEST_WAIT, wait_until
 
 from drivers import Command, SafetyGuard, State
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.errors import SetupError
@@ -68,9 +68,8 @@ def with_imu(robot: Robot, kind: str) -> Robot:
 
 
 def make_driver(robot: Robot, ports: VirtualPorts) -> DynamixelBackend:
-    return DynamixelBackend(
-        robot, ports.paths, clock=CycleClock(), answer_margin=LONGEST_WAIT, imu=ports.imu
-    )
+    options = DriverOptions(answer_margin=LONGEST_WAIT)
+    return DynamixelBackend(robot, ports.paths, clock=CycleClock(), imu=ports.imu, options=options)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from drivers import Command, Ending, SafetyGuard, Twin, run
 from drivers.errors import ModelError
 from drivers.servo_units import ServoUnits
 from drivers.twin.servo_model import SensorNoise
-from drivers.twin.simulation import build_flat_world
+from drivers.twin.simulation import SimulationOptions, build_flat_world
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 
@@ -145,7 +145,7 @@ def test_noise_comes_from_the_seed_alone(tiny):
     noise = SensorNoise(joint_pos=0.01, joint_vel=0.1, joint_current=0.01, gyro=0.01)
 
     def measure(seed):
-        twin = Twin(tiny, noise=noise, rng=np.random.default_rng(seed))
+        twin = Twin(tiny, options=SimulationOptions(noise=noise, rng=np.random.default_rng(seed)))
         return play(twin, Command.position(tiny, np.zeros(2)), 3)
 
     first, again, other = measure(1), measure(1), measure(2)
@@ -173,7 +173,7 @@ def test_a_lower_supply_makes_slower_servos(tiny):
 
 
 def test_the_supply_sags_under_load_and_recovers(op3):
-    twin = Twin(op3, supply_resistance=0.2)
+    twin = Twin(op3, options=SimulationOptions(supply_resistance=0.2))
     assert play(twin, Command.limp(op3.n), 1).voltage == pytest.approx(12.0)
     loaded = play(twin, Command.position(op3, op3.standing.joint_pos + 0.3), 5).voltage
     assert 9.0 < loaded < 11.9
@@ -205,7 +205,7 @@ def test_released_joints_obey_nothing_while_others_hold(tiny):
 @pytest.mark.parametrize(("period", "words"), [(0.005, "not a multiple"), (0.0, "not a multiple")])
 def test_a_period_must_fit_the_physics(tiny, period, words):
     with pytest.raises(ModelError, match=words):
-        Twin(tiny, period=period)
+        Twin(tiny, options=SimulationOptions(period=period))
 
 
 def test_physics_must_be_fine_enough(tiny):

@@ -78,9 +78,7 @@ def assert_one_path(robot: Robot, limit_by: LimitMode, torque_limit: float | Non
     by_twin = thrash(twin, 150, torque_limit)
     virtual = VirtualRobot(Simulation(robot))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(
-            robot, ports.paths, clock=CycleClock(), answer_margin=0.2, limit_by=limit_by
-        )
+        driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), limit_by=limit_by)
         with driver:
             pass  # the first connection waits for the servos' power, and that takes time
         ports.main.call(lambda: virtual.place(robot.standing))
@@ -207,7 +205,7 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     virtual = VirtualRobot(Simulation(robot))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as served:
         assert sorted(served.paths) == ["l_hip", "r_hip"]
-        driver = DynamixelBackend(robot, served.paths, clock=CycleClock(), answer_margin=0.2)
+        driver = DynamixelBackend(robot, served.paths, clock=CycleClock())
         with SafetyGuard(driver) as guard:
             begun = served.main.time
             for _ in range(60):

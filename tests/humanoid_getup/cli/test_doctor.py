@@ -89,9 +89,7 @@ def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsy
 
     _, told = examine(tiny_served, capsys)
     robot = load_robot(TINY)
-    backend = DynamixelBackend(
-        robot, {"main": tiny_served.path}, clock=CycleClock(), answer_margin=0.2
-    )
+    backend = DynamixelBackend(robot, {"main": tiny_served.path}, clock=CycleClock())
     sizes = set()
     with backend:
         for _ in range(12):

@@ -122,9 +122,7 @@ def test_the_virtual_bus_plays_it_without_board_and_imu(bare, squat):
     virtual = VirtualRobot(Simulation(bare), powered=True)
     virtual.place(place_at_start(bare, squat))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(
-            bare.robot, ports.paths, clock=CycleClock(), answer_margin=0.2, without_imu=True
-        )
+        driver = DynamixelBackend(bare.robot, ports.paths, clock=CycleClock(), without_imu=True)
         options = SessionOptions(settle=False, then="limp", realtime=False)
         session = Session.on(driver, bare, options=options)
         result = play_blind(session, squat)

@@ -42,7 +42,7 @@ def rise_and_break(
     virtual.place(sample_falls(world, {"supine": 1}, rng)[0].posture)
     phases: list[PhaseChange] = []
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(op3, ports.paths, clock=CycleClock(), answer_margin=0.2)
+        driver = DynamixelBackend(op3, ports.paths, clock=CycleClock())
         guard = SafetyGuard(driver)
         cycles = iter(range(10**6))
 

@@ -121,7 +121,7 @@ def test_a_robot_on_servos_lies_down_or_holds_without_a_watchdog(
 ):
     virtual = VirtualRobot(Simulation(world), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        backend = DynamixelBackend(world.robot, ports.paths, clock=CycleClock(), answer_margin=0.2)
+        backend = DynamixelBackend(world.robot, ports.paths, clock=CycleClock())
         with backend:
             pass  # the first connection configures the servos, which may take time
         ports.main.call(lambda: virtual.place(squat))

@@ -13,6 +13,7 @@ from drivers import Command, Cycle, SafetyGuard, State, Twin, run
 from drivers.control_loop import Timing
 from drivers.safety_limits import ClipCounts
 from drivers.twin.servo_model import SensorNoise, Windings
+from drivers.twin.simulation import SimulationOptions
 from humanoid_getup.experiments.judge import (
     GroundTruthJudge,
     RunOutcome,
@@ -37,7 +38,7 @@ WORLD = World(load_robot("op3"))
 
 def judge_twice(world: World, motion: Motion, start: Motion) -> tuple[RunOutcome, RunOutcome, Twin]:
     """Play a motion from where another begins; judge by truth and by noisy sensors."""
-    twin = Twin(world, noise=NOISE, rng=np.random.default_rng(1))
+    twin = Twin(world, options=SimulationOptions(noise=NOISE, rng=np.random.default_rng(1)))
     at_rest = settle_posture(world, start.posture(0))
     twin.place(read_posture(world.robot, world.model, at_rest))
     truth, sensed = GroundTruthJudge(twin.simulation, None), SensorJudge(world, twin.period, None)

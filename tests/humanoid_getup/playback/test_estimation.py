@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drivers import FaultKind, SafetyGuard, State, Twin
+from drivers.twin.simulation import SimulationOptions
 from humanoid_getup.experiments.starts import sample_falls, settle_posture
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.estimation import (
@@ -31,7 +32,7 @@ def lateral(op3: Robot, world: World) -> Posture:
 
 
 def lie_down(world: World, posture: Posture, period: float | None = None) -> Twin:
-    twin = Twin(world, period=period)
+    twin = Twin(world, options=SimulationOptions(period=period))
     twin.place(posture)
     return twin
 

@@ -2,6 +2,7 @@
 
 import os
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from drivers.virtual_bus.serving.fault_injector import FaultError
 from drivers.virtual_bus.serving.fault_schedule import KINDS, FaultSchedule, FaultScheduleError
 from drivers.virtual_bus.serving.interfaces import StillPhysics
 from drivers.virtual_bus.serving.lock_step import QUIET
-from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
+from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 
 IDS = (1, 2, 3)
@@ -37,6 +38,10 @@ def line_faults(seed: int = 0) -> LineFaults:
 
 def bytes_of(transmissions) -> bytes:
     return b"".join(transmission.data for transmission in transmissions)
+
+
+def scheduled(file: Path, devices=()) -> PortOptions:
+    return PortOptions(schedule=FaultSchedule.from_file(file, devices))
 
 
 class RecordingPhysics(StillPhysics):
@@ -338,9 +343,9 @@ def write(tmp_path, text: str):
 def test_a_scheduled_fault_comes_and_goes_at_its_bus_time(tmp_path, devices: FakeDevices):
     file = write(tmp_path, '[[fault]]\nat = 0.02\nkind = "kill"\nid = 2\nfor = 0.02\n')
     alive = []
-    schedule = FaultSchedule.from_file(file, IDS)
+    options = scheduled(file, IDS)
     with (
-        VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, schedule=schedule) as bus,
+        VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, options=options) as bus,
         serial.Serial(bus.path, 1_000_000, timeout=5.0) as port,
     ):
         for _ in range(6):
@@ -351,8 +356,8 @@ def test_a_scheduled_fault_comes_and_goes_at_its_bus_time(tmp_path, devices: Fak
 
 def test_a_scheduled_unplugging_ends_by_itself(tmp_path, devices: FakeDevices):
     file = write(tmp_path, '[[fault]]\nat = 0.008\nkind = "unplug"\nfor = 0.05\n')
-    schedule = FaultSchedule.from_file(file)
-    with VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, schedule=schedule) as bus:
+    options = scheduled(file)
+    with VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, options=options) as bus:
         with serial.Serial(bus.path, 1_000_000) as port:
             port.write(GOALS)
             wait_until(lambda: bus.faults.counts["replug"] > 0)
@@ -388,9 +393,12 @@ def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevic
         f'[[fault]]\nat = 0.001\nkind = "{kind}"\n{rest}\n' for kind, rest in ONE_OF_EACH.items()
     )
     devices.devices[2].frozen = False  # type: ignore[attr-defined]
-    schedule = FaultSchedule.from_file(write(tmp_path, text), IDS)
+    options = scheduled(write(tmp_path, text), IDS)
     bus = VirtualBus(
-        devices, RecordingPhysics(devices), time_mode=TimeMode.REAL_TIME, schedule=schedule
+        devices,
+        RecordingPhysics(devices),
+        time_mode=TimeMode.REAL_TIME,
+        options=options,
     )
     with bus:
         wait_until(lambda: bus.faults.counts["replug"] == 2)

@@ -20,7 +20,7 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.interfaces import StillPhysics
 from drivers.virtual_bus.serving.lock_step import QUIET
-from drivers.virtual_bus.serving.server import TimeMode, VirtualBus, VirtualBusError
+from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus, VirtualBusError
 from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
@@ -145,7 +145,10 @@ def test_an_instruction_waits_for_the_bytes_before_it():
 
 
 def test_the_adapter_hands_over_once_a_tick():
-    with VirtualBus(FakeDevices(IDS), adapter_latency=0.016) as bus, connect(bus) as port:
+    with (
+        VirtualBus(FakeDevices(IDS), options=PortOptions(adapter_latency=0.016)) as bus,
+        connect(bus) as port,
+    ):
         start = time.monotonic()
         for _ in range(4):
             assert len(ask(port, protocol2.ping(1), 14)) == 14

@@ -86,6 +86,12 @@ def test_the_reward_is_that_of_the_paper_by_hand():
     # At the end it is 1: (7) is exp(-0.05 |w|), (9) is exp(-0.1 sum |q|).
     assert reward(wanted=1.0, speed=9.0).task == pytest.approx([np.exp(-0.45)])
     assert reward(wanted=1.0, away=2.0).task == pytest.approx([np.exp(-0.4)])
+    # The end is that of the curve, wherever the robot is.
+    low, early = reward(height=-0.4, wanted=1.0, speed=9.0), reward(height=0.5, speed=9.0)
+    assert (low.stillness, early.stillness) == (
+        pytest.approx([np.exp(-0.45)]),
+        pytest.approx([1.0], abs=1e-4),
+    )
     # (3): the naturalness falls with the square of the mean offset, to 0 at 0.2 rad.
     assert reward(offset=0.1).natural == pytest.approx([0.75])
     assert reward(offset=0.5).total == pytest.approx([0.0])
@@ -169,11 +175,15 @@ def test_a_robot_that_deviated_restarts_where_it_is(env, monkeypatch, share):
     ended = []
     monkeypatch.setattr(env.sim, "place", lambda ids, _: ended.append(ids.tolist()))
     before = env.sim.read("qpos").copy()
-    _, _, terminated, _, _ = env.step(np.zeros(env.action_space.shape))
+    observation, _, terminated, _, _ = env.step(np.ones(env.action_space.shape))
     assert terminated.all()
     assert ended == [list(range(5 if share else 0, 12))], "the others are reset"
     assert np.abs(env.sim.read("qpos") - before).max() < 0.5
     assert env.ages.tolist() == [0] * 12
+    ends = np.cumsum([term.size for term in env.terms])
+    at = [term.name for term in env.terms].index("last_action")
+    seen = observation[:5, ends[at - 1] : ends[at]]
+    assert not share or np.all(seen == 0.0), "it begins again without memory"
     assert task.tracker.time[:5].max() == 0.0 or not share
     left = task.tracker.duration - task.tracker.time
     assert env._episodes.length * STEP == pytest.approx(left + 3.0, abs=STEP)

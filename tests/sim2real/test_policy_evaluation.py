@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from policy_functions import remember_actions
 
+from humanoid_getup.policy.action import build_posture_spec
+from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.style.style_file import load_any_style
 from robots.kinematics import place
 from sim2real.environment.physics.randomization import ObservationNoise
 from sim2real.environment.physics.training_simulation import TrainingSim
@@ -169,3 +172,30 @@ def test_the_torque_limit_is_observed_and_the_last_positions_are_kept(op3, actio
     np.testing.assert_array_equal(rollouts.qpos[:, -1], sim.qpos)
     share = min(2.05 / op3.max_torque.max(), action.pwm_limit)
     assert np.array(seen) == pytest.approx(np.full((len(seen), 2), share))
+
+
+def test_a_robot_that_restarts_on_other_curves_has_no_memory(op3, world, falls):
+    """Its network remembers a 1 always; the robot stays lying, however high its curves lead."""
+    spec, style = build_posture_spec(op3), StyleInput(memory=1)
+    ends = np.cumsum([term.size for term in list_terms(op3, spec, style)])
+    at = [term.name for term in list_terms(op3, spec, style)].index("last_action")
+    memory = []
+
+    def lie_still(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        memory.append(observations[:, ends[at] - 1])
+        return np.zeros((len(observations), spec.size)), np.ones((len(observations), 1))
+
+    curves = load_any_style(op3)
+    sim = TrainingSim(world, 4, cycles=spec.cycles, threads=1)
+    rollouts = roll_out_policy(
+        sim,
+        spec,
+        lie_still,
+        falls[:4],
+        style=style,
+        choose_style=lambda _, features: curves.choose(features),
+        duration=5.0,
+    )
+    assert rollouts.restarts.sum() >= 2
+    blank = np.array(memory[1:]) == 0.0  # (steps, 4)
+    assert blank.sum(axis=0).tolist() == rollouts.restarts.tolist()

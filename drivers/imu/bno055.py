@@ -56,9 +56,8 @@ class Bno055:
     def __init__(self, settings: ImuSettings, line: RegisterLink, name: str) -> None:
         self.name, self._line = name, line
         self._axes = SensorAxes.of(settings.axes)
-        self._steps: deque[tuple[int, int, float]] = deque()
+        self._steps = deque(SETUP)  # that are still to come
         self._ready_at = self._now = self._asked_at = 0.0
-        self._set_up_in = -1  # connection in which the chip was configured
         self._asked = Asked.DATA
         self._is_in_doubt = self._may_be_blank = False
         self._rejected = 0
@@ -75,7 +74,7 @@ class Bno055:
             ImuError: if that fails, or another chip replies.
         """
         self._line.open()
-        self._set_up_in = -1
+        self._steps = deque(SETUP)
         found = self._read_ids()
         if found == IDS:
             return
@@ -95,8 +94,6 @@ class Bno055:
         self._now, line = now, self._line
         if line.is_busy or time.monotonic() < self._ready_at:
             return
-        if self._set_up_in != line.connections:
-            self._set_up_in, self._steps = line.connections, deque(SETUP)
         self._asked_at = now
         if self._steps:
             self._asked = Asked.SETTING
@@ -149,7 +146,7 @@ class Bno055:
         """Find out whether zeros are a free fall, or those of a chip that has restarted."""
         self._is_in_doubt, self._may_be_blank = False, mode & 0x0F == ACCGYRO_MODE
         if not self._may_be_blank:
-            self._set_up_in = -1
+            self._steps = deque(SETUP)
 
     def _read_ids(self) -> bytes | None:
         """Read the chip's ids, waiting for a chip that boots; None if it is silent."""

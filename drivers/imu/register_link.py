@@ -20,11 +20,6 @@ class RegisterLink(Protocol):
     """A line to registers; nothing here waits, and only `open` raises."""
 
     @property
-    def connections(self) -> int:
-        """Return how often the line was opened: after each, the chip may have restarted."""
-        ...
-
-    @property
     def damaged(self) -> int:
         """Return how many replies were dropped because they were damaged."""
         ...
@@ -61,7 +56,7 @@ class I2cRegisters:
     def __init__(self, chip: I2cChip, name: str) -> None:
         self._chip, self._name = chip, name
         self._reply: bytes | None = None
-        self.connections = self.damaged = 0
+        self.damaged = 0
         self.is_busy = False
 
     def open(self) -> None:
@@ -71,7 +66,6 @@ class I2cRegisters:
         except OSError as error:
             remedy = "check imu.i2c_bus in robot.toml, and that you may use the bus (group i2c)"
             raise ImuError(self._name, f"{error.strerror}", remedy) from error
-        self.connections += 1
 
     def close(self) -> None:
         """Close the bus."""
@@ -107,11 +101,6 @@ class UartRegisters:
         self._give_up_at = 0.0
         self.is_busy = False
         self.damaged = 0
-
-    @property
-    def connections(self) -> int:
-        """Return how often the port was opened."""
-        return self._link.connections
 
     def open(self) -> None:
         """Open the port."""

@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.imu.build import build_i2c_source
+from drivers.imu.sample import ImuSample
+from drivers.imu.source import ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
 from drivers.virtual_bus.imu.bno08x_rvc import VirtualBno08xRvc
@@ -202,6 +204,73 @@ def test_the_driver_of_a_bno055_sets_and_reads_what_its_data_sheet_means():
     assert sample.accelerometer == pytest.approx([0.0, 1.0, -9.81])
 
 
+def cycles(source: ImuSource, count: int) -> list[ImuSample]:
+    """Poll a source once a period; return the samples."""
+    samples = []
+    for k in range(count):
+        source.request(0.008 * k)
+        samples.append(source.poll())
+    return [sample for sample in samples if sample is not None]
+
+
+def test_the_driver_of_a_bno055_waits_until_a_mode_is_reached(counted_time):
+    """19 ms into the configuration, 7 ms out of it (data sheet, 3.3)."""
+    heard: list[tuple[float, bytes]] = []
+
+    class Timed(Memory055):
+        def exchange(self, data: bytes, count: int) -> bytes:
+            heard.append((counted_time.now, data))
+            return super().exchange(data, count)
+
+    source = build_i2c_source(ImuSettings(kind="bno055", connection="i2c"), Timed())
+    source.open()
+    source.measure()
+    modes = {data: k for k, (_, data) in enumerate(heard) if data[0] == 0x3D}
+    for mode, wait in ((0, 0.019), (5, 0.007)):
+        k = modes[bytes([0x3D, mode])]
+        assert wait <= heard[k + 1][0] - heard[k][0] < wait + 0.005
+
+
+def measuring_055() -> tuple[Memory055, ImuSource]:
+    chip = Memory055()
+    source = build_i2c_source(ImuSettings(kind="bno055", connection="i2c"), chip)
+    source.open()
+    chip.pages[0][0x08] = 100
+    assert source.measure() is not None
+    return chip, source
+
+
+@pytest.mark.usefixtures("counted_time")
+def test_zeros_of_a_bno055_count_in_the_mode_that_it_was_set_to():
+    """A free fall: all six values are 0, and so is the memory of a chip that has restarted."""
+    chip, source = measuring_055()
+    chip.pages[0][0x08] = 0
+    assert len(cycles(source, 10)) >= 7
+    chip.pages[0][0x08] = 1  # it lands, and restarts
+    assert cycles(source, 3)
+    chip.pages[0][0x08], chip.pages[0][0x3D] = 0, 0
+    assert cycles(source, 3) == []
+    assert len(cycles(source, 100)) > 20 and chip.pages[0][0x3D] == 5
+
+
+@pytest.mark.usefixtures("counted_time")
+@pytest.mark.parametrize("mode", [0x00, 0x01, 0x0C])
+def test_zeros_of_a_bno055_in_another_mode_mean_that_it_must_be_set_again(mode: int):
+    chip, source = measuring_055()
+    chip.pages[0][0x08], chip.pages[0][0x3D] = 0, mode
+    cycles(source, 100)
+    assert chip.pages[0][0x3D] == 5
+
+
+@pytest.mark.usefixtures("counted_time")
+def test_registers_of_the_other_page_are_no_sample():
+    chip, source = measuring_055()
+    chip.pages[1][:] = chip.pages[0]
+    chip.pages[0][7] = chip.pages[1][7] = 1
+    assert cycles(source, 5) == []
+    assert source.damaged == 5
+
+
 class Memory08x(VirtualI2cChip):
     """Answers with one packet after the other, and remembers what is written."""
 
@@ -232,12 +301,55 @@ def test_the_driver_of_a_bno08x_asks_for_and_reads_what_its_manual_means():
         bytes.fromhex(f"1500 02 02 FD 02 {feature}"),
     ]
     # 1 m/s² are 256 counts, 1 rad/s are 512.
-    reports = "FB 00000000  01 00 03 00 0000 0001 00F7  02 00 03 00 0002 00FE 0000"
-    chip.packets.append(bytes.fromhex("1D00 03 00" + reports))
+    chip.packets.append(packet_of("0000 0001 00F7", "0002 00FE 0000"))
     sample = source.poll()
     assert sample is not None
     assert sample.accelerometer == pytest.approx([0.0, 1.0, -9.0])
     assert sample.gyro == pytest.approx([1.0, -1.0, 0.0])
+    assert source.poll() is None, "nothing has come since"
+
+
+def packet_of(accelerometer: str, gyro: str) -> bytes:
+    """Make a packet of two reports, of three counts each."""
+    reports = f"FB 00000000  01 00 03 00 {accelerometer}  02 00 03 00 {gyro}"
+    return bytes.fromhex("1D00 03 00" + reports)
+
+
+def measuring_08x() -> tuple[Memory08x, ImuSource]:
+    chip = Memory08x()
+    source = build_i2c_source(ImuSettings(kind="bno08x", connection="i2c"), chip)
+    chip.packets.append(bytes.fromhex("1400 02 00 F8") + bytes(15))
+    source.open()
+    return chip, source
+
+
+def test_of_all_packets_that_wait_the_newest_counts():
+    chip, source = measuring_08x()
+    chip.packets += [packet_of("0000 0000 0001", f"00{k:02X} 0000 0000") for k in range(9)]
+    sample = source.poll()
+    assert sample is not None and sample.gyro[0] == 8 * 256 / 512
+    assert chip.packets == []
+
+
+def test_a_packet_whose_length_changes_while_it_is_read_is_damaged():
+    chip, source = measuring_08x()
+    packet = packet_of("0000 0000 0001", "0001 0000 0000")
+
+    def exchange(_data: bytes, count: int) -> bytes:
+        return packet[:4] if count == 4 else b"\x1c" + packet[1:]
+
+    chip.exchange = exchange  # type: ignore[method-assign]
+    assert source.poll() is None
+    assert source.damaged > 0
+
+
+def test_a_chip_that_has_restarted_is_asked_for_its_reports_again():
+    chip, source = measuring_08x()
+    asked = chip.written[1:]
+    chip.written.clear()
+    chip.packets.append(bytes.fromhex("0500 01 00 01"))
+    assert source.poll() is None
+    assert [packet[4:] for packet in chip.written] == [packet[4:] for packet in asked]
 
 
 def test_a_bno08x_on_a_uart_sends_the_frame_of_its_data_sheet():

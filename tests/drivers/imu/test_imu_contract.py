@@ -16,6 +16,7 @@ from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.imu.build import build_virtual_imu
 from robots import ImuSettings, quaternion
 
+pytestmark = pytest.mark.usefixtures("counted_time")
 EVERY_KIND = pytest.mark.parametrize("kind", KINDS)
 SERIAL = [kind for kind, settings in KINDS.items() if settings.is_serial]
 CHECKED = ["described line", "BNO08x UART-RVC"]  # their messages have a checksum

@@ -1,0 +1,32 @@
+"""Time for sensors that are polled in a loop."""
+
+from collections.abc import Iterator
+
+import pytest
+
+MODULES = ("bno055", "bno08x_i2c", "register_link", "serial_link", "source")
+LOOK = 0.0005  # s that pass with each look at the clock
+
+
+class CountedTime:
+    """A clock that looking at it and sleeping advance: no test waits, however busy the machine."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def monotonic(self) -> float:
+        self.now += LOOK
+        return self.now
+
+    def sleep(self, duration: float) -> None:
+        self.now += duration
+
+
+@pytest.fixture(scope="module")
+def counted_time() -> Iterator[CountedTime]:
+    """Let the drivers of IMUs count their time."""
+    clock = CountedTime()
+    with pytest.MonkeyPatch.context() as patch:
+        for module in MODULES:
+            patch.setattr(f"drivers.imu.{module}.time", clock)
+        yield clock

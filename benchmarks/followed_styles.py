@@ -32,8 +32,9 @@ from humanoid_getup.style.edits import EditError, find_rise, shift_rise
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import list_styles, load_any_style, load_style
 from robots import Posture, Robot, load_robot
+from robots.body.lengths import leg_length
 from robots.files import write_atomically
-from robots.kinematics import leg_length, read_posture
+from robots.kinematics import read_posture
 from robots.quaternion import Array
 from sim2real.environment.styled.curve_library import LEAST_DURATION, LONGEST, is_held_out
 from sim2real.perturbations import Perturbation, evaluate_policy

@@ -67,22 +67,6 @@ class GeomReach:
         return reach
 
 
-def leg_length(robot: Robot) -> float:
-    """Measure the distance of a leg's first joint from its sole, all joints at 0 [m].
-
-    Sizes of a scene are shares of it.
-    """
-    model = robot.spec().compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    sole, torso = model.site(robot.sole_sites[0]).id, model.body(robot.torso).id
-    body = int(model.site_bodyid[sole])
-    while int(model.body_parentid[body]) != torso:
-        body = int(model.body_parentid[body])
-    hip = data.xanchor[model.body_jntadr[body]]
-    return float(np.linalg.norm(hip - data.site_xpos[sole]))
-
-
 def imu_in_torso(robot: Robot, model: mujoco.MjModel) -> Array:
     """Return the orientation of the IMU in the torso, (4,).
 

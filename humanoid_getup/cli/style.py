@@ -25,7 +25,8 @@ from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import list_styles as list_names
 from humanoid_getup.style.style_file import load_style, write_style
 from robots import Robot
-from robots.kinematics import GravitySense, imu_in_torso, leg_length
+from robots.body.lengths import leg_length
+from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
 
 MOTION, LOG = ".npz", ".mcap"

@@ -88,7 +88,7 @@ class KeyTransfer:
         needs a larger share of them.
         """
         full, source_full = (float(limbs.robot.max_torque.max()) for limbs in self._both)
-        needs, source_needs = (limbs.mass * limbs.leg_length for limbs in self._both)
+        needs, source_needs = (limbs.mass * limbs.thigh_and_shank for limbs in self._both)
         return round(min(full, max(full * limit / source_full, limit * needs / source_needs)), 2)
 
     @property

@@ -11,7 +11,8 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
-from robots.kinematics import leg_length, place
+from robots.body.lengths import leg_length
+from robots.kinematics import place
 from robots.quaternion import Array
 
 SUNK = 0.002  # m that a robot at rest sinks into what it lies on

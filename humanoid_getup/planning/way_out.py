@@ -16,7 +16,8 @@ from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Posture
-from robots.kinematics import leg_length, place
+from robots.body.lengths import leg_length
+from robots.kinematics import place
 from robots.quaternion import Array
 
 DEEP = 0.5  # leg lengths from where a standing robot just fits: farther in, it is under something

@@ -16,8 +16,8 @@ from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.scenes.surface import Surface
 from robots import Robot, quaternion
+from robots.body.lengths import leg_length
 from robots.ground import GROUND_FRICTION
-from robots.kinematics import leg_length
 from robots.quaternion import Array
 from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
 

@@ -12,7 +12,8 @@ from scipy.spatial import KDTree
 
 from humanoid_getup.simulation.world import World
 from robots import quaternion
-from robots.kinematics import leg_length, place
+from robots.body.lengths import leg_length
+from robots.kinematics import place
 from robots.quaternion import Array
 
 GRID = 0.25  # leg lengths between two places

@@ -27,7 +27,7 @@ from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
 from humanoid_getup.strategies.rise_search import FINALISTS, RiseSearch, SearchTools
 from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
-from robots.kinematics import leg_length
+from robots.body.lengths import leg_length
 from robots.torque_limit import check_torque_limit
 
 PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)

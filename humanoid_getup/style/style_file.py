@@ -14,8 +14,8 @@ from msgspec import Meta
 from humanoid_getup.style.curves import POINTS, StyleCurves
 from humanoid_getup.style.style import Style
 from robots import Robot
+from robots.body.lengths import leg_length
 from robots.files import write_atomically
-from robots.kinematics import leg_length
 from robots.quaternion import Array
 from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
 

@@ -36,7 +36,7 @@ class Limbs(JointView):
         self.look(robot.standing.joint_pos)
         self.all: dict[LimbName, Limb] = find_limbs(robot, self)
         """Limbs by name; a robot may lack arms."""
-        self.leg_length = self._measure_leg()
+        self.thigh_and_shank = self._measure_leg()
         """Of thigh and shank [m]."""
 
     @cached_property
@@ -94,7 +94,7 @@ class Limbs(JointView):
         legs = [self.leg(name) for name in LEGS]
         middle = np.mean([leg.sole_position for leg in legs], axis=0)
         axes = np.mean([leg.sole_axes for leg in legs], axis=0)
-        way = (self.center_of_mass - middle) / self.leg_length
+        way = (self.center_of_mass - middle) / self.thigh_and_shank
         return float(way @ axes[:, 0]), float(way @ axes[:, 2])
 
     def _measure_leg(self) -> float:

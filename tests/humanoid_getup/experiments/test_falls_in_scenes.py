@@ -19,7 +19,8 @@ from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot, quaternion
-from robots.kinematics import leg_length, place
+from robots.body.lengths import leg_length
+from robots.kinematics import place
 
 
 def fall_in(op3: Robot, name: str, start_class: str, count: int = 2) -> tuple[World, list]:

@@ -11,7 +11,7 @@ from paths import REPOSITORY
 from humanoid_getup.scenes.named_scenes import FOLDER, list_scenes, load_grounds, load_scene
 from humanoid_getup.scenes.scene_file import read_scene
 from robots import Robot
-from robots.kinematics import leg_length
+from robots.body.lengths import leg_length
 
 FULL = """
 about = "everything"

@@ -33,7 +33,7 @@ def test_arms_and_legs_of_op3_are_found_from_the_torso_on(limbs: Limbs):
 
 
 def test_the_leg_is_as_long_as_the_model_says(limbs: Limbs):
-    assert limbs.leg_length == pytest.approx(0.11015 + 0.11)
+    assert limbs.thigh_and_shank == pytest.approx(0.11015 + 0.11)
 
 
 def test_the_order_of_rows_does_not_matter(limbs: Limbs, own_folder: Path):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from robots import ORIGINAL, Body, BodyError, Robot, load_robot, reshape
-from robots.kinematics import leg_length, place
+from robots.body.lengths import leg_length
+from robots.kinematics import place
 
 ALL = ("shoulders", "arms", "torso", "legs")
 NEARLY_ONE = 1.0 + 1e-9

@@ -11,7 +11,8 @@ pytest.importorskip("gymnasium")
 from humanoid_getup.scenes.named_scenes import ROUGHNESS, TILE
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
-from robots.kinematics import leg_length, place
+from robots.body.lengths import leg_length
+from robots.kinematics import place
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.starts.settled_falls import make_terrain_pool
 from sim2real.environment.starts.stands import sample_terrain_stands

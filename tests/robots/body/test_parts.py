@@ -1,0 +1,81 @@
+"""Parts of a body: what is trunk, where legs, arms and heads begin."""
+
+from pathlib import Path
+
+import pytest
+from tiny_robots import LEGS, limb, make_robot
+
+from robots import Robot
+from robots.body.links import Link
+from robots.body.parts import BodyParts, find_arm_joints, find_robot_parts
+
+L_ARM = limb("l_arm", "0 0.08 0.15", inside=limb("l_elbow", "0 0 -0.1"))
+R_ARM = limb("r_arm", "0 -0.08 0.15", inside=limb("r_elbow", "0 0 -0.1"))
+HEAD = limb("pan", "0 0 0.2", axis="0 0 1", inside=limb("tilt", "0 0 0"))
+
+
+def find(robot: Robot) -> BodyParts:
+    return find_robot_parts(robot, robot.spec().compile())
+
+
+def names(links: list[Link]) -> list[str]:
+    return [link.model.body(link.root).name for link in links]
+
+
+def firsts(limbs: list[tuple[Link, Link]]) -> list[str]:
+    return names([link for _, link in limbs])
+
+
+def test_limbs_on_the_torso_are_told_apart_by_soles_and_the_head(tmp_path: Path):
+    parts = find(make_robot(tmp_path, LEGS + L_ARM + R_ARM + HEAD, head=("pan", "tilt")))
+    assert names(parts.trunk) == ["torso"]
+    assert firsts(parts.legs) == ["l_hip_link", "r_hip_link"]
+    assert firsts(parts.arms) == ["l_arm_link", "r_arm_link"]
+    assert firsts(parts.heads) == ["pan_link"]
+
+
+@pytest.mark.parametrize(
+    ("carried", "trunk"),
+    [
+        (L_ARM + R_ARM, ["waist_link"]),
+        (
+            limb("bend", "0 0 0.02", inside=limb("roll", "0 0 0", inside=L_ARM + R_ARM)),
+            ["waist_link", "bend_link", "roll_link"],
+        ),
+        (limb("arm", "0 0.1 0.1") + HEAD, ["waist_link"]),
+    ],
+    ids=["chest", "chest on a spine", "one arm and a head"],
+)
+def test_what_carries_limbs_is_trunk(tmp_path: Path, carried: str, trunk: list[str]):
+    bodies = LEGS + limb("waist", "0 0 0.05", axis="0 0 1", inside=carried)
+    parts = find(make_robot(tmp_path, bodies, head=("pan", "tilt")))
+    assert names(parts.trunk) == ["torso", *trunk]
+    assert firsts(parts.arms)[0] in ("l_arm_link", "arm_link")
+
+
+def test_a_pelvis_on_a_waist_is_trunk_and_its_limbs_are_legs(tmp_path: Path):
+    parts = find(make_robot(tmp_path, limb("waist", "0 0 0", axis="0 0 1", inside=LEGS)))
+    assert names(parts.trunk) == ["torso", "waist_link"]
+    assert [names([owner]) for owner, _ in parts.legs] == [["waist_link"]] * 2
+
+
+def test_a_hand_that_branches_is_no_trunk(tmp_path: Path):
+    fingers = limb("thumb", "0 0.02 -0.1") + limb("finger", "0 -0.02 -0.1")
+    parts = find(make_robot(tmp_path, LEGS + limb("wrist", "0 0.1 0.15", inside=fingers)))
+    assert names(parts.trunk) == ["torso"]
+    assert firsts(parts.arms) == ["wrist_link"]
+
+
+def test_the_spine_leads_from_the_torso_to_a_body(tmp_path: Path):
+    chest = limb("waist", "0 0 0.05", axis="0 0 1", inside=L_ARM + R_ARM)
+    robot = make_robot(tmp_path, LEGS + chest)
+    parts, model = find(robot), robot.spec().compile()
+    assert names(parts.find_spine(model.body("waist_link").id)) == ["waist_link"]
+    assert parts.find_spine(model.body("torso").id) == []
+    assert names(parts.find_spine(model.body("l_elbow_link").id))[-1] == "l_elbow_link"
+
+
+def test_arm_joints_are_those_of_arms_that_a_rise_moves(op3: Robot):
+    model = op3.spec().compile()
+    found = {n for n, a in zip(op3.joint_names, find_arm_joints(op3, model), strict=True) if a}
+    assert found == {f"{side}_{name}" for side in "lr" for name in ("sho_pitch", "sho_roll", "el")}

@@ -1,5 +1,6 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
+from robots import mujoco_log
 from robots.imu import ImuSettings
 from robots.loading import load_robot, reshape
 from robots.posture import Posture
@@ -15,6 +16,8 @@ from robots.robot import (
 )
 from robots.servo import Servo, ServoModel
 from robots.torque_limit import FULL_TORQUE, TorqueLimit
+
+mujoco_log.keep_out_of_files()
 
 __all__ = [
     "FULL_TORQUE",

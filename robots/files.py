@@ -13,22 +13,51 @@ from contextlib import contextmanager
 from pathlib import Path
 
 MAX_LINKS = 40  # as many symbolic links in a row as Linux follows
+KINDS = {
+    stat.S_IFIFO: "FIFO",
+    stat.S_IFSOCK: "socket",
+    stat.S_IFCHR: "device",
+    stat.S_IFBLK: "device",
+}
 
 
 def read_bounded(path: Path, max_bytes: int) -> bytes:
-    """Read a file of a limited size.
+    """Read a file of a limited size, as `check_regular` demands it.
 
     Raises:
-        OSError: if it cannot be read, or is a FIFO.
+        OSError: if it cannot be read, or is not a regular file.
         ValueError: if it is larger.
     """
-    if stat.S_ISFIFO(path.stat().st_mode):  # opening it waits for a writer, for ever
-        raise OSError(errno.EINVAL, "it is a FIFO, expected a file", str(path))
+    check_regular(path)
     with path.open("rb") as file:
         content = file.read(max_bytes + 1)
     if len(content) > max_bytes:
         raise ValueError(f"it has more than {max_bytes} bytes, expected a smaller file")
     return content
+
+
+def check_regular(path: Path) -> int:
+    """Check that a path leads to a regular file: others may keep a reader waiting for ever.
+
+    Returns:
+        Its size [bytes].
+
+    Raises:
+        OSError: if there is none, or it is a folder, FIFO, socket or device.
+    """
+    found = path.stat()
+    kind = stat.S_IFMT(found.st_mode)
+    if kind == stat.S_IFDIR:
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if kind != stat.S_IFREG:
+        raise OSError(errno.EINVAL, f"it is a {KINDS[kind]}, expected a file", str(path))
+    return found.st_size
+
+
+def describe(error: Exception) -> str:
+    """Say why a file could not be read or written, without its name: in one line."""
+    reason = error.strerror if isinstance(error, OSError) else None
+    return " ".join((reason or str(error) or type(error).__name__).split())
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
@@ -46,7 +75,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     not a regular file, such as a FIFO, a terminal or /dev/stdout, is written through.
 
     Raises:
-        OSError: if the file cannot be written, or ``path`` is a directory.
+        OSError: if the file cannot be written, or ``path`` is a directory; it names the file.
     """
     target = _follow_links(path)
     mode = _find_mode(target)
@@ -65,6 +94,10 @@ def atomic_path(path: Path) -> Iterator[Path]:
             if mode is not None:
                 partial.chmod(stat.S_IMODE(mode))
             partial.replace(target)
+    except OSError as error:
+        if error.filename in (None, str(partial)):  # a full disk is reported without a name
+            error.filename = str(path)
+        raise
     finally:
         partial.unlink(missing_ok=True)
 

@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 
 from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
+from robots.files import describe
 from robots.model_checks import find_model_problems
+from robots.model_files import MODEL_ERRORS, find_file_problems
 from robots.passive_joints import rest_passive_joints
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body, BodyError
@@ -66,8 +68,8 @@ def _load_original(name_or_folder: str | Path) -> Robot:
         return Calibration.load(calibration, robot).apply(robot) if calibration.exists() else robot
     except CalibrationError as error:
         raise RobotError(str(error)) from error
-    except (ValueError, mujoco.FatalError) as error:
-        raise RobotError(f"{file}: {_in_one_line(error)}") from error
+    except MODEL_ERRORS as error:
+        raise RobotError(f"{file}: {describe(error)}") from error
 
 
 def reshape(robot: Robot, body: Body) -> Robot:
@@ -86,8 +88,8 @@ def reshape(robot: Robot, body: Body) -> Robot:
         model = reshaped.spec().compile()
     except BodyError:
         raise
-    except (ValueError, mujoco.FatalError) as error:
-        raise BodyError(f"body '{body}' of '{robot.name}': {_in_one_line(error)}") from error
+    except MODEL_ERRORS as error:
+        raise BodyError(f"body '{body}' of '{robot.name}': {describe(error)}") from error
     standing, neck_height = _compute_stance(
         model,
         robot.torso,
@@ -117,14 +119,12 @@ def _find_folder(name_or_folder: str | Path) -> Path:
 def _load_model(file: Path) -> mujoco.MjModel:
     if not file.is_file():
         raise RobotError(f"{file}: no such file, expected an MJCF file in the robot's folder")
+    if problems := find_file_problems(file):
+        raise RobotError(f"{file}: {'; '.join(problems)}")
     try:
         return mujoco.MjModel.from_xml_path(str(file))
-    except (ValueError, mujoco.FatalError) as error:
-        raise RobotError(f"{file}: {_in_one_line(error)}") from error
-
-
-def _in_one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    except MODEL_ERRORS as error:
+        raise RobotError(f"{file}: {describe(error)}") from error
 
 
 def _build_robot(

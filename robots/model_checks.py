@@ -9,12 +9,37 @@ from robots.schema import RobotTable
 from robots.validation import outside, shown
 
 FREE, HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+OBJECT = mujoco.mjtObj
+NUMBERS = {
+    (OBJECT.mjOBJ_BODY, "body"): ("mass", "inertia", "pos", "quat", "ipos", "iquat"),
+    (OBJECT.mjOBJ_JOINT, "jnt"): ("range", "axis", "pos", "actfrcrange"),
+    (OBJECT.mjOBJ_GEOM, "geom"): ("size", "pos", "quat", "friction"),
+    (OBJECT.mjOBJ_SITE, "site"): ("pos", "quat"),
+    (OBJECT.mjOBJ_ACTUATOR, "actuator"): ("gear", "forcerange", "ctrlrange", "gainprm", "biasprm"),
+    (OBJECT.mjOBJ_KEY, "key"): ("qpos",),
+}
+"""Arrays of a model by the kind of its objects: what a robot is made of."""
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+
+
+def find_number_problems(model: mujoco.MjModel) -> list[str]:
+    """Find numbers of a compiled model that are none: MuJoCo accepts nan."""
+    problems = []
+    for (kind, prefix), keys in NUMBERS.items():
+        for key in keys:
+            rows = getattr(model, f"{prefix}_{key}")
+            wrong = ~np.isfinite(rows).reshape(len(rows), rows.size // max(len(rows), 1))
+            for row in np.flatnonzero(wrong.any(axis=1)):
+                name = mujoco.mj_id2name(model, kind, int(row)) or f"number {row}"
+                owner = f"{kind.name.removeprefix('mjOBJ_').lower()} {shown(name)}"
+                problems.append(f"{owner} has a {key} of {rows[row]}, expected finite numbers")
+    return problems
 
 
 def find_model_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     """Find where a description and its compiled model do not fit together."""
     return [
+        *find_number_problems(model),
         *_torso_problems(table, model),
         *_site_problems(table, model),
         *_joint_problems(table, model),

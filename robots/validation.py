@@ -33,7 +33,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from robots.files import read_bounded
+from robots.files import describe, read_bounded
 
 MAX_TEXT = 4 * 2**20  # bytes; far above what such a file needs
 MANY = 3  # names that one message still lists
@@ -135,7 +135,7 @@ def parse_file(file: Path, language: str, parse: Callable[[str], T]) -> T:
     try:
         content = read_bounded(file, MAX_TEXT)
     except OSError as error:
-        raise ValueError(error.strerror) from error
+        raise ValueError(describe(error)) from error
     try:
         return parse(content.decode("utf-8"))
     except UnicodeDecodeError as error:

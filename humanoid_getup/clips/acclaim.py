@@ -9,11 +9,17 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.clips.clip import READ_ERRORS, Clip, ClipError
-from robots.files import read_bounded
+from humanoid_getup.clips.clip import (
+    MOST_OF_SKELETON,
+    READ_ERRORS,
+    Clip,
+    ClipError,
+    check_size,
+    read_lines,
+    read_numbers,
+)
 from robots.quaternion import Array
 
-MOST_BYTES = 256 * 2**20
 INCH = 0.0254  # m
 RATE = 120.0  # Hz of CMU's recordings; the files do not say it
 ROOT = "root"
@@ -53,12 +59,12 @@ def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
         ClipError: if they are not Acclaim files, or do not belong together.
     """
     try:
-        skeleton = _read_skeleton(_read(skeleton_file))
+        skeleton = _read_skeleton(read_lines(skeleton_file, MOST_OF_SKELETON))
     except READ_ERRORS as error:
         reason = _say(error)
         raise ClipError(f"skeleton {skeleton_file}: it is not an ASF file: {reason}") from error
     try:
-        frames = _read_frames(_read(file), skeleton)
+        frames = _read_frames(read_lines(file), skeleton)
         still = {name: np.zeros((1, values.shape[1])) for name, values in frames.items()}
         joints, rest = _place(skeleton, frames), _place(skeleton, still)
     except READ_ERRORS as error:
@@ -76,10 +82,6 @@ def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
 def _say(error: Exception) -> str:
     """Write an error in words; that of a missing key is the key alone."""
     return f"{error} is missing" if isinstance(error, KeyError) else str(error)
-
-
-def _read(file: Path) -> list[str]:
-    return read_bounded(file, MOST_BYTES).decode("utf-8-sig").splitlines()
 
 
 def _read_skeleton(lines: list[str]) -> AcclaimSkeleton:
@@ -146,21 +148,24 @@ def _read_vector(bone: str, facts: dict[str, list[str]], key: str) -> Array:
 
 def _read_frames(lines: list[str], skeleton: AcclaimSkeleton) -> dict[str, Array]:
     """Read the values of each bone in all frames, (T, channels)."""
-    values: dict[str, list[list[float]]] = {}
+    rows: dict[str, list[str]] = {}
     for line in lines:
-        words = line.split()
-        if not words or words[0][0] in "#:" or len(words) == 1:
-            continue
-        values.setdefault(words[0], []).append([float(word) for word in words[1:]])
-    frames = {name: np.array(rows) for name, rows in values.items()}
-    if ROOT not in frames:
+        name, *numbers = line.split(maxsplit=1)
+        if numbers and name[0] not in "#:":
+            rows.setdefault(name, []).append(numbers[0])
+    if ROOT not in rows:
         raise ValueError("there is no root")
-    for name, rows in frames.items():
-        width = len(ROOT_CHANNELS if name == ROOT else skeleton.bones[name].channels)
-        if rows.shape != (len(frames[ROOT]), width):
-            raise ValueError(f"bone '{name}' has {rows.shape}, expected {width} numbers a frame")
-        if not np.isfinite(rows).all():
-            raise ValueError(f"bone '{name}' has a number that is not finite")
+    count = len(rows[ROOT])
+    check_size(count, len(skeleton.bones) + 1)
+    frames = {}
+    for name, texts in rows.items():
+        channels = ROOT_CHANNELS if name == ROOT else skeleton.bones[name].channels
+        if len(texts) != count:
+            raise ValueError(f"bone '{name}' has {len(texts)} frames, expected {count}")
+        try:
+            frames[name] = read_numbers(texts, len(channels))
+        except ValueError as error:
+            raise ValueError(f"bone '{name}': {error}") from error
     return frames
 
 

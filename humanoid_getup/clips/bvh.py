@@ -8,11 +8,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.clips.clip import READ_ERRORS, Clip, ClipError
-from robots.files import read_bounded
+from humanoid_getup.clips.clip import (
+    MOST_OF_SKELETON,
+    READ_ERRORS,
+    Clip,
+    ClipError,
+    check_size,
+    read_lines,
+    read_numbers,
+)
 from robots.quaternion import Array
 
-MOST_BYTES = 256 * 2**20
+HIERARCHY, MOTION = "HIERARCHY", "MOTION"
 CENTIMETER = 0.01  # m; what BVH files are nearly always in
 POSITION, ROTATION = "position", "rotation"
 
@@ -38,10 +45,12 @@ def read_bvh(file: Path) -> Clip:
         ClipError: if it is no BVH file.
     """
     try:
-        text = read_bounded(file, MOST_BYTES).decode("utf-8-sig")
-        head, _, motion = text.partition("MOTION")
-        joints = _read_skeleton(head.split())
-        period, frames = _read_frames(motion, sum(len(joint.channels) for joint in joints))
+        lines = read_lines(file)
+        head = _find_motion(lines)
+        joints = _read_skeleton(" ".join(lines[:head]).split())
+        check_size(len(lines) - head, len(joints))
+        channels = sum(len(joint.channels) for joint in joints)
+        period, frames = _read_frames(lines[head + 1 :], channels)
         places = _place(joints, frames)
         still = np.zeros((1, frames.shape[1]))
         rest = {name: path[0] for name, path in _place(joints, still).items()}
@@ -50,9 +59,23 @@ def read_bvh(file: Path) -> Clip:
     return Clip(file=file, period=period, joints=places, rest=rest, unit=CENTIMETER)
 
 
+def _find_motion(lines: list[str]) -> int:
+    """Find the line after the skeleton."""
+    size = 0
+    for number, line in enumerate(lines):
+        if line.strip() == MOTION:
+            return number
+        size += len(line)
+        if size > MOST_OF_SKELETON:
+            raise ValueError(f"its skeleton has more than {MOST_OF_SKELETON} bytes")
+    if not lines or lines[0].split()[0] != HIERARCHY:
+        raise ValueError(f"{HIERARCHY} is missing")
+    raise ValueError(f"{MOTION} is missing")
+
+
 def _read_skeleton(words: list[str]) -> list[BvhJoint]:
-    if not words or words[0] != "HIERARCHY":
-        raise ValueError("HIERARCHY is missing")
+    if not words or words[0] != HIERARCHY:
+        raise ValueError(f"{HIERARCHY} is missing")
     joints: list[BvhJoint] = []
     open_rows: list[int] = []
     at, ends, name = 1, 0, ""
@@ -101,19 +124,13 @@ def _check_channels(name: str, count: int, names: list[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _read_frames(text: str, channels: int) -> tuple[float, Array]:
-    lines = [line for line in text.splitlines() if line.strip()]
+def _read_frames(lines: list[str], channels: int) -> tuple[float, Array]:
     if len(lines) < 3 or not lines[0].startswith("Frames:"):
         raise ValueError("the frames are missing")
     count, period = int(lines[0].split()[1]), float(lines[1].split()[-1])
-    rows = [[float(value) for value in line.split()] for line in lines[2:]]
-    if not rows or len(rows) != count or any(len(row) != channels for row in rows):
-        raise ValueError(f"expected {count} frames of {channels} numbers, and one or more")
-    frames = np.array(rows)
-    if not np.isfinite(frames).all():
-        frame, channel = np.argwhere(~np.isfinite(frames))[0] + 1
-        raise ValueError(f"number {channel} of frame {frame} is not finite")
-    return period, frames
+    if count != len(lines) - 2:
+        raise ValueError(f"it has {len(lines) - 2} frames, expected {count} as it says")
+    return period, read_numbers(lines[2:], channels)
 
 
 def _place(joints: list[BvhJoint], frames: Array) -> dict[str, Array]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from robots.files import read_bounded
 from robots.quaternion import Array
 
 # What capture systems and editors call the joints that the features need.
@@ -17,8 +18,47 @@ NECKS = ("lowerneck", "Neck", "neck", "Neck1", "NeckBase")
 FEET = ("foot", "toe", "ankle")
 UP = {"y": 1, "z": 2}
 LONGEST_FRAME = 1.0  # s
+MOST_BYTES = 64 * 2**20  # of a file: ten minutes of a body of 70 joints at 120 Hz
+MOST_OF_SKELETON = 4 * 2**20  # bytes
+MOST_POSITIONS = 6_000_000  # of all joints in all frames
 READ_ERRORS = (ValueError, IndexError, KeyError, ZeroDivisionError)
 """What the content of a file that is not a clip may raise."""
+
+
+def read_lines(file: Path, most: int = MOST_BYTES) -> list[str]:
+    """Read the lines of a text file that are not empty.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it is too large, or not text.
+    """
+    text = read_bounded(file, most).decode("utf-8-sig")
+    return [line for line in text.splitlines() if line.strip()]
+
+
+def read_numbers(lines: Sequence[str], columns: int) -> Array:
+    """Read lines of finite numbers, (T, columns), in little more memory than they have.
+
+    Raises:
+        ValueError: if they hold anything else.
+    """
+    if columns == 0 or not lines:
+        raise ValueError(f"{len(lines)} frames of {columns} numbers, expected one or more of each")
+    rows = np.loadtxt(lines, comments=None, ndmin=2)
+    if rows.shape != (len(lines), columns):
+        raise ValueError(f"{rows.shape[1]} numbers a frame, expected {columns}")
+    if not np.isfinite(rows).all():
+        frame, number = np.argwhere(~np.isfinite(rows))[0] + 1
+        raise ValueError(f"number {number} of frame {frame} is not finite")
+    return rows
+
+
+def check_size(frames: int, joints: int) -> None:
+    """Raise ValueError if a clip has more positions than a recording of a body."""
+    if frames * joints > MOST_POSITIONS:
+        raise ValueError(
+            f"{frames} frames of {joints} joints, expected at most {MOST_POSITIONS} positions"
+        )
 
 
 class ClipError(ValueError):

@@ -4,24 +4,43 @@ from __future__ import annotations
 
 import re
 import struct
+import warnings
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robots.files import read_bounded
+from robots.files import check_regular, read_bounded
+from robots.model_files import MAX_ASSET
 from robots.quaternion import Array
 
-MAX_MESH = 256 * 2**20  # bytes
 READ_BY_MUJOCO = (".stl", ".obj", ".msh")
 MESH_KINDS = (*READ_BY_MUJOCO, ".dae")
 MAX_FACES = 200_000  # that MuJoCo reads from an STL file
 FACE = 50  # bytes of a face of a binary STL file, after a head of HEAD
 HEAD = 84
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+TRANSFORMS = {"matrix": 16, "translate": 3, "scale": 3, "rotate": 4}
+"""Numbers of the elements that move a node of COLLADA."""
+DEEPEST = 200  # nodes in each other
 Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+NO_AXIS = 1e-12  # length of an axis about which nothing turns
+FARTHEST = 1e6  # m; a number beyond is an error, or none
 THIN = 1e-4  # m; points within a plane are given that thickness
+
+
+def check_mesh(path: Path) -> int:
+    """Check that a mesh is a regular file, not too large; return its size [bytes].
+
+    Raises:
+        OSError: if it is not.
+        ValueError: if it is too large.
+    """
+    size = check_regular(path)
+    if size > MAX_ASSET:
+        raise ValueError(f"it has {size} bytes, expected at most {MAX_ASSET}")
+    return size
 
 
 def is_readable(path: Path) -> bool:
@@ -43,9 +62,9 @@ def read_hull(path: Path) -> bytes:
         OSError: if it cannot be read.
         ValueError: if it holds no points.
     """
-    content = read_bounded(path, MAX_MESH)
+    content = read_bounded(path, MAX_ASSET)
     points = _read_collada(content) if path.suffix.lower() == ".dae" else _read_stl(content)
-    if len(points) < 4 or not np.all(np.isfinite(points)):
+    if len(points) < 4 or not np.all(np.abs(points) < FARTHEST):
         raise ValueError("it holds no solid")
     return _write_stl(points)
 
@@ -63,7 +82,7 @@ def _read_collada(content: bytes) -> Array:
     """Read the points of a COLLADA scene [m], z up, (p, 3)."""
     try:
         root = ET.fromstring(content)
-    except ET.ParseError as error:
+    except (ET.ParseError, LookupError) as error:  # the latter of an unknown encoding
         raise ValueError(f"not XML ({error})") from error
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
@@ -77,7 +96,7 @@ def _read_collada(content: bytes) -> Array:
         part
         for scene in root.findall("library_visual_scenes/visual_scene")
         for node in scene.findall("node")
-        for part in _walk(node, np.eye(4), shapes)
+        for part in _walk(node, np.eye(4), shapes, DEEPEST)
     ]
     parts = points or list(shapes.values())
     whole = scale * np.concatenate([np.zeros((0, 3)), *parts])
@@ -91,15 +110,17 @@ def _read_positions(geometry: ET.Element) -> Array:
         i.get("source", "")[1:] for i in geometry.iter("input") if i.get("semantic") == "POSITION"
     }
     arrays = [
-        np.array((source.findtext("float_array") or "").split(), dtype=float)
+        _read_numbers(source.findtext("float_array"))
         for source in geometry.iter("source")
         if source.get("id") in names
     ]
     return np.concatenate([np.zeros(0), *arrays]).reshape(-1, 3)
 
 
-def _walk(node: ET.Element, above: Array, shapes: dict[str, Array]) -> list[Array]:
-    """Collect the points of a node and those below it, in the scene's frame."""
+def _walk(node: ET.Element, above: Array, shapes: dict[str, Array], levels: int) -> list[Array]:
+    """Collect the points of a node and those up to so many levels below, in the scene's frame."""
+    if not levels:
+        raise ValueError("its nodes are nested too deep")
     pose = above @ _read_pose(node)
     found = [
         shapes[name] @ pose[:3, :3].T + pose[:3, 3]
@@ -107,7 +128,7 @@ def _walk(node: ET.Element, above: Array, shapes: dict[str, Array]) -> list[Arra
         if (name := instance.get("url", "")[1:]) in shapes
     ]
     for child in node.findall("node"):
-        found += _walk(child, pose, shapes)
+        found += _walk(child, pose, shapes, levels - 1)
     return found
 
 
@@ -115,9 +136,11 @@ def _read_pose(node: ET.Element) -> Array:
     pose = np.eye(4)
     for element in node:
         step = np.eye(4)
-        if element.tag not in ("matrix", "translate", "scale", "rotate"):
+        if element.tag not in TRANSFORMS:
             continue
-        values = np.array((element.text or "").split(), dtype=float)
+        values = _read_numbers(element.text)
+        if len(values) != TRANSFORMS[element.tag]:
+            raise ValueError(f"<{element.tag}> has {len(values)} numbers")
         if element.tag == "matrix":
             step = values.reshape(4, 4)
         elif element.tag == "translate":
@@ -130,8 +153,18 @@ def _read_pose(node: ET.Element) -> Array:
     return pose
 
 
+def _read_numbers(text: str | None) -> Array:
+    """Read numbers between spaces, (n,), in little more memory than the text has."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text or "", sep=" ")
+        except DeprecationWarning as error:
+            raise ValueError("it has a text where numbers are expected") from error
+
+
 def _turn(axis: Array, angle: float) -> Array:
-    x, y, z = axis / np.linalg.norm(axis)
+    x, y, z = axis / max(float(np.linalg.norm(axis)), NO_AXIS)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
@@ -140,7 +173,10 @@ def _write_stl(points: Array) -> bytes:
     try:
         hull = ConvexHull(points)
     except QhullError:
-        hull = ConvexHull(_thicken(points))
+        try:
+            hull = ConvexHull(_thicken(points))
+        except QhullError as error:
+            raise ValueError("it holds no solid: all of it is in one line or place") from error
     faces = hull.points[hull.simplices]  # (f, 3, 3)
     inwards = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     flipped = np.sum(inwards * hull.equations[:, :3], axis=1) < 0.0

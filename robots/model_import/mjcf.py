@@ -8,6 +8,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots.files import describe
+from robots.model_checks import find_number_problems
+from robots.model_files import MODEL_ERRORS, find_file_problems
 from robots.model_import.folding import Fold, find_folds, fold
 from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
 from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
@@ -19,13 +22,17 @@ def read_mjcf(path: Path) -> ModelSource:
     Raises:
         ModelImportError: if it does not compile.
     """
+    if problems := find_file_problems(path):
+        raise ModelImportError(f"{path}: {problem}" for problem in problems)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = False
         _forget_scene(spec)
         model = spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelImportError([f"{path}: {' '.join(str(error).split())}"]) from error
+    except MODEL_ERRORS as error:
+        raise ModelImportError([f"{path}: {describe(error)}"]) from error
+    if problems := find_number_problems(model):
+        raise ModelImportError(f"{path}: {problem}" for problem in problems)
     stance, qpos = {}, model.qpos0
     if model.nkey:
         names = [model.key(k).name for k in range(model.nkey)]

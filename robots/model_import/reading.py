@@ -5,12 +5,11 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from robots.files import read_bounded
+from robots.files import describe, read_bounded
+from robots.model_files import MAX_MODEL
 from robots.model_import.mjcf import read_mjcf
 from robots.model_import.source import ModelImportError, ModelSource
 from robots.model_import.urdf import read_urdf
-
-MAX_MODEL = 32 * 2**20  # bytes of the XML file
 
 
 def read_model(path: Path) -> ModelSource:
@@ -20,14 +19,12 @@ def read_model(path: Path) -> ModelSource:
         ModelImportError: if it cannot be read, is neither MJCF nor URDF, or does not compile.
     """
     try:
-        content = read_bounded(path, MAX_MODEL)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ModelImportError([f"{path}: {reason}, expected an MJCF or URDF file"]) from error
-    try:
-        root = ET.fromstring(content)
+        root = ET.fromstring(read_bounded(path, MAX_MODEL))
     except ET.ParseError as error:
         raise ModelImportError([f"{path}: not XML ({error})"]) from error
+    except (OSError, ValueError, LookupError) as error:  # the last of an unknown encoding
+        reason = f"{describe(error)}, expected an MJCF or URDF file"
+        raise ModelImportError([f"{path}: {reason}"]) from error
     if root.tag == "robot":
         return read_urdf(path, root)
     if root.tag == "mujoco":

@@ -10,6 +10,8 @@ import numpy as np
 
 from robots.body.body_plan import BodyPlan
 from robots.body.mirror_pairs import MirrorPairs
+from robots.files import describe
+from robots.model_files import MODEL_ERRORS
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.source import ModelImportError
@@ -41,9 +43,8 @@ class RebuiltModel:
         """
         try:
             self.model = self.spec.compile()
-        except (ValueError, mujoco.FatalError) as error:
-            message = " ".join(str(error).split())
-            raise ModelImportError([f"{self.path}: {message}"]) from error
+        except MODEL_ERRORS as error:
+            raise ModelImportError([f"{self.path}: {describe(error)}"]) from error
 
     def find(self, hinges: Iterable[int]) -> tuple[int, ...]:
         """Find hinges of the tree in the model; those that were fixed are left out."""

@@ -9,16 +9,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots.files import describe
+from robots.model_files import MODEL_ERRORS
 from robots.model_import.rebuild import LEAST_INERTIA, LEAST_MASS
 from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
 from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
-from robots.validation import shown
+from robots.model_import.urdf_values import INERTIA, find_value_problems, read_number
 
-MAX_LIMIT = 4.0 * np.pi  # rad; a joint that turns farther was meant in degrees
 LEAST_MOMENT = 1e-12  # kg·m², of what MuJoCo takes for positive
 WATER = 1000.0  # kg/m³
-INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 MOVING = ("revolute", "continuous", "prismatic")
 
 
@@ -34,7 +34,8 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
     """
     notes: list[str] = []
     shapes = UrdfShapes(path, root, notes)
-    problems = [*_find_limit_problems(path, root), *shapes.resolve()]
+    problems = [f"{path}: {problem}" for problem in find_value_problems(root)]
+    problems += [] if problems else shapes.resolve()
     if problems:
         raise ModelImportError(problems)
     _give_mass(root, notes)
@@ -48,8 +49,8 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
     try:
         text = ET.tostring(root, encoding="unicode")
         model = _compile(mujoco.MjSpec.from_string(text, assets=shapes.hulls), notes)
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelImportError([f"{path}: {' '.join(str(error).split())}"]) from error
+    except MODEL_ERRORS as error:
+        raise ModelImportError([f"{path}: {describe(error)}"]) from error
     return ModelSource(
         path=path,
         model=model,
@@ -83,7 +84,7 @@ def _give_mass(root: ET.Element, notes: list[str]) -> None:
     for link in root.findall("link"):
         name = link.get("name", "")
         mass = link.find("inertial/mass")
-        if name not in moving or (mass is not None and float(mass.get("value", "0")) > 0.0):
+        if name not in moving or read_number(mass, "value") > 0.0:
             continue
         if mass is None and link.find("collision") is not None:
             inferred.append(name)
@@ -104,13 +105,16 @@ def _mend_inertia(root: ET.Element, notes: list[str]) -> None:
     """Replace inertias that no body can have by that of a ball as heavy as the link."""
     mended = []
     for link in root.findall("link"):
-        inertia, mass = link.find("inertial/inertia"), link.find("inertial/mass")
-        if inertia is None or mass is None or float(mass.get("value", "0")) <= 0.0:
+        inertia, weight = (
+            link.find("inertial/inertia"),
+            read_number(link.find("inertial/mass"), "value"),
+        )
+        if inertia is None or weight <= 0.0:
             continue
-        xx, yy, zz, xy, xz, yz = (float(inertia.get(key, "0")) for key in INERTIA)
-        if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).min() > LEAST_MOMENT:
+        moments = np.zeros((3, 3))
+        moments[np.triu_indices(3)] = [read_number(inertia, key) for key in INERTIA]
+        if np.linalg.eigvalsh(moments, UPLO="U").min() > LEAST_MOMENT:
             continue
-        weight = float(mass.get("value", "0"))
         radius = (3.0 * weight / (4.0 * np.pi * WATER)) ** (1.0 / 3.0)
         inertia.attrib.update(_write_inertia(max(0.4 * weight * radius**2, LEAST_INERTIA)))
         mended.append(link.get("name", ""))
@@ -119,40 +123,20 @@ def _mend_inertia(root: ET.Element, notes: list[str]) -> None:
 
 
 def _write_inertia(moment: float) -> dict[str, str]:
-    return {key: f"{moment:g}" if key in INERTIA[:3] else "0" for key in INERTIA}
+    return {key: f"{moment:g}" if key[1] == key[2] else "0" for key in INERTIA}
 
 
 def _list_mimics(root: ET.Element) -> Iterator[Tie]:
     for joint in root.findall("joint"):
         mimic = joint.find("mimic")
         if mimic is not None:
-            ratio = float(mimic.get("multiplier", "1"))
+            ratio = read_number(mimic, "multiplier", 1.0)
             yield Tie.follow(joint.get("name", ""), mimic.get("joint", ""), ratio)
-
-
-def _find_limit_problems(path: Path, root: ET.Element) -> Iterator[str]:
-    for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        if joint.get("type") != "revolute" or limit is None:
-            continue
-        far = max(abs(float(limit.get(key, "0"))) for key in ("lower", "upper"))
-        if far > MAX_LIMIT:
-            yield (
-                f"{path}: joint {shown(joint.get('name'))} has a limit of {far:g} rad, expected at "
-                f"most {MAX_LIMIT:.1f} rad: limits of a URDF are in rad"
-            )
 
 
 def _list_limits(root: ET.Element) -> Iterator[tuple[str, ActuatorFigures]]:
     for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        is_driven = joint.get("type") in ("revolute", "continuous") and joint.find("mimic") is None
-        if is_driven:
-            figures = {} if limit is None else limit.attrib
-            effort, speed = (float(figures.get(key, "0")) for key in ("effort", "velocity"))
-            yield (
-                joint.get("name", ""),
-                ActuatorFigures(
-                    effort=effort if effort > 0.0 else None, speed=speed if speed > 0.0 else None
-                ),
-            )
+        if joint.get("type") in ("revolute", "continuous") and joint.find("mimic") is None:
+            limit = joint.find("limit")
+            effort, speed = (read_number(limit, key) or None for key in ("effort", "velocity"))
+            yield joint.get("name", ""), ActuatorFigures(effort=effort, speed=speed)

@@ -6,7 +6,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from robots.model_import.mesh_files import MESH_KINDS, is_readable, read_hull
+from robots.files import describe
+from robots.model_files import MAX_ASSETS
+from robots.model_import.mesh_files import MESH_KINDS, check_mesh, is_readable, read_hull
 from robots.validation import shown
 
 SIZES = ("radius", "length", "size")
@@ -18,6 +20,7 @@ class UrdfShapes:
     def __init__(self, path: Path, root: ET.Element, notes: list[str]) -> None:
         self._path, self._root, self._notes = path, root, notes
         self._converted: dict[Path, str] = {}
+        self._bytes = 0
         self.hulls: dict[str, bytes] = {}
         """Files that are made of meshes which MuJoCo does not read, by name."""
 
@@ -71,10 +74,14 @@ class UrdfShapes:
                 try:
                     self._convert(file)
                 except (OSError, ValueError) as error:
-                    yield f"{where} cannot be read ({error}), expected {', '.join(MESH_KINDS)}"
+                    reason = describe(error)
+                    yield f"{where} cannot be read ({reason}), expected {', '.join(MESH_KINDS)}"
 
     def _convert(self, file: Path) -> None:
         if file not in self._converted:
+            self._bytes += check_mesh(file)
+            if self._bytes > MAX_ASSETS:
+                raise ValueError(f"with it all meshes have {self._bytes} bytes")
             name = str(file)
             if not is_readable(file):
                 name = f"hull_{len(self.hulls)}.stl"
@@ -97,13 +104,16 @@ def find_mesh(path: Path, name: str) -> Path | None:
     above = path.resolve().parents
     places = [path.parent / plain, *(up.joinpath(*parts) for up in above)]
     places += [up.joinpath(*parts[1:]) for up in above if len(parts) > 1]
-    found = next((place for place in places if place.is_file()), None)
-    found = found or next((f for place in places if (f := _ignore_case(place)) is not None), None)
-    return None if found is None else found.resolve()
-
-
-def _ignore_case(place: Path) -> Path | None:
-    if not place.parent.is_dir():
+    try:
+        found = [place for place in places if place.is_file()]
+        found = found or [file for place in places for file in _ignore_case(place)]
+        return found[0].resolve() if found else None
+    except OSError:  # a name too long, or a folder that may not be read
         return None
+
+
+def _ignore_case(place: Path) -> list[Path]:
+    if not place.name or not place.parent.is_dir():
+        return []
     name = place.name.lower()
-    return next((f for f in place.parent.iterdir() if f.name.lower() == name), None)
+    return [f for f in place.parent.iterdir() if f.name.lower() == name and not f.is_dir()]

@@ -184,8 +184,14 @@ def test_a_truncated_file_is_refused(tmp_path: Path, length: int):
 
 
 def test_an_endless_file_is_refused():
-    with pytest.raises(ArchiveError, match="more than 1000 bytes"):
+    with pytest.raises(OSError, match="it is a device, expected a file"):
         load_arrays(Path("/dev/zero"), ("a",), max_bytes=1000)
+
+
+def test_a_file_beyond_its_limit_is_refused(tmp_path: Path):
+    (tmp_path / "a.npz").write_bytes(bytes(1001))
+    with pytest.raises(ArchiveError, match="more than 1000 bytes"):
+        load_arrays(tmp_path / "a.npz", ("a",), max_bytes=1000)
 
 
 def test_a_missing_file_is_an_error_of_the_system(tmp_path: Path):

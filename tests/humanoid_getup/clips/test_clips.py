@@ -91,7 +91,7 @@ def test_z_may_point_up(tmp_path):
     ("before", "after", "fault"),
     [
         ("HIERARCHY", "HIERARCH", "HIERARCHY is missing"),
-        ("Frames: 2", "Frames: 3", "expected 3 frames of 21 numbers"),
+        ("Frames: 2", "Frames: 3", "it has 2 frames, expected 3 as it says"),
         ("OFFSET 10 0 0", "OFFSET 10 0 x", "could not convert"),
         ("MOTION", "MOTIONS LESS", "it is not a BVH file"),
         ("CHANNELS 6", "CHANGES 6", "unexpected 'CHANGES'"),

@@ -7,6 +7,9 @@ BIN := $(VENV)/bin
 # is preferred where pip can see it: docs/how-to/train.md.
 TORCH ?= torch==2.13.0
 
+# Each worker takes neighboring tests, so that what a file prepares is prepared once.
+PYTEST := $(BIN)/pytest -n 2 --dist worksteal
+
 .DEFAULT_GOAL := help
 .PHONY: help setup rise check test test-times test-train test-slow wheel-test docs docs-serve fuzz mutants clean
 
@@ -45,16 +48,16 @@ check: setup  ## Run ruff, pyright and the import rules.
 	$(BIN)/lint-imports
 
 test: setup  ## Run the tests, but for those of learning and the slow ones.
-	$(BIN)/pytest -n 2 -m "not slow and not train and not realtime"
+	$(PYTEST) -m "not slow and not train and not realtime"
 
 test-times: setup  ## Run the same tests in one process; list the largest processor times.
 	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime"
 
 test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
-	$(BIN)/pytest -n 2 -m "train and not slow"
+	$(PYTEST) -m "train and not slow"
 
 test-slow: $(VENV)/train  ## Run the slow tests, those of learning included.
-	$(BIN)/pytest -n 2 -m slow
+	$(PYTEST) -m slow
 	$(BIN)/pytest -m realtime
 
 wheel-test: setup  ## Build the wheel; use it from a fresh environment outside the repository.

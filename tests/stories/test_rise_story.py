@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stored_plans import lie_at_start
 
 from drivers import Twin
 from humanoid_getup.cli.main import main
@@ -15,15 +16,15 @@ from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.standing import HOLD_TIME
-from humanoid_getup.experiments.starts import classify, settle_posture
+from humanoid_getup.experiments.starts import classify
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
 from humanoid_getup.reporting.report import KEYS
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot
-from robots.kinematics import place, read_posture
+from robots.kinematics import place
 from robots.posture_file import format_posture
 
 MOTION, SQUAT = "supine_sit_up_fast", "squat_to_stand"
@@ -96,6 +97,7 @@ def test_the_motion_of_a_rise_can_be_played_again(
     assert error.startswith("stood after ")
 
 
+@pytest.mark.slow
 def test_one_seed_gives_one_rise(report: dict, tmp_path: Path):
     figures = tmp_path / "again.json"
     assert main([*SEEDED, "--json", str(figures)]) == 0
@@ -104,7 +106,9 @@ def test_one_seed_gives_one_rise(report: dict, tmp_path: Path):
         assert again[key] == report[key]
 
 
-@pytest.mark.parametrize("start", ["prone", "left", "right"])
+@pytest.mark.parametrize(
+    "start", ["prone", *(pytest.param(side, marks=pytest.mark.slow) for side in ("left", "right"))]
+)
 def test_a_robot_gets_up_from_every_side(start: str, tmp_path: Path):
     figures = tmp_path / "figures.json"
     assert main(["rise", "--from", start, "--json", str(figures)]) == 0
@@ -112,9 +116,12 @@ def test_a_robot_gets_up_from_every_side(start: str, tmp_path: Path):
     assert (report["start_class"], report["stood"]) == (start, True)
 
 
-def test_a_motion_that_does_not_fit_the_fall_is_refused_and_ends_lying_if_played(tmp_path: Path):
-    figures = tmp_path / "figures.json"
-    play = ["play", MOTION, "--from", "prone", "--json", str(figures)]
+def test_a_motion_that_does_not_fit_the_fall_is_refused_and_ends_lying_if_played(
+    world: World, tmp_path: Path
+):
+    figures, fallen_prone = tmp_path / "figures.json", tmp_path / "prone.json"
+    fallen_prone.write_text(format_posture(lie_at_start(world), world.robot))
+    play = ["play", MOTION, "--from", str(fallen_prone), "--json", str(figures)]
     assert main(play) == 1
     refused = json.loads(figures.read_text())
     assert (refused["stood"], refused["start_class"], refused["attempts"]) == (False, "prone", 0)
@@ -128,8 +135,9 @@ def test_a_motion_that_does_not_fit_the_fall_is_refused_and_ends_lying_if_played
 def test_a_motion_plays_alike_through_the_command_and_from_the_library(
     played: RiseResult, tmp_path: Path
 ):
-    assert main(["play", SQUAT, "--out", str(tmp_path)]) == 0
-    report = json.loads((tmp_path / "report.json").read_text())
+    figures = tmp_path / "figures.json"
+    assert main(["play", SQUAT, "--json", str(figures)]) == 0
+    report = json.loads(figures.read_text())
     assert report["stand_time_s"] == played.record()["stand_time_s"]
     assert report["peak_torque_nm"] == played.record()["peak_torque_nm"]
 
@@ -146,10 +154,8 @@ def test_a_fault_of_the_hardware_has_its_own_exit_code(
 @pytest.fixture(scope="module")
 def played(op3: Robot, world: World) -> RiseResult:
     """A squat that stood up, played as it is stored."""
-    squat = next(m for m in load_database(op3).motions if m.name == SQUAT)
-    twin = Twin(world)
-    at_rest = settle_posture(world, squat.posture(0))
-    twin.place(read_posture(op3, world.model, at_rest))
+    squat = find_motion(op3, SQUAT)
+    twin = Twin(world, lie_at_start(world, SQUAT))
     strategy = StoredMotion(world, squat)
     options = SessionOptions(settle=False)
     result = get_up(twin, strategy, max_attempts=1, options=options)

@@ -178,7 +178,7 @@ def run(
     recipe = replace(recipe, iterations=max(options.steps // (STEPS * recipe.robots), 1))
     kind = ablation.prior
     prior = make_prior(robot, kind, options.prior, options.seed, options.out / f"prior, {kind}")
-    begin = TrainingRunner.imitate if ablation.imitates else _only_teach_critic
+    begin = TrainingRunner.imitate if ablation.imitates else _only_fit_critic
     changes = (
         (imitation, "PARTS", ROUNDS),
         (TrainingRunner, "imitate", begin),
@@ -203,12 +203,12 @@ def run(
     write_atomically(pool, (folder / POOL).read_bytes())
 
 
-def _only_teach_critic(runner: TrainingRunner, seed: int) -> list[float]:
+def _only_fit_critic(runner: TrainingRunner, seed: int) -> list[float]:
     """Begin without imitation: statistics and critic are those of random weights."""
     observed = runner.env.get_observations()
     for model in (runner.alg.actor, runner.alg.critic):
         model.update_normalization(observed)
-    return runner._teach_critic(seed)
+    return runner.fit_critic(seed)
 
 
 def draw(folders: dict[str, Path], file: Path) -> None:

@@ -30,7 +30,7 @@ HOMING_SHARE = 0.4  # of the servo's speed, for joints that return home by thems
 
 
 class ActionMode(StrEnum):
-    """What an action is added to."""
+    """The angle that an action is added to."""
 
     ABSOLUTE = "absolute"
     """The home angle."""

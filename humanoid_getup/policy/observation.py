@@ -26,7 +26,7 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """How left and right are exchanged in a vector: ``vector[..., index] * sign``."""
+    """The exchange of left and right in a vector: ``vector[..., index] * sign``."""
 
     index: NDArray[np.int_]
     sign: Array
@@ -81,7 +81,7 @@ class Term:
 
 @dataclass(frozen=True, kw_only=True)
 class StyleInput:
-    """What a policy that follows style curves gets besides its sensors."""
+    """Inputs of a policy with style curves, besides its sensors."""
 
     memory: Annotated[int, whole(1, 10_000)]
     """Size of what its network remembers of its last actions."""
@@ -92,7 +92,7 @@ class StyleInput:
 def list_terms(
     robot: Robot, action: ActionSpec, style: StyleInput | None = None
 ) -> tuple[Term, ...]:
-    """List the parts of the observation, in their order; more of them with style curves."""
+    """List the terms of the observation in order; with style curves there are more."""
     terms = (
         Term("gravity", 3),
         Term("gyro", 3),

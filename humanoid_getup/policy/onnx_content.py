@@ -1,4 +1,4 @@
-"""What the bytes of an ONNX model say before it is run, read as protocol buffers.
+"""The content of an ONNX model, read as protocol buffers before the model is run.
 
 Field numbers are those of ``onnx.proto``. A message is a row of fields; each has a number, and
 here either a number as its value or bytes, which may be a message again.

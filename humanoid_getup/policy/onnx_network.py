@@ -18,7 +18,7 @@ LONGEST_INFERENCE = 5.0  # s; hundreds of microseconds are usual
 class OnnxNetwork:
     """Maps observations to actions as the graph of an ONNX file does.
 
-    A second output, if the graph has one, is what the network remembers: part of its next input.
+    A second output, if the graph has one, is its memory: a part of its next input.
     """
 
     def __init__(self, file: Path) -> None:
@@ -53,7 +53,7 @@ class OnnxNetwork:
     def find_faults(
         self, observation_size: int, action_size: int, memory_size: int | None = None
     ) -> list[str]:
-        """List deviations from a network that maps (N, observation) to (N, action).
+        """List differences from a network that maps (N, observation) to (N, action).
 
         With a memory, it maps to (N, memory) as well.
         """
@@ -100,9 +100,9 @@ class OnnxNetwork:
         return [] if finite else ["the network returns NaN or infinity"]
 
     def __call__(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
-        """Map observations, (N, size), to actions (N, k) and to what is remembered of them, (N, m).
+        """Map observations (N, size) to actions (N, k) and to the memory of them (N, m).
 
-        Without a memory of its own, that is the actions, clipped.
+        Without a memory of its own, the memory is the clipped actions.
         """
         found = self._session.run(None, {self._input.name: observations})
         actions, *memory = (np.asarray(values, dtype=float) for values in found)

@@ -76,11 +76,11 @@ class OnnxPolicy:
         """Prepare to run a policy that fits the robot; :meth:`load` checks it."""
         self.robot, self.contract, self.longest = robot, contract, longest
         self.style = style
-        """What it follows; ``None`` for a policy that follows no style."""
+        """Style to follow; ``None`` for a policy that follows none."""
         self._follower = StyleFollower(robot, style) if style else None
         self.action = contract.action
         self.fault: str | None = None
-        """Why it failed, if it did."""
+        """Reason of a failure; ``None`` without one."""
         self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
         self._torque_share = compute_torque_share(robot, self.action, limit)

@@ -1,4 +1,4 @@
-"""Lets one robot follow a style: curves to begin with, restarts, and how well it went."""
+"""Follows a style with one robot: its first curves, restarts, and errors."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from robots import Robot
 from robots.quaternion import Array
 
 LYING = 0.6  # share of the standing neck height below which a robot lies, sits or kneels
-LOST = 3.0  # s of deviation from style curves while it lies where none begin: it gives up
+LOST = 3.0  # s of deviation from style curves while it lies where none begin: it has failed then
 
 
 @dataclass(frozen=True, eq=False)
 class _First:
-    """What a robot was first given to follow."""
+    """The first curves of a rise, and the errors from them."""
 
     curves: StyleCurves
     features: Array
@@ -43,7 +43,7 @@ class StyleFollower:
         """Whether it has deviated for long, and lies where no curves begin."""
 
     def update(self, sensed: Sensed, step_time: float) -> bool:
-        """Go on by a policy step [s]; return whether the robot restarts on other curves."""
+        """Advance by a policy step [s]; return whether the robot restarts on other curves."""
         tracker, one = self._tracker, np.arange(1)
         tracker.measure(sensed.gravity[None], sensed.joint_pos[None])
         if self._first is None:

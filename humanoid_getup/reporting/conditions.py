@@ -1,4 +1,4 @@
-"""The conditions of a benchmark: what a figure must be cited with."""
+"""The conditions of a benchmark, with which its figures must be cited."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def _describe_motion(report: dict[str, Any]) -> str:
 
 
 def _describe_attempts(report: dict[str, Any]) -> str:
-    """Say how each attempt ended, where the last one stood after others."""
+    """Describe how each attempt ended, where the last one stood after others."""
     reasons = report["attempt_reasons"]
     if len(reasons) < 2 or not report["stood"]:  # the headline names them all
         return ""
@@ -114,7 +114,7 @@ def _describe_attempts(report: dict[str, Any]) -> str:
 
 
 def _describe_style(report: dict[str, Any]) -> str:
-    """Say which style was followed, and how well."""
+    """Describe which style was followed, and how well."""
     if not report.get("style"):
         return ""
     summary = report.get("style_summary")
@@ -122,7 +122,7 @@ def _describe_style(report: dict[str, Any]) -> str:
 
 
 def _describe_moves(report: dict[str, Any]) -> str:
-    """Say how often the robot moved before it rose."""
+    """Describe how often the robot moved before it rose."""
     if not report.get("moves"):
         return ""
     text = f"{report['moves']} to where there is room to rise, before it"
@@ -132,7 +132,7 @@ def _describe_moves(report: dict[str, Any]) -> str:
 
 
 def _describe_keys(report: dict[str, Any]) -> str:
-    """Say what became of each key posture, one line each."""
+    """Describe how each key posture was passed, one line each."""
     return "\n".join(
         f"{key['name']} at {key['time_s']:.2f} s, within {key['largest_joint_error_rad']:.3f} rad"
         if key["kept"]
@@ -142,7 +142,7 @@ def _describe_keys(report: dict[str, Any]) -> str:
 
 
 def _describe_preference(report: dict[str, Any]) -> str:
-    """Say what a preference brought, by the rollouts before and after the improvement."""
+    """Describe the gain of a preference, by the rollouts before and after the improvement."""
     if report.get("prefer") in (None, "time") or report["rollout"] is None:
         return ""
     spent = f"{report['searched_s']:.0f} s simulated"

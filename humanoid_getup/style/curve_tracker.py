@@ -1,4 +1,4 @@
-"""Tracks robots along style curves: what they measure, what is wanted now and shortly after.
+"""Tracks robots along style curves: measured features, and those wanted now and ahead.
 
 Training, evaluation and robot call the same code, on a thousand robots or on one.
 """
@@ -44,7 +44,7 @@ class CurveTracker:
 
     @property
     def deviating(self) -> Array:
-        """Return for how long each robot has deviated, and not restarted [s], (N,)."""
+        """Return for how long each robot has deviated without a restart [s], (N,)."""
         return self._deviating
 
     @property
@@ -57,7 +57,7 @@ class CurveTracker:
         self.features = self._sense(gravity, joint_pos)
 
     def enter(self, ids: NDArray[np.int_], pieces: Array, duration: Array, time: Array) -> None:
-        """Let some robots follow curves from times on, blended from what they measure.
+        """Start some robots at times on curves, blended from their measured features.
 
         Args:
             ids: Which robots, (m,).
@@ -70,7 +70,7 @@ class CurveTracker:
         self._update_targets()
 
     def begin(self, ids: NDArray[np.int_], curves: Sequence[StyleCurves]) -> None:
-        """Let some robots follow curves from their beginning, one each.
+        """Start some robots at the beginning of curves, one each.
 
         A robot that stands is at their end already.
         """

@@ -1,4 +1,4 @@
-"""Style curves: what neck height and torso angles a rise should have over time.
+"""Style curves: neck height and torso angles that a rise should have over time.
 
 A feature curve of [Frezzato22], section 4.1, is a cardinal cubic B-spline through nine control
 points that are equally apart in time; a rise is held at its end (equation 1).
@@ -76,11 +76,11 @@ class StyleCurves:
 
     @property
     def turn(self) -> float:
-        """Return by how much both angles change from point to point, in sum [rad]."""
+        """Return the sum of the changes of both angles from point to point [rad]."""
         return float(np.abs(np.diff(self.points[:, 1:], axis=0)).sum())
 
     def retimed(self, time: Array, duration: float) -> StyleCurves:
-        """Return curves of a duration [s] through what these are at nine times [s], (9,).
+        """Return curves of a duration [s] through the points of these at nine times [s], (9,).
 
         Between control points a spline may overshoot: no control point is beyond these curves'
         own.
@@ -178,7 +178,7 @@ class CurveTargets:
     def enter(
         self, ids: NDArray[np.int_], pieces: Array, duration: Array, measured: Array, time: Array
     ) -> None:
-        """Let some robots follow curves from times on.
+        """Start some robots at times on curves.
 
         Args:
             ids: Which robots, (m,).

@@ -16,7 +16,7 @@ EDGE = 0.02  # share of the duration that an edited rise keeps from the ends
 
 
 class EditError(ValueError):
-    """An edit is impossible; the message says what is possible."""
+    """An edit is impossible; the message names what is possible."""
 
 
 def rise_time(curves: StyleCurves) -> float:
@@ -45,7 +45,7 @@ def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
     now, wanted = rise_time(curves), rise_time(curves) + delay
 
     def warp(share: float) -> StyleCurves:
-        """Move what happens now at the time of the rise to a share of the duration."""
+        """Move the features at the time of the rise to a share of the duration."""
         bend = PchipInterpolator([0.0, share, 1.0], [0.0, now / curves.duration, 1.0])
         return curves.retimed(curves.duration * bend(PLACES), curves.duration)
 

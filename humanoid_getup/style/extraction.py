@@ -20,7 +20,7 @@ FLOOR_PERCENTILE = 5.0  # of the lowest foot's height over a clip: where the flo
 
 
 class ExtractionError(ValueError):
-    """A record does not hold a rise; the message says why."""
+    """A record does not hold a rise; the message gives the reason."""
 
 
 def compute_features(robot: Robot, neck: Array, orientation: Array, ground: Ground) -> Array:

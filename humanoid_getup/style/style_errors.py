@@ -1,4 +1,4 @@
-"""How well robots follow style curves: the mean errors from those that they were first given."""
+"""Mean errors of robots from the style curves that they followed first."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FAR = math.radians(45.0)  # between how a robot lies and how its curves begin
 
 
 class StyleErrors:
-    """Errors of N robots from the curves that they were first given, while these last.
+    """Errors of N robots from the curves that they followed first, while these last.
 
     A robot that deviates restarts on other curves: the errors are still those from the first. One
     that stands from the first is at the end of its curves; its errors are those from a stand.
@@ -40,9 +40,9 @@ class StyleErrors:
         self._seen: list[Array] = []
 
     def note(self, features: Array, step_time: float) -> None:
-        """Note what the robots measure, (N, 3), at the end of a policy step [s].
+        """Record the measured features, (N, 3), at the end of a policy step [s].
 
-        What it means is computed afterwards: a robot notes within a control cycle.
+        Errors are computed afterwards, because a robot records within a control cycle.
         """
         self._passed.append(step_time + (self._passed[-1] if self._passed else 0.0))
         self._seen.append(features)
@@ -73,7 +73,7 @@ class StyleErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class FollowedStyle:
-    """How a robot followed the curves that it was first given."""
+    """Figures of one robot on the curves that it followed first."""
 
     height_error: float
     """Mean error of the neck height while they lasted, as a share of standing; NaN for none."""
@@ -110,7 +110,7 @@ class FollowedStyle:
         return is_near and self.restarts == 0 and self.share == 1.0
 
     def __str__(self) -> str:
-        """Say in one line how it went."""
+        """Summarize them in one line."""
         if self.stood_already:
             return "the robot stood already"
         text = "followed" if self.was_followed else "not followed"

@@ -49,7 +49,7 @@ class StyleTable:
     leg_length: Annotated[float, positive(TALLEST, "m")]
     """Length of the legs of the body that the durations are of [m]."""
     duration: Seconds | None = None
-    """Of all curves that do not say otherwise [s]."""
+    """Duration of the curves that have none of their own [s]."""
     curves: Annotated[
         tuple[CurvesTable, ...], Meta(min_length=1, description="one or more tables [[curves]]")
     ]

@@ -134,7 +134,7 @@ RISE = (
 QUICK = (
     *RISE,
     Reward(stance, 0.10),
-    Reward(action_change, -0.001),  # larger weights teach lying still
+    Reward(action_change, -0.001),  # with larger weights, policies lie still
     Reward(joint_speed, -0.002),
 )
 ROBUST = (
@@ -158,7 +158,7 @@ GENTLE = (
     Reward(restless, -3.00),
     Reward(demanding, -1.00),
     # The PWM limit makes it gentle. Under that limit, weights of -6 and below on torque, and of
-    # -1 to -3 on the other costs, made it give up falls from which it can rise.
+    # -1 to -3 on the other costs, made it lie still after falls from which it can rise.
     Reward(torque, -2.00),
     Reward(dropping, -0.50),
     Reward(head_strike, -10.00),  # 0.5 m/s cost five steps of standing
@@ -181,8 +181,8 @@ def score(
 ) -> tuple[Array, dict[str, Array]]:
     """Sum the weighted terms, (N,); return each of them as well.
 
-    Terms of negative weight count by ``cost_share``: full costs teach a policy that cannot rise
-    yet to lie still.
+    Terms of negative weight count by ``cost_share``: under full costs a policy that cannot rise
+    yet would come to lie still.
     """
     parts = {
         r.term.__name__: r.weight * (cost_share if r.weight < 0.0 else 1.0) * r.term(inputs)

@@ -1,1 +1,1 @@
-"""The pose prior: what postures a robot takes while it rises, and rises to learn them from."""
+"""The pose prior: a model of the postures of rises, and the rises that it is fitted to."""

@@ -83,7 +83,7 @@ def _start_planner(robot: Robot) -> None:
 
 
 def _plan(start: Posture, seed: tuple[int, int], file: Path) -> None:
-    """In a worker: plan a rise; write the motion if it stands, or else that it does not."""
+    """In a worker: plan a rise; write the motion if it stands, otherwise mark it as failed."""
     plan = _planner.plan(start, np.random.default_rng(seed))
     if isinstance(plan, MotionPlan) and plan.status is RiseStatus.STOOD:
         plan.motion.save(file)
@@ -92,7 +92,7 @@ def _plan(start: Posture, seed: tuple[int, int], file: Path) -> None:
 
 
 def _failed(file: Path) -> Path:
-    """Return the file that says that a rise could not be planned."""
+    """Return the file that marks a rise that could not be planned."""
     return file.with_suffix(".none")
 
 

@@ -102,7 +102,7 @@ ONWARD = Recipe(
     lift=0.3,
 )
 FLAT_STYLE = StyleRecipe(falls=0.5, motions=0.4, named=0.4)
-# What it imitates is spoilt by more noise, and by larger steps at first.
+# More noise, or larger steps at first, would destroy what it has imitated.
 STYLED = Recipe(
     rewards="styled",
     randomization="torque",
@@ -200,7 +200,7 @@ class TrainingRecord:
 
     @property
     def _parent_facts(self) -> dict[str, Fact]:
-        """Return what a policy tells of its parent: no checksum of a file that ships nowhere."""
+        """Return the facts on the parent, without the checksum of a checkpoint that ships nowhere."""
         parent = dict(self.parent or {})
         if "policy" not in parent:
             parent.pop("sha256", None)

@@ -1,4 +1,4 @@
-"""Imitation: before it explores, a policy learns what planned motions do.
+"""Imitation: before it explores, a policy is trained on planned motions.
 
 Robots replay the motions in the training environment under its domain randomization; what the
 policy would observe is stored with the outputs that lead to the motion's next targets. Then the
@@ -34,16 +34,16 @@ NOISE = 0.1  # of the outputs while motions are replayed
 
 @dataclass(frozen=True)
 class Example:
-    """What N robots observe, and what they should do."""
+    """Observations of N robots, and the outputs that are right there."""
 
     observation: torch.Tensor
     outputs: torch.Tensor
 
 
 def imitate(actor: MLPModel, env: RslEnv, rng: np.random.Generator) -> list[float]:
-    """Let an actor imitate the motions of an environment; return the last loss of each part.
+    """Train an actor to imitate an environment's motions; return the last loss of each part.
 
-    The actor is symmetric by construction, so that mirror images would teach nothing more.
+    The actor is symmetric by construction, so mirror images add nothing.
     """
     task = env.env.style
     if task is None:

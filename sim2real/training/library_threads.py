@@ -1,4 +1,4 @@
-"""How many threads numpy and torch use: small arrays are faster on one than on all."""
+"""Threads of numpy and torch: small arrays are faster on one than on all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from threadpoolctl import ThreadpoolController
 
 @contextmanager
 def torch_threads(count: int) -> Iterator[None]:
-    """Let torch use some threads."""
+    """Limit the threads of torch within a block."""
     usual = torch.get_num_threads()
     torch.set_num_threads(count)
     try:
@@ -22,7 +22,7 @@ def torch_threads(count: int) -> Iterator[None]:
 
 @contextmanager
 def numpy_threads(count: int) -> Iterator[None]:
-    """Let numpy's linear algebra use some threads.
+    """Limit the threads of numpy's linear algebra within a block.
 
     Threads of OpenBLAS spin while they wait, which takes processor time from physics.
     """

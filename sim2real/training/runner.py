@@ -120,13 +120,13 @@ class TrainingRunner(OnPolicyRunner):
             self.freeze_normalizers()
 
     def inherit_policy(self, file: Path, seed: int) -> None:
-        """Start with the actor of a policy file; the critic learns what it earns."""
+        """Start with the actor of a policy file; fit the critic to its returns."""
         actor: Any = self.alg._raw_actor
         actor.load_state_dict(read_actor(file, actor))
-        self._teach_critic(seed)
+        self.fit_critic(seed)
 
     def imitate(self, seed: int) -> list[float]:
-        """Let a new policy imitate rises, and the critic judge it; return the losses.
+        """Train a new policy to imitate rises, then its critic; return the losses.
 
         Afterwards normalizers stay as they are: their drift would distort what was learned.
         """
@@ -140,7 +140,7 @@ class TrainingRunner(OnPolicyRunner):
         losses = imitate(self.alg._raw_actor, self.env, np.random.default_rng(seed))
         env.options = usual
         self.env.begin(seed, np.random.default_rng(seed))  # as the training does
-        return losses + self._teach_critic(seed)
+        return losses + self.fit_critic(seed)
 
     def freeze_normalizers(self) -> None:
         """Keep the statistics of observations as they are."""
@@ -148,8 +148,8 @@ class TrainingRunner(OnPolicyRunner):
         for model in (self.alg._raw_actor, self.alg._raw_critic):
             _freeze(model)
 
-    def _teach_critic(self, seed: int) -> list[float]:
-        """Teach the critic what the present policy earns; return the error of each round.
+    def fit_critic(self, seed: int) -> list[float]:
+        """Fit the critic to the returns of the present policy; return the error of each round.
 
         Not to distort the policy, the statistics of its observations are kept meanwhile; those of
         the critic's are kept from then on.
@@ -157,13 +157,13 @@ class TrainingRunner(OnPolicyRunner):
         actor: Any = self.alg._raw_actor
         _freeze(actor)
         self.env.reports = False
-        errors = [self._teach_critic_once() for _ in range(CRITIC_ROUNDS)]
+        errors = [self._fit_once() for _ in range(CRITIC_ROUNDS)]
         self.freeze_normalizers()
         self.env.begin(seed, np.random.default_rng(seed))
         self.env.reports = True
         return errors
 
-    def _teach_critic_once(self) -> float:
+    def _fit_once(self) -> float:
         """Collect steps of the policy, and fit the critic; return its mean squared error."""
         alg: Any = self.alg
         alg.train_mode()
@@ -191,7 +191,7 @@ class TrainingRunner(OnPolicyRunner):
 
 
 def _freeze(model: Any) -> None:
-    """Let a network's normalizer learn from no more observations."""
+    """Freeze the statistics of a network's normalizer."""
     model.obs_normalizer.until = 1
 
 

@@ -1,4 +1,4 @@
-"""What a training with style curves needs besides: prior, rises, curves and terrain."""
+"""Files and tasks of a training with style curves: prior, rises, curves and terrain."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to
 from robots.quaternion import Array
 
 # Weight of the last episode in the success rate of an initial state: the last three episodes
-# dominate, since older ones say little about a policy that learns.
+# dominate, since older ones are of an earlier policy.
 MEMORY = 0.3
 # Weight of an initial state that always ends standing, relative to one that never does: low
 # enough to leave time for hard ones, high enough that it is not forgotten.

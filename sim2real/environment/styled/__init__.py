@@ -1,1 +1,1 @@
-"""Style curves in training: what robots follow, what moves them, what it earns."""
+"""Style curves in training: curves, actions by a pose prior, rewards."""

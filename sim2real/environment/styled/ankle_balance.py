@@ -28,7 +28,7 @@ class AnkleBalance:
         """Changes of the joint angles per rotation of the torso to the side and front, (2, n)."""
 
     def correct(self, wanted: Array, measured: Array) -> Array:
-        """Compute what to add to joint targets [rad], (N, n), from style features (N, 3)."""
+        """Compute corrections of joint targets [rad], (N, n), from style features (N, 3)."""
         share = np.clip((measured[:, :1] - BEGIN) / (FULL - BEGIN), 0.0, 1.0)
         turn_back = np.clip(GAINS * (wanted - measured)[:, 1:], -LARGEST, LARGEST)
         return share * turn_back @ self.ankles

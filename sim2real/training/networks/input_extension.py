@@ -1,4 +1,4 @@
-"""Input extension: a network that gets more inputs, and acts as before until it learns them."""
+"""Input extension: more inputs for a network, which acts as before until they are trained."""
 
 from __future__ import annotations
 

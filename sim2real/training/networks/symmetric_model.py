@@ -24,10 +24,10 @@ def as_exchange(mirror: Mirror) -> Exchange:
 
 
 class SymmetricModel(MLPModel):
-    """rsl-rl's network with layers that exchange left and right in what they yield.
+    """rsl-rl's network with layers whose outputs exchange left and right with their inputs.
 
-    Appended mirror images of observations would teach the same only after a while, and a policy
-    of small deviation that is not symmetric yet would be torn apart by them.
+    Appended mirror images of observations lead to symmetry only after a while, and they drive a
+    policy of small deviation that is not symmetric yet in opposite directions.
     """
 
     def __init__(

@@ -200,7 +200,7 @@ class TrainingRecord:
 
     @property
     def _parent_facts(self) -> dict[str, Fact]:
-        """Return the facts on the parent, without the checksum of a checkpoint that ships nowhere."""
+        """Return facts on the parent; not the checksum of a checkpoint, which never ships."""
         parent = dict(self.parent or {})
         if "policy" not in parent:
             parent.pop("sha256", None)

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from humanoid_getup.robot_check.arm_check import check_arms
-from humanoid_getup.robot_check.body_check import check_body
-from humanoid_getup.robot_check.finding import Finding
+from humanoid_getup.robot_check.ability_check import check_arms, check_depth, check_strength
+from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.robot_check.hold_check import check_hold
-from humanoid_getup.robot_check.mirror_check import check_mirrors
+from humanoid_getup.robot_check.model_check import check_body, check_mirrors
 from humanoid_getup.robot_check.readiness_check import check_readiness
-from humanoid_getup.robot_check.sole_check import check_soles
-from humanoid_getup.robot_check.squat_check import check_depth
-from humanoid_getup.robot_check.stance_check import check_stance
-from humanoid_getup.robot_check.strength_check import check_strength
+from humanoid_getup.robot_check.stance_check import check_soles, check_stance
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.body.limbs import Limbs
@@ -28,7 +24,7 @@ ABILITIES = ("squats", "strength", "arms", "holding the stance")
 class RobotCheck:
     """What was found of a robot."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[CheckFinding, ...]
     squats: tuple[Squat, ...]
     """Balanced squats from high to deep."""
     unchecked: tuple[str, ...] = ()
@@ -60,18 +56,18 @@ def check_robot(robot: Robot) -> RobotCheck:
     return RobotCheck(findings=tuple(findings), squats=tuple(squats), unchecked=unchecked)
 
 
-def _has_fault(findings: Iterable[Finding]) -> bool:
+def _has_fault(findings: Iterable[CheckFinding]) -> bool:
     return any(finding.level == "fault" for finding in findings)
 
 
-def _check_description(world: World, limbs: Limbs) -> Iterator[Finding]:
+def _check_description(world: World, limbs: Limbs) -> Iterator[CheckFinding]:
     yield from check_body(limbs)
     yield from check_soles(limbs.robot)
     yield from check_mirrors(limbs)
     yield from check_stance(world, limbs)
 
 
-def _check_ability(limbs: Limbs, statics: Statics, squats: list[Squat]) -> Iterator[Finding]:
+def _check_ability(limbs: Limbs, statics: Statics, squats: list[Squat]) -> Iterator[CheckFinding]:
     lowest = min((squat.neck_share for squat in squats), default=1.0)
     stance = statics.measure_torques(limbs.robot.standing.joint_pos)
     yield check_depth(limbs, squats)

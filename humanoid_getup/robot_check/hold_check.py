@@ -9,7 +9,7 @@ import numpy as np
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.experiments.play import Rollout, Trace
 from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, measure_stance
-from humanoid_getup.robot_check.finding import Finding
+from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
@@ -21,7 +21,7 @@ SETTLE_TIME = 1.0  # s before the hold
 COOL = 15.0  # °C below its limit that a servo should stay
 
 
-def check_hold(world: World) -> Iterator[Finding]:
+def check_hold(world: World) -> Iterator[CheckFinding]:
     """Let the robot stand on its servos, and see whether it stays up and cool."""
     trace = _stand(world)
     if not is_upright(measure_stance(world, trace), world.robot)[0].all():
@@ -30,7 +30,7 @@ def check_hold(world: World) -> Iterator[Finding]:
     torque = trace.torque[0, -1]
     share = np.abs(torque) / world.robot.max_torque
     worst = int(np.argmax(share))
-    yield Finding(
+    yield CheckFinding(
         level="ok",
         subject="stance",
         text=f"holds on its servos; the most strained joint is '{world.robot.joint_names[worst]}' "
@@ -47,13 +47,13 @@ def _stand(world: World) -> Trace:
     return Rollout(world, 1).play(start, targets, DomainParameters.nominal(world, 1))
 
 
-def _describe_fall(world: World, trace: Trace) -> Finding:
+def _describe_fall(world: World, trace: Trace) -> CheckFinding:
     stance = measure_stance(world, trace)
     bodies = ", ".join(find_touching_bodies(world, trace.qpos[0, -1]))
     on = f", on the ground: {bodies}" if bodies else ""
     height = float(stance.neck_height[0, -1] / world.robot.standing_neck_height)
     tilt = float(np.degrees(stance.tilt[0, -1]))
-    return Finding(
+    return CheckFinding(
         level="fault",
         subject="stance",
         text=f"does not hold for {HOLD_TIME:g} s on its servos: neck at {height:.0%} of its "
@@ -62,14 +62,14 @@ def _describe_fall(world: World, trace: Trace) -> Finding:
     )
 
 
-def _check_heat(robot: Robot, torque: Array) -> Iterator[Finding]:
+def _check_heat(robot: Robot, torque: Array) -> Iterator[CheckFinding]:
     """Compare the temperatures that servos come to, torques (n,) held for good, with limits."""
     windings = Windings(robot)
     rise = windings.compute_warming(windings.compute_current(torque))
     limit = np.array([joint.servo.model.temperature_limit for joint in robot.joints])
     room = limit - AMBIENT_TEMPERATURE - rise
     for k in np.flatnonzero(room < COOL):
-        yield Finding(
+        yield CheckFinding(
             level="warning",
             subject=f"joint '{robot.joint_names[k]}'",
             text=f"its servo warms to {AMBIENT_TEMPERATURE + rise[k]:.0f} °C in the stance, "
@@ -79,7 +79,7 @@ def _check_heat(robot: Robot, torque: Array) -> Iterator[Finding]:
         )
     hottest = int(np.argmin(room))
     if room[hottest] >= COOL:
-        yield Finding(
+        yield CheckFinding(
             level="ok",
             subject="stance",
             text=f"warms '{robot.joint_names[hottest]}' most, to "

@@ -65,6 +65,13 @@ class Limbs(JointView):
         """Find where a limb's lower part ends, at the angles looked at last, (3,) [m]."""
         return self.end(limb.middle) if limb.end is None else self.anchor(limb.end)
 
+    def measure_parts(self, limb: Limb) -> tuple[float, float]:
+        """Measure the upper and the lower part of a limb in the stance [m]."""
+        self.look(self.robot.standing.joint_pos)
+        upper = self.anchor(limb.middle) - self.anchor(limb.start)
+        lower = self.find_end(limb) - self.anchor(limb.middle)
+        return float(np.linalg.norm(upper)), float(np.linalg.norm(lower))
+
     def leg(self, name: LimbName) -> Leg:
         """Return a leg, to be measured at the angles looked at last."""
         limb = self.all[name]

@@ -31,6 +31,21 @@ class MirrorPairs:
     """Hinges that have no counterpart, though they are not in the middle."""
 
 
+@dataclass(frozen=True, eq=False)
+class MirrorImages:
+    """How near the mirror image of each of n hinges is to each hinge."""
+
+    apart: Array
+    """Distance between the points on their axes [m], (n, n)."""
+    along: Array
+    """Cosine between the image's axis and the other's, (n, n)."""
+
+    @classmethod
+    def compare(cls, anchors: Array, axes: Array) -> MirrorImages:
+        """Compare hinges by points [m] and axes, (n, 3) each; the plane of symmetry is y = 0."""
+        return cls(_part(anchors), (axes * MIRROR_AXIS) @ axes.T)
+
+
 def find_mirror(
     names: Sequence[str],
     anchors: Array,
@@ -50,9 +65,9 @@ def find_mirror(
         depths: Number of hinges above each.
         height: Of the robot [m], by which distances are measured.
     """
-    turned = axes * MIRROR_AXIS
-    apart = np.maximum(_part(anchors), 0.5 * _part(centers)) / height  # (n, n)
-    along = turned @ axes.T  # (n, n): cosine between an image's axis and another's
+    images = MirrorImages.compare(anchors, axes)
+    along = images.along
+    apart = np.maximum(images.apart, 0.5 * _part(centers)) / height  # (n, n)
     deeper = np.abs(np.subtract.outer(depths, depths))
     cost = apart + 0.5 * (1.0 - np.abs(along)) + 0.02 * deeper
     for j, name in enumerate(names):

@@ -8,12 +8,15 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robots import quaternion
+from robots import Robot, quaternion
 from robots.body.shapes import read_shapes
+from robots.kinematics import place
 from robots.quaternion import Array
 
 FLAT = 0.0025  # m off a plane that still belong to a sole: treads and studs
 STEEP = np.cos(np.radians(50.0))
+LARGE = 0.3  # share of a sole's outline from which a face of it is the one to stand on
+ON_GROUND = 0.004  # m above the lowest point that still belong to a sole
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,3 +122,64 @@ def add_sole_site(spec: mujoco.MjSpec, body: str, sole: Sole, name: str) -> None
         quat=quaternion.normalize(orientation).tolist(),
         size=[0.005, 0, 0],
     )
+
+
+def list_sole_points(model: mujoco.MjModel, site: str) -> Array:
+    """List points that span the shapes of the foot that a site is on, in its frame, (p, 3) [m]."""
+    number = model.site(site).id
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    foot = model.body_weldid[model.site_bodyid[number]]
+    points = [
+        data.xpos[body] + shape.sample() @ data.xmat[body].reshape(3, 3).T
+        for body in np.flatnonzero(model.body_weldid == foot)
+        for shape in read_shapes(model, int(body), keep_hulls=True)
+    ]
+    axes = data.site_xmat[number].reshape(3, 3)
+    return (np.concatenate([np.zeros((0, 3)), *points]) - data.site_xpos[number]) @ axes
+
+
+def measure_tilt(points: Array) -> float:
+    """Measure the angle between z and the largest face of points (p, 3) that looks down [rad].
+
+    It is 0 for a round foot, which has no such face.
+    """
+    try:
+        hull, outline = ConvexHull(points), ConvexHull(points[:, :2]).volume
+    except QhullError:
+        return 0.0
+    corners = points[hull.simplices]  # (f, 3, 3)
+    edges = corners[:, 1:] - corners[:, :1]
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2.0
+    normals, of = np.unique(hull.equations[:, :3].round(3), axis=0, return_inverse=True)
+    areas = np.bincount(of.ravel(), weights=area) * (normals[:, 2] < -STEEP)
+    largest = int(np.argmax(areas))
+    if areas[largest] < LARGE * outline:
+        return 0.0
+    return float(np.arccos(np.clip(-normals[largest, 2], -1.0, 1.0)))
+
+
+def measure_support_margin(robot: Robot, model: mujoco.MjModel) -> float:
+    """Measure how far the center of mass is inside the edge of the soles in the stance [m].
+
+    It is negative outside, and minus infinity for soles without area on the ground.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(robot, model, robot.standing)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    center = data.subtree_com[robot.layout(model).torso][:2]
+    points = np.concatenate([_place_sole(model, data, site) for site in robot.sole_sites])
+    points = points[points[:, 2] < points[:, 2].min() + ON_GROUND][:, :2]
+    try:
+        edges = ConvexHull(points).equations  # outward normals and offsets
+    except QhullError:
+        return -np.inf
+    return float(-np.max(edges[:, :2] @ center + edges[:, 2]))
+
+
+def _place_sole(model: mujoco.MjModel, data: mujoco.MjData, site: str) -> Array:
+    """Return the points that span a foot in the world [m], (p, 3)."""
+    number = model.site(site).id
+    axes = data.site_xmat[number].reshape(3, 3)
+    return data.site_xpos[number] + list_sole_points(model, site) @ axes.T

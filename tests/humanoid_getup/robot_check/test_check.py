@@ -8,7 +8,7 @@ import pytest
 from spoiling import spoil
 
 from humanoid_getup.robot_check.check import check_robot
-from humanoid_getup.robot_check.finding import Finding
+from humanoid_getup.robot_check.finding import CheckFinding
 from robots import Robot, load_robot
 
 MODEL, TOML = "model.xml", "robot.toml"
@@ -16,7 +16,7 @@ WEAK = "[mini]\nstall_torque = 0.5\n"  # N·m
 FEEBLE = "[mini]\nstall_torque = 1.2\n"  # N·m; OP3's squats down to 75 % take 1.24
 
 
-def find_faults(robot: Robot) -> list[Finding]:
+def find_faults(robot: Robot) -> list[CheckFinding]:
     return [found for found in check_robot(robot).findings if found.level != "ok"]
 
 

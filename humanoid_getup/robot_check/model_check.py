@@ -1,0 +1,194 @@
+"""The model: masses, sites and mirror pairs that such a robot can have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.robot_check.finding import CheckFinding
+from robots import Robot
+from robots.body.limb import ARMS
+from robots.body.limbs import Limbs
+from robots.body.mirror_pairs import MirrorImages
+from robots.quaternion import Array
+
+DENSITY = (5.0, 300.0)
+"""Mass over the neck height cubed [kg/m³]; OP3 has 46, a person of 70 kg about 25."""
+LIGHTEST = 1e-4  # share of the robot's mass; a lighter link was given none
+WIDEST = 0.5  # radius of gyration of a link over the neck height; placeholders are wider
+FARTHEST_IMU = 0.5  # from the torso's center of mass, over the neck height
+CLEAR = 0.5  # cosine from which an axis is said to turn one way or the other
+FAR = 0.15  # share of the neck height by which a joint may be off its mirror image's place
+UNEQUAL = np.radians(5.0)
+
+
+def check_body(limbs: Limbs) -> Iterator[CheckFinding]:
+    """Find masses, inertias and sites that no such robot has."""
+    found = [*_check_mass(limbs), *_check_links(limbs), *_check_imu(limbs), *_check_neck(limbs)]
+    yield from found
+    if not found:
+        height = limbs.robot.standing_neck_height
+        text = f"{limbs.robot.n} joints, {limbs.mass:.2f} kg, neck at {height:.2f} m"
+        yield CheckFinding.ok("body", text)
+
+
+def _check_mass(limbs: Limbs) -> Iterator[CheckFinding]:
+    robot, mass = limbs.robot, limbs.mass
+    servos = sum(joint.servo.model.mass for joint in robot.joints)
+    least, most = (density * robot.standing_neck_height**3 for density in DENSITY)
+    if mass < servos:
+        yield CheckFinding.warning(
+            "body",
+            f"weighs {mass:.2f} kg, less than its {robot.n} servos, {servos:.2f} kg",
+            "give the bodies in the model their masses",
+        )
+    elif not least <= mass <= most:
+        yield CheckFinding.warning(
+            "body",
+            f"weighs {mass:.3g} kg with its neck at {robot.standing_neck_height:.2f} m, "
+            f"expected {least:.2g} to {most:.2g} kg",
+            "check the units of lengths and masses in the model",
+        )
+
+
+def _check_links(limbs: Limbs) -> Iterator[CheckFinding]:
+    """Compare mass and inertia of each moving link; what is welded to it is part of it."""
+    model, height = limbs.model, limbs.robot.standing_neck_height
+    for link in np.setdiff1d(model.body_weldid, [0]):
+        bodies = np.flatnonzero(model.body_weldid == link)
+        mass = float(model.body_mass[bodies].sum())
+        subject = f"body '{_name(model, int(link))}'"
+        wide = max(_measure_gyration(model, int(body)) for body in bodies)
+        if mass < LIGHTEST * limbs.mass:
+            least = 1e3 * LIGHTEST * limbs.mass
+            yield CheckFinding.warning(
+                subject,
+                f"weighs {1e3 * mass:.2g} g, expected at least {least:.2g} g",
+                "give it its mass, or weld it to its parent",
+            )
+        elif wide > WIDEST * height:
+            yield CheckFinding.warning(
+                subject,
+                f"has the inertia of something of {wide:.2f} m radius, expected at most "
+                f"{WIDEST * height:.2f} m",
+                "give it its own inertia: this one looks like a placeholder",
+            )
+
+
+def _measure_gyration(model: mujoco.MjModel, body: int) -> float:
+    mass = float(model.body_mass[body])
+    return float(np.sqrt(model.body_inertia[body].max() / mass)) if mass > 0.0 else 0.0
+
+
+def _check_imu(limbs: Limbs) -> Iterator[CheckFinding]:
+    robot, model = limbs.robot, limbs.model
+    if robot.imu_site is None:
+        return
+    site, torso = model.site(robot.imu_site), model.body(robot.torso).id
+    subject = f"site '{robot.imu_site}'"
+    away = float(np.linalg.norm(site.pos - model.body_ipos[torso]))
+    most = FARTHEST_IMU * robot.standing_neck_height
+    if int(site.bodyid[0]) != torso:
+        yield CheckFinding.fault(
+            subject,
+            f"is on body '{_name(model, int(site.bodyid[0]))}', expected '{robot.torso}'",
+            "put the IMU's site into the torso's body in the model",
+        )
+    elif away > most:
+        yield CheckFinding.warning(
+            subject,
+            f"is {away:.2f} m from the torso's center of mass, expected at most {most:.2f} m",
+            "put it where the IMU is",
+        )
+
+
+def _check_neck(limbs: Limbs) -> Iterator[CheckFinding]:
+    robot = limbs.robot
+    limbs.look(robot.standing.joint_pos)
+    shoulders = [limbs.anchor(limbs.all[a].joints[0])[2] for a in ARMS if a in limbs.all]
+    neck = limbs.data.site_xpos[limbs.model.site(robot.neck_site).id, 2]
+    below = max(shoulders, default=neck) - neck
+    if below > 0.0:
+        yield CheckFinding.warning(
+            f"site '{robot.neck_site}'",
+            f"is {1e3 * below:.0f} mm below the shoulders, expected above them",
+            "put it at the neck's base: its height tells whether the robot stands",
+        )
+
+
+def _name(model: mujoco.MjModel, body: int) -> str:
+    return model.body(body).name or f"number {body}"
+
+
+def check_mirrors(limbs: Limbs) -> Iterator[CheckFinding]:
+    """Find pairs of joints that do not mirror each other.
+
+    They are looked at with all joints at zero: whatever their signs, that is its own mirror image.
+    """
+    robot = limbs.robot
+    limbs.look(np.zeros(robot.n))
+    anchors = np.array([limbs.anchor(k) for k in range(robot.n)])
+    axes = np.array([limbs.axis(k) for k in range(robot.n)])
+    found = [*_compare(robot, MirrorImages.compare(anchors, axes))]
+    yield from found
+    if not found:
+        pairs = int(np.sum(robot.mirror_index != np.arange(robot.n))) // 2
+        yield CheckFinding.ok("mirror", f"{pairs} pairs and their signs agree with the model")
+
+
+def _compare(robot: Robot, images: MirrorImages) -> Iterator[CheckFinding]:
+    is_near = images.apart < FAR * robot.standing_neck_height
+    is_image = is_near & (np.abs(images.along) > CLEAR)
+    for k in range(robot.n):
+        other = int(robot.mirror_index[k])
+        sign = np.sign(images.along[k, other])
+        if other < k:
+            continue
+        if not is_image[k, other]:
+            yield _describe_stranger(robot, k, is_image[k], images.apart[k])
+        elif sign != robot.mirror_sign[k]:
+            yield CheckFinding.fault(
+                f"joint '{robot.joint_names[k]}'",
+                f"mirror_sign is {robot.mirror_sign[k]:+.0f}, but its axis says "
+                f"{sign:+.0f} for its mirror {_partner(robot, k)}",
+                "set mirror_sign of both in robot.toml",
+            )
+        else:
+            yield from _compare_ranges(robot, k, other)
+
+
+def _partner(robot: Robot, k: int) -> str:
+    other = int(robot.mirror_index[k])
+    return "itself" if other == k else f"'{robot.joint_names[other]}'"
+
+
+def _describe_stranger(robot: Robot, k: int, is_image: np.ndarray, apart: Array) -> CheckFinding:
+    """Describe a joint whose mirror is elsewhere, or turns about another axis; and what fits."""
+    subject, candidates = f"joint '{robot.joint_names[k]}'", np.flatnonzero(is_image)
+    text = f"its mirror is {_partner(robot, k)}, which is not its mirror image in the model"
+    if not len(candidates):
+        return CheckFinding.warning(
+            subject,
+            f"{text}; no joint is",
+            "mirrored motions differ by it: accept that, or make the model symmetric",
+        )
+    fitting = robot.joint_names[int(candidates[np.argmin(apart[candidates])])]
+    return CheckFinding.fault(
+        subject, f"{text}; '{fitting}' is", "set mirror of all that are concerned in robot.toml"
+    )
+
+
+def _compare_ranges(robot: Robot, k: int, other: int) -> Iterator[CheckFinding]:
+    sign = robot.mirror_sign[k]
+    expected = np.sort(sign * np.array([robot.lower[k], robot.upper[k]]))
+    if k != other and np.abs(expected - [robot.lower[other], robot.upper[other]]).max() > UNEQUAL:
+        low, high = np.degrees([robot.lower[other], robot.upper[other]])
+        yield CheckFinding.warning(
+            f"joint '{robot.joint_names[other]}'",
+            f"its range is {low:.0f} to {high:.0f}°, that of its mirror "
+            f"'{robot.joint_names[k]}' would be {np.degrees(expected[0]):.0f} to "
+            f"{np.degrees(expected[1]):.0f}°",
+            "set the same range on both sides in the model, or nothing if they differ",
+        )

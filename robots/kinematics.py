@@ -5,9 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from robots import Posture, Robot, quaternion
+from robots import quaternion
 from robots.passive_joints import couple_passive_joints, rest_passive_joints
+from robots.posture import Posture
 from robots.quaternion import Array
+from robots.robot import Robot
 
 
 def lowest_point(model: mujoco.MjModel, qpos: Array) -> float:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots import Robot
 from robots.body.joint_view import JointView
 from robots.body.limb import LEGS, Limb, LimbName
 from robots.body.links import Link
 from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
+from robots.robot import Robot
 
 SHORT = 0.02  # m; joints nearer to each other than this are one, such as those of an ankle
 

@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from robots import Robot
 from robots.body.joint_view import SMALL, JointView
 from robots.body.leg import Leg
 from robots.body.limb import LEGS, Limb, LimbName, LimbPose
 from robots.body.limb_finder import find_limbs
 from robots.quaternion import Array
+from robots.robot import Robot
 
 PARALLEL = np.cos(np.radians(30.0))
 OVER_SOLES = 0.35  # leg lengths by which the mass may be beside the soles of a crouching robot

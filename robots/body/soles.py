@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robots import Robot, quaternion
+from robots import quaternion
 from robots.body.shapes import read_shapes
 from robots.kinematics import place
 from robots.quaternion import Array
+from robots.robot import Robot
 
 FLAT = 0.0025  # m off a plane that still belong to a sole: treads and studs
 STEEP = np.cos(np.radians(50.0))

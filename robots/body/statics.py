@@ -5,10 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from robots import Posture, Robot
 from robots.kinematics import place_postures
 from robots.passive_joints import couple_passive_joints
+from robots.posture import Posture
 from robots.quaternion import Array
+from robots.robot import Robot
 
 STEP = 1e-4  # rad, of the difference that tells by how much a passive joint follows another
 

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 from scipy.optimize import least_squares
 
-from robots import Robot
 from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
+from robots.robot import Robot
 
 HABIT = 0.1  # weight of an angle itself, beside the chest's axes [1/rad]: joints share a bend
 

@@ -67,7 +67,7 @@ def check_laws(
 
 
 @given(cycles=cycles, cap=st.none() | st.floats(0.0, 10.0))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_no_command_from_any_state_passes_a_limit(cycles, cap):
     backend = RecordingBackend(ROBOT)
     guard = SafetyGuard(backend, GuardLimits.of(ROBOT, torque_limit=cap))

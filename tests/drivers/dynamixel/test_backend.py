@@ -104,7 +104,9 @@ def test_registers_that_power_up_resets_are_always_set(tiny):
         assert rig.peek("position_p_gain") == [800, 800]
 
 
-def test_all_that_is_wrong_is_told_at_once(op3):
+def test_all_that_is_wrong_is_told_at_once(op3, monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.startup.BOOT_TIME", 0.01)
+
     def break_some(virtual):
         virtual.servos[0].alive = False
         virtual.servos[4].alive = False

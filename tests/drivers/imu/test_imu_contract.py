@@ -141,7 +141,7 @@ def test_a_chip_that_has_restarted_is_configured_again(kind: str):
     assert bench.first().accelerometer[2] == pytest.approx(GRAVITY, abs=0.02)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(data=st.data())
 @pytest.mark.parametrize("kind", CHECKED)
 def test_a_damaged_byte_never_becomes_a_sample(kind: str, data: st.DataObject):
@@ -162,7 +162,7 @@ def test_a_damaged_byte_never_becomes_a_sample(kind: str, data: st.DataObject):
             assert sample.gyro == pytest.approx(np.zeros(3), abs=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(junk=st.lists(st.binary(max_size=60), min_size=1, max_size=8))
 @pytest.mark.parametrize("kind", SERIAL)
 def test_junk_on_the_line_is_no_sample_and_no_error(kind: str, junk: list[bytes]):
@@ -176,7 +176,7 @@ def test_junk_on_the_line_is_no_sample_and_no_error(kind: str, junk: list[bytes]
     assert bench.first().accelerometer[2] == pytest.approx(GRAVITY, abs=0.02)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(cut=st.integers(1, 200))
 @pytest.mark.parametrize("kind", SERIAL)
 def test_half_a_message_is_no_sample(kind: str, cut: int):

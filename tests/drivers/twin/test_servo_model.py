@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
@@ -30,6 +30,7 @@ def test_heat_follows_from_the_mass_of_a_type(tiny: Robot):
     assert windings.heat_resistance == pytest.approx([13.0, 13.0 / 1.594], rel=1e-3)
 
 
+@settings(max_examples=10)
 @given(current=st.floats(0.1, 2.0))
 def test_a_servo_settles_where_the_air_takes_all_its_loss_away(tiny: Robot, current: float):
     robot = fit(tiny, "XC330-T288", "XM430-W350")

@@ -27,6 +27,9 @@ IN_THE_AIR = Posture(
 )
 
 
+CYCLES = 150  # long enough for every joint to swing
+
+
 def thrash(backend: Backend, cycles: int, torque_limit: float | None = None) -> list[State]:
     """Swing all joints about, behind the guard; return what was measured."""
     robot, states = backend.robot, []
@@ -75,14 +78,14 @@ def test_a_control_period_that_2_ms_do_not_divide_gives_one_path_too(own_robot: 
 def assert_one_path(robot: Robot, limit_by: LimitMode, torque_limit: float | None) -> None:
     """Swing a robot's joints on its twin and on a virtual bus: both measure the same."""
     twin = Twin(robot, limit_by=limit_by)
-    by_twin = thrash(twin, 150, torque_limit)
+    by_twin = thrash(twin, CYCLES, torque_limit)
     virtual = VirtualRobot(Simulation(robot))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), limit_by=limit_by)
         with driver:
             pass  # the first connection waits for the servos' power, and that takes time
         ports.main.call(lambda: virtual.place(robot.standing))
-        by_bus = thrash(driver, 150, torque_limit)
+        by_bus = thrash(driver, CYCLES, torque_limit)
     for name in ("joint_pos", "gyro", "orientation", "temperature", "joint_age", "alert"):
         ours = np.array([getattr(state, name) for state in by_bus])
         assert np.array_equal(ours, [getattr(state, name) for state in by_twin]), name

@@ -120,7 +120,7 @@ def check_answers(answers: list[Reply]) -> None:
         assert answer.data and answer.delay >= 0.0
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(choice=quirks, happenings=events)
 @example(Quirks(), [Packet(BROADCAST, Instruction.FAST_SYNC_READ, b"\0\0\xff\xff\1\2\3")])
 @example(Quirks(), [Packet(1, Instruction.READ, b"\xff\xff\xff\xff")])
@@ -136,7 +136,7 @@ def test_no_packet_breaks_the_bus(choice: Quirks, happenings: list[Packet | Dama
     check_registers(chain)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     choice=quirks,
     happenings=events,
@@ -171,7 +171,7 @@ def test_nor_does_it_with_any_physics_or_fault_behind_it(choice, happenings, phy
     check_registers(chain)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(pieces=st.lists(st.one_of(st.binary(max_size=60), raw.map(Packet.encode)), max_size=8))
 def test_nor_does_any_stream_of_bytes(pieces: list[bytes]):
     chain, parser = build(Quirks()), FrameParser()

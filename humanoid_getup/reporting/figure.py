@@ -23,7 +23,7 @@ def make_figure(
     width: float, height: float, *, layout: Literal["constrained"] | None = "constrained"
 ) -> Figure:
     """Make an empty white figure of a size [inch]."""
-    _keep_out_of_home()
+    keep_out_of_home()
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout=layout, facecolor="white")
@@ -40,7 +40,7 @@ def save_figure(figure: Figure, file: Path, *, dpi: int = 150) -> None:
         figure.savefig(partial, dpi=dpi, format="png")
 
 
-def _keep_out_of_home() -> None:
+def keep_out_of_home() -> None:
     """Keep matplotlib from making folders in the home of a user who has none of it there.
 
     It makes them as it is imported; those made here instead last as long as the program.

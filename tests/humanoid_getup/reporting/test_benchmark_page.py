@@ -1,0 +1,69 @@
+"""The page of a benchmark: what was not measured comes first, and tables stay tables."""
+
+import math
+
+from humanoid_getup.reporting.benchmark_page import write_page
+from humanoid_getup.reporting.conditions import describe_conditions
+from humanoid_getup.simulation.world import World
+from robots import TorqueLimit
+
+
+def make_result(world: World, **changes) -> dict:
+    result = {
+        "robot": "op3",
+        "n": 4,
+        "seed": 7,
+        "notes": ["It has no policies."],
+        "missing_classes": {"lateral": "it rolls on"},
+        "cases": {},
+        "motions": {},
+        "disturbed": {},
+        "pictures": {"plot": None, "strips": {}, "reason": ""},
+        "command": "getup bench all --robot op3 --seed 7",
+        "conditions": describe_conditions(world, TorqueLimit(2.5, "pwm").on(world.robot)),
+    }
+    return result | changes
+
+
+def test_a_page_without_results_says_why_and_how_to_repeat_it(world: World):
+    page = write_page(make_result(world))
+    lines = page.splitlines()
+    assert lines[0] == "# op3: getting up, n = 4 falls of each class"
+    assert "**Not measured.** It has no policies." in lines
+    assert "**Not measured.** No fall ends lateral: it rolls on." in lines
+    assert "getup bench all --robot op3 --seed 7" in lines
+    assert "## Results" not in lines
+    assert "## Pictures" not in lines
+
+
+def test_the_conditions_are_those_of_the_robot(world: World):
+    page = write_page(make_result(world))
+    for row in (
+        "| servos | 20 × XM430-W350; 20 joints |",
+        "| stall torque of the strongest | 4.10 N·m |",
+        "| torque caps act on | pwm |",
+        "| control period | 8 ms |",
+        "| seed | 7 |",
+    ):
+        assert row in page.splitlines()
+
+
+def test_a_bar_in_a_name_is_no_column_and_what_is_not_known_is_a_dash(world: World):
+    motion = {
+        "start_class": "prone",
+        "end_class": "stand",
+        "succeeded": False,
+        "stand_time_s": None,
+        "peak_torque_nm": 1.5,
+        "rms_torque_nm": math.nan,
+        "head_impact_m_s": 0.0,
+        "lowest_torque_limit_nm": None,
+        "disturbed_succeeded": 3,
+        "disturbed_n": 4,
+        "disturbed_interval_95": (0.3, 0.95),
+    }
+    page = write_page(make_result(world, motions={"a|b": motion}))
+    (row,) = (line for line in page.splitlines() if line.startswith("| a"))
+    assert row == (
+        "| a\\|b | prone to stand | no | – | 1.50 | – | 0.00 | – | 3 of 4 (30% to 95%) |"
+    )

@@ -1,0 +1,34 @@
+"""The plot of a whole benchmark: rates with intervals, times of the rises that stood."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.reporting import benchmark_plot
+from humanoid_getup.reporting.benchmark_plot import save_benchmark
+
+
+def case(method: str, cap: str, stood: int, median: float | None) -> dict:
+    times = {"median": median, "p95": None if median is None else median + 1.0}
+    interval = [max(stood / 10 - 0.1, 0.0), min(stood / 10 + 0.1, 1.0)]
+    figures = {"stood": stood, "n": 10, "stood_interval_95": interval, "stand_time_s": times}
+    return {"method": method, "cap": cap} | figures
+
+
+def test_methods_have_a_point_for_each_cap(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    saved = []
+    monkeypatch.setattr(benchmark_plot, "save_figure", lambda figure, _: saved.append(figure))
+    cases = [
+        case("plan", "stall", 9, 3.0),
+        case("plan", "50%", 5, 4.0),
+        case("quick", "stall", 8, 2.0),
+        case("quick", "50%", 0, None),
+    ]
+    save_benchmark({"cases": {str(k): one for k, one in enumerate(cases)}}, tmp_path / "plot.png")
+    stands, times = saved[0].axes
+    assert [tick.get_text() for tick in stands.get_xticklabels()] == ["stall", "50%"]
+    rates = [bars.lines[0].get_ydata() for bars in stands.containers]
+    assert np.array(rates) == pytest.approx(np.array([[90.0, 50.0], [80.0, 0.0]]))
+    medians = [bars.lines[0].get_ydata() for bars in times.containers]
+    assert medians[0] == pytest.approx([3.0, 4.0])
+    assert medians[1] == pytest.approx([2.0, np.nan], nan_ok=True)
+    assert [text.get_text() for text in saved[0].legends[0].get_texts()] == ["plan", "quick"]

@@ -37,6 +37,8 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.keys.key_record import find_passes
 
+NO_ORIENTATION = "without an IMU no one knows how the robot was turned"
+
 
 @contextmanager
 def reporting_hand_over(after: AfterStand | None) -> Iterator[None]:
@@ -134,6 +136,8 @@ def _measure_keys(result: RiseResult, world: World) -> list[dict[str, Any]]:
 
 def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -> str | None:
     """Write the motion and the pictures; return why there is no film strip."""
+    if not result.has_imu:
+        return NO_ORIENTATION
     if result.outcome is None:
         return "nothing was played"
     robot, outcome, plan = world.robot, result.outcome, result.plan

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.errors import BadInputError, refusing
 from humanoid_getup.cli.inputs import (
     find_motion,
     load_keys,
@@ -18,7 +18,6 @@ from humanoid_getup.cli.inputs import (
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.plan_cache import use_cache
-from humanoid_getup.cli.play_without_imu import play_without_imu
 from humanoid_getup.cli.policies import load_policy, name_robot
 from humanoid_getup.cli.results import hand_over, reporting_hand_over
 from humanoid_getup.cli.session import run_session
@@ -80,13 +79,18 @@ def play(command: Play) -> int:
     motion = find_motion(world.robot, command.motion)
     with refusing():
         strategy = StoredMotion(world, motion, torque_limit=make_torque_limit(command, world.robot))
-    if command.without_imu:
-        return play_without_imu(command, strategy)
+    if command.without_imu and world.robot.imu_kind is not None:
+        raise BadInputError(
+            f"--without-imu is given, but robot '{world.robot.name}' has an IMU "
+            f"({world.robot.imu_kind}): expected a robot whose robot.toml has neither [imu] nor "
+            "[bus.board]"
+        )
     return _get_up(
         command,
         strategy,
         motion,
         preflight=command.preflight,
+        without_imu=command.without_imu,
         extra={"motion": motion.name, "strategy": motion.strategy},
     )
 
@@ -144,6 +148,7 @@ def _get_up(
     *,
     max_attempts: int = 1,
     preflight: bool = True,
+    without_imu: bool = False,
     extra: dict[str, Any],
 ) -> int:
     """Get the robot of a command up and hand the result over; return the exit code.
@@ -165,5 +170,6 @@ def _get_up(
         prepare,
         finish,
         motion=motion,
+        without_imu=without_imu,
         preflight=preflight,
     )

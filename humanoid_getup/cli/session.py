@@ -21,6 +21,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
+from robots import Posture
 from robots.kinematics import read_posture
 
 WHERE_IT_LAY = "where the robot lay"
@@ -47,7 +48,7 @@ def run_session(
         prepare: Refuses what cannot be done (`ValueError`), and returns the work.
         finish: Hands over the result, and where the robot started; returns the exit code.
         motion: The motion that is played, if it is known beforehand.
-        without_imu: Whether the robot has no IMU.
+        without_imu: Whether the robot has no IMU; it is taken to lie where the motion begins.
         options: Further options of the session.
     """
     world, rng = strategy.world, np.random.default_rng(command.seed)
@@ -61,6 +62,8 @@ def run_session(
         log = make_log(command, world.robot, own_start and own_start.posture, **about)
         with recording(log) as recorder:
             hooks = SessionHooks(choice, recorder, report)
+            if without_imu and motion is not None:
+                options["assumed_start"] = _settle_start(world, motion)
             chosen = SessionOptions(
                 start_class=start and start.start_class,
                 settle=own_start is None,
@@ -94,6 +97,10 @@ def _choose_start(
         return find_start(world, command.origin, rng)
     if command.is_real or motion is None:
         return None
+    return Fall(posture=_settle_start(world, motion), start_class=motion.start_class)
+
+
+def _settle_start(world: World, motion: Motion) -> Posture:
+    """Return where a motion begins, at rest."""
     at_rest = settle_posture(world, motion.posture(0))
-    posture = read_posture(world.robot, world.model, at_rest)
-    return Fall(posture=posture, start_class=motion.start_class)
+    return read_posture(world.robot, world.model, at_rest)

@@ -13,6 +13,8 @@ from humanoid_getup.execution.recovery import Recovery, StoppedError, Unrecovere
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.experiments.joint_figures import JointFigures
+from humanoid_getup.experiments.judge import RunOutcome
 from humanoid_getup.experiments.starts import UNCLASSED, classify
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
@@ -92,6 +94,7 @@ class AttemptManager:
             reason=reason,
             attempts=tuple(attempts),
             by_fault=by_fault or _ended_by_fault(attempts, status),
+            has_imu=self._session.has_imu,
         )
 
     def _try_all(
@@ -103,6 +106,8 @@ class AttemptManager:
             attempts.append(attempt)
             if attempt.stood:
                 return AttemptStatus.STOOD, attempt.reason
+            if attempt.is_unknown:
+                return AttemptStatus.PLAYED, attempt.reason
             self._check_end(attempt)
             if attempt.plan is not None and _is_plan_to_blame(attempt):
                 attempt.plan.forget()
@@ -189,7 +194,7 @@ class AttemptManager:
     def _judge(self, plan: RisePlan, state: State) -> tuple[Attempt, Supervisor | None]:
         """Run the preflight of a plan, and that of the way down after its stand."""
         session = self._session
-        if not session.balance:
+        if not (session.balance and session.has_imu):
             plan = plan.open_loop() or plan
         attempt = Attempt(number=self._number, plan=plan)
         controller = plan.controller(self._strategy)
@@ -236,6 +241,8 @@ class AttemptManager:
         return self._estimate(self._measure())
 
     def _estimate(self, state: State) -> Posture:
+        if self._session.assumed_start is not None:
+            return self._session.assumed_start
         world, locate = self._session.world, self._session.locate
         return estimate_posture(world, state, locate() if locate else None)
 
@@ -254,14 +261,16 @@ class AttemptManager:
                 on_cycle=self._keeper.watch,
             )
             completed = report.ending is Ending.DONE and controller.aborted is None
-            if judge.end() and completed:
+            if judge.end() is not False and completed:
                 may_balance = attempt.plan is None or attempt.plan.may_balance
                 may_balance &= self._session.balance
                 after = self._keeper.keep(balanced=may_balance)
+        ended = judge.conclude()
         return replace(
             attempt,
             run=report,
-            outcome=judge.conclude(),
+            outcome=ended if isinstance(ended, RunOutcome) else None,
+            joint_figures=ended if isinstance(ended, JointFigures) else None,
             abort=controller.aborted,
             warnings=tuple(controller.warnings),
             after=after,

@@ -8,6 +8,7 @@ from typing import Any
 
 from drivers import Ending, RunReport
 from humanoid_getup.execution.after_stand import AfterStand
+from humanoid_getup.experiments.joint_figures import JointFigures
 from humanoid_getup.experiments.judge import RunOutcome
 from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.playback.monitors import Abort
@@ -20,6 +21,7 @@ class AttemptStatus(Enum):
     """Final status of getting up."""
 
     STOOD = "the robot stands"
+    PLAYED = "played; without an IMU no one knows whether it stands"
     NEEDS_HELP = "the robot needs help"
     STOPPED = "stopped by the operator"
 
@@ -46,6 +48,8 @@ class Attempt:
     run: RunReport | None = None
     """None if nothing was played."""
     outcome: RunOutcome | None = None
+    joint_figures: JointFigures | None = None
+    """What the joints of a robot without an IMU measured, in place of an outcome."""
     abort: Abort | None = None
     """Why the supervisor aborted, if it did."""
     warnings: tuple[str, ...] = ()
@@ -72,9 +76,16 @@ class Attempt:
         return self.run.ending is Ending.DONE and self.outcome.stand.stood
 
     @property
+    def is_unknown(self) -> bool:
+        """Return whether it was played to its end by a robot that cannot tell how it ended."""
+        if self.run is None or self.joint_figures is None:
+            return False
+        return self.run.ending is Ending.DONE and self.abort is None
+
+    @property
     def reason(self) -> str:
         """Return in one line how it ended, and why."""
-        if self.run is None or self.outcome is None:
+        if self.run is None:
             return self.refusal or (self.plan.reason if self.plan else "not started")
         if self.stood:
             return "held stand"
@@ -82,6 +93,10 @@ class Attempt:
             return f"aborted after {self.abort.time:.1f} s: {self.abort}"
         if self.run.ending is not Ending.DONE:
             return self.run.reason
+        if self.outcome is None:
+            hold = self.after and self.after.hold
+            failed = "" if not hold or hold.ran else f"; holding it ended: {hold.reason}"
+            return AttemptStatus.PLAYED.value + failed
         return f"held no stand: {self.outcome.stand.hold_time:.1f} s of {HOLD_TIME:.1f} s"
 
 
@@ -97,6 +112,8 @@ class RiseResult:
     by_fault: bool = False
     """Whether a hardware fault ended it, not a failed rise."""
     attempts: tuple[Attempt, ...] = ()
+    has_imu: bool = True
+    """False for a robot of which no one knows how it lies or stands."""
 
     def __str__(self) -> str:
         """Say in one line how it ended, by what, and who judged."""
@@ -201,4 +218,24 @@ class RiseResult:
                 "head_impact_m_s": outcome.head_impact,
                 "neck_delta_v_m_s": outcome.neck_delta_v,
             }
-        return record
+        return record if self.has_imu else record | self._describe_unknown()
+
+    def _describe_unknown(self) -> dict[str, Any]:
+        """Return what joints alone tell, and None for what is not known without an IMU."""
+        last = self.attempts[-1] if self.attempts else Attempt(number=1)
+        hold = self.after.hold if self.after else None
+        verdict = last.verdict.warnings if last.verdict else ()
+        return {
+            "stood": None,
+            "stand_time_s": None,
+            "hold_s": None,
+            "start_class": None,
+            "played": last.is_unknown,
+            "without_imu": True,
+            "balanced": False,
+            "held_s": hold.run.duration if hold else 0.0,
+            "judged_by": None,
+            "warnings": [*map(str, verdict), *last.warnings],
+            "after": None,
+            **(last.joint_figures.record() if last.joint_figures else {}),
+        }

@@ -10,8 +10,9 @@ from drivers import Backend, Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.twin.simulation import Simulation
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
+from humanoid_getup.experiments.joint_figures import JointJudge
 from humanoid_getup.experiments.judge import GroundTruthJudge, SensorJudge
-from humanoid_getup.playback.play import Judge
+from humanoid_getup.playback.play import AnyJudge
 from humanoid_getup.scenes.scene import Support
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
@@ -119,13 +120,20 @@ class Session(SessionOptions):
         return backend if isinstance(backend, RebootsServos) else None
 
     @property
+    def has_imu(self) -> bool:
+        """Return whether the robot measures its orientation."""
+        return self.assumed_start is None
+
+    @property
     def lies_down(self) -> bool:
         """Return whether the robot sits and lies down in the end."""
-        return self.then in ("hold", "sit") and self.assumed_start is None
+        return self.then in ("hold", "sit") and self.has_imu
 
-    def make_judge(self) -> Judge:
-        """Make the judge of the next run."""
+    def make_judge(self) -> AnyJudge:
+        """Make the judge of the next run; without an IMU, one that claims no stand."""
         limit = self.torque_limit.value
+        if not self.has_imu:
+            return JointJudge(self.world.robot, limit)
         if self.simulation is not None:
             return GroundTruthJudge(self.simulation, limit, self.world.scene, self.support)
         return SensorJudge(self.world, self.guard.period, limit)

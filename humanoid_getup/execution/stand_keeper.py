@@ -22,13 +22,18 @@ from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_watch import StandWatch
+from humanoid_getup.experiments.judge import RunOutcome
 from humanoid_getup.experiments.standing import HOLD, StanceMeter, is_upright
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down
 from humanoid_getup.playback.ending import ends_as_meant
 from humanoid_getup.playback.play import play_engaged
 from humanoid_getup.playback.preflight import Verdict, preflight
-from humanoid_getup.playback.supervisor import supervise_motion, supervise_stand
+from humanoid_getup.playback.stand_holder import make_stand, make_still
+from humanoid_getup.playback.supervisor import supervise_hold, supervise_motion
 from robots.kinematics import torso_orientation
+
+HOLDING_TARGETS = "holding the last targets, until a key is pressed"
 
 
 class StandKeeper:
@@ -158,16 +163,17 @@ class StandKeeper:
         )
 
     def _hold(self, least: float, balanced: bool) -> Step:
-        self._report(Phase.HOLDING)
         session = self._session
+        self._report(Phase.HOLDING, "" if session.has_imu else HOLDING_TARGETS)
         stand = StandWatch(session.make_judge, session.is_released) if least else None
-        supervisor = supervise_stand(
+        supervisor = supervise_hold(
             session.world,
+            self._choose_posture(),
             least=least,
             is_released=stand.may_end if stand else session.is_released,
             torque_limit=self._limit,
             held=self._held,
-            balanced=balanced,
+            balanced=balanced if session.has_imu else None,
         )
 
         def watch(cycle: Cycle) -> None:
@@ -190,6 +196,13 @@ class StandKeeper:
         stood = stand is None or stand.stood
         return Step(run=run, abort=supervisor.aborted, succeeded=stood)
 
+    def _choose_posture(self) -> Motion:
+        """Return what is held: the stand, or without an IMU the last targets."""
+        robot, held = self._session.world.robot, self._held
+        if self._session.has_imu or held is None:
+            return make_stand(robot)
+        return make_still(robot, held)
+
     def _end(self, hold: Step | None) -> AfterStand:
         if self._session.then == "hand-over":
             return AfterStand(hold=hold, hand_over=self._hand_over())
@@ -210,6 +223,7 @@ class StandKeeper:
         if run.ending is Ending.DONE:  # it rests, and judging takes longer than a cycle
             self._guard.write(Command.limp(self._guard.robot.n))
         outcome = judge.conclude()
+        assert isinstance(outcome, RunOutcome)  # a robot without an IMU does not lie down
         lies = ends_as_meant(session.world, self._way_down, outcome)
         return Step(run=run, abort=supervisor.aborted, outcome=outcome, succeeded=lies)
 
@@ -225,8 +239,8 @@ class StandKeeper:
     def _held(self) -> np.ndarray | None:
         return None if self._sent is None else self._sent.joint_pos
 
-    def _report(self, phase: Phase) -> None:
-        self._session.on_phase(PhaseChange(phase, 1, phase.value))
+    def _report(self, phase: Phase, detail: str = "") -> None:
+        self._session.on_phase(PhaseChange(phase, 1, detail or phase.value))
 
 
 def _check_interrupt(run: RunReport) -> None:

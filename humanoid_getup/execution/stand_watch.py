@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from drivers import Cycle
 from humanoid_getup.experiments.standing import HOLD
-from humanoid_getup.playback.play import Judge
+from humanoid_getup.playback.play import AnyJudge
 
 PATIENCE = 3.0 * HOLD  # s that a released robot goes on being held without a judged stand
 
@@ -17,7 +17,7 @@ class StandWatch:
     A judge keeps every sample, so one that watched for hours would fill the memory and be late.
     """
 
-    def __init__(self, make_judge: Callable[[], Judge], is_released: Callable[[], bool]) -> None:
+    def __init__(self, make_judge: Callable[[], AnyJudge], is_released: Callable[[], bool]) -> None:
         self._make_judge, self._is_released = make_judge, is_released
         self._judge = make_judge()
         self._began: float | None = None
@@ -35,7 +35,7 @@ class StandWatch:
         if self._began is None:
             self._began = self._now
         if self._now - self._began >= HOLD:
-            self.stood = self._judge.end()
+            self.stood = bool(self._judge.end())
             if not self.stood:
                 self._judge, self._began = self._make_judge(), None
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from drivers import Cycle, Ending, RunReport, SafetyGuard, engaged, run_engaged
 from drivers.control_loop import Controller
+from humanoid_getup.experiments.joint_figures import JointFigures
 from humanoid_getup.experiments.judge import RunOutcome
 
 GRACE = 5.0  # s beyond the controller's longest: the approach to a motion's start
@@ -21,30 +22,39 @@ class TimedController(Controller, Protocol):
         ...
 
 
-class Judge(Protocol):
+Outcome_co = TypeVar("Outcome_co", bound=RunOutcome | JointFigures, covariant=True)
+
+
+class Judge(Protocol[Outcome_co]):
     """Judges one run."""
 
     def __call__(self, cycle: Cycle, /) -> None:
         """Observe a cycle."""
         ...
 
-    def end(self) -> bool:
-        """Stop observing; return at once whether the run ended in a held stand."""
+    def end(self) -> bool | None:
+        """Stop observing; return at once whether the run ended in a held stand.
+
+        ``None`` if that cannot be known.
+        """
         ...
 
-    def conclude(self) -> RunOutcome:
+    def conclude(self) -> Outcome_co:
         """Judge the run; that may take longer than a cycle."""
         ...
+
+
+AnyJudge = Judge[RunOutcome | JointFigures]
 
 
 def play(
     controller: TimedController,
     guard: SafetyGuard,
-    judge: Judge,
+    judge: Judge[Outcome_co],
     *,
     realtime: bool = False,
     on_cycle: Callable[[Cycle], None] | None = None,
-) -> tuple[RunReport, RunOutcome]:
+) -> tuple[RunReport, Outcome_co]:
     """Run a controller to its end and judge the run; torque is off afterwards.
 
     Args:
@@ -65,7 +75,7 @@ def play(
 def play_engaged(
     controller: TimedController,
     guard: SafetyGuard,
-    judge: Judge,
+    judge: AnyJudge,
     *,
     realtime: bool = False,
     on_cycle: Callable[[Cycle], None] | None = None,

@@ -46,21 +46,13 @@ class StandHolder(MotionPlayer):
         return is_released and self._is_over(self._least)
 
 
-def make_end(motion: Motion, period: float) -> Motion:
-    """Make the motion of one frame that is the end of another, for a control period [s]."""
-    return Motion.through(
-        [motion.posture(len(motion.time) - 1)],
-        period,
-        name=motion.name,
-        robot=motion.robot,
-        start_class=motion.end_class,
-        strategy="keeping still",
-        joint_target=motion.joint_target[-1:],
-    )
-
-
 def make_stand(robot: Robot) -> Motion:
     """Make the motion of one frame that is a robot's standing posture."""
+    return make_still(robot, robot.standing.joint_pos)
+
+
+def make_still(robot: Robot, target: Array) -> Motion:
+    """Make the motion of one frame that sends targets [rad], (n,), expected to stand."""
     return Motion.through(
         [robot.standing],
         robot.control_period,
@@ -68,5 +60,5 @@ def make_stand(robot: Robot) -> Motion:
         robot=robot.name,
         start_class=STANDING,
         strategy="standing still",
-        joint_target=robot.standing.joint_pos[np.newaxis],
+        joint_target=target[np.newaxis],
     )

@@ -17,10 +17,9 @@ from humanoid_getup.playback.monitors import (
 )
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import TimedController
-from humanoid_getup.playback.stand_holder import StandHolder, make_end, make_stand
+from humanoid_getup.playback.stand_holder import StandHolder
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-from robots import Robot
 from robots.quaternion import Array
 
 
@@ -93,54 +92,35 @@ def supervise_motion(
     return Supervisor(player, [tracking, ServoMonitor(world.robot)])
 
 
-def supervise_stand(
+def supervise_hold(
     world: World,
+    posture: Motion,
     *,
     least: float,
     is_released: Callable[[], bool],
     torque_limit: float | None = None,
     held: Array | None = None,
-    balanced: bool = True,
+    balanced: bool | None = True,
 ) -> Supervisor:
-    """Make a supervised holder of the stand, with the monitors of a motion.
+    """Make a supervised holder of a posture, such as the stand.
 
     ``least`` is how long it is held at least [s]; ``balanced`` is False to hold it without
-    feedback to the ankles; the others are those of `StandHolder`.
+    feedback to the ankles, and ``None`` for a robot without an IMU, of which the servos alone are
+    monitored; the others are those of `StandHolder`.
     """
-    stand = make_stand(world.robot)
     holder = StandHolder(
         world.robot,
-        stand,
+        posture,
         least=least,
         is_released=is_released,
         torque_limit=torque_limit,
         held=held,
-        balance=Balance(world, stand) if balanced else None,
+        balance=Balance(world, posture) if balanced else None,
     )
-    return Supervisor(holder, [MotionMonitor(world, stand, holder), ServoMonitor(world.robot)])
-
-
-def supervise_hold(
-    robot: Robot,
-    motion: Motion,
-    *,
-    is_released: Callable[[], bool],
-    torque_limit: float | None = None,
-    held: Array | None = None,
-) -> Supervisor:
-    """Make a supervised holder of a motion's last targets, which monitors the servos alone.
-
-    The arguments are those of `StandHolder`.
-    """
-    holder = StandHolder(
-        robot,
-        make_end(motion, robot.control_period),
-        least=0.0,
-        is_released=is_released,
-        torque_limit=torque_limit,
-        held=held,
-    )
-    return Supervisor(holder, [ServoMonitor(robot)])
+    monitors: list[Monitor] = [ServoMonitor(world.robot)]
+    if balanced is not None:
+        monitors.insert(0, MotionMonitor(world, posture, holder))
+    return Supervisor(holder, monitors)
 
 
 def supervise_policy(policy: OnnxPolicy) -> Supervisor:

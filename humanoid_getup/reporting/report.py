@@ -55,10 +55,11 @@ def make_report(rise: RiseResult, settings: dict[str, Any]) -> dict[str, Any]:
 
 def print_summary(report: dict[str, Any], files: list[str], console: Console) -> None:
     """Print the result of a rise in a few lines."""
-    console.print(f"[bold {'green' if report['stood'] else 'red'}]{escape(_headline(report))}")
+    color = "green" if report["stood"] else "yellow" if report.get("played") else "red"
+    console.print(f"[bold {color}]{escape(_headline(report))}")
     table = Table.grid(padding=(0, 2))
     for label, text in (
-        ("start", f"{report['start_class']}, seed {report['seed']}"),
+        ("start", f"{report['start_class'] or report['start']}, seed {report['seed']}"),
         ("attempts", _describe_attempts(report)),
         ("motion", _describe_motion(report)),
         ("style", _describe_style(report)),
@@ -82,7 +83,7 @@ def _headline(report: dict[str, Any]) -> str:
         tries = len(report["attempt_reasons"])
         attempt = f" of attempt {tries}" if tries > 1 else ""
         return f"stood after {report['stand_time_s']:.2f} s{attempt}, held {report['hold_s']:.1f} s"
-    return f"did not stand: {report['reason']}"
+    return report["reason"] if report.get("played") else f"did not stand: {report['reason']}"
 
 
 def _describe_motion(report: dict[str, Any]) -> str:
@@ -169,7 +170,7 @@ def _describe_impact(report: dict[str, Any]) -> str:
 def _describe_load(report: dict[str, Any]) -> str:
     if report["peak_torque_nm"] is None:
         return ""
-    about = "about " if report.get("judged_by") == "sensors" else ""
+    about = "" if report.get("judged_by") == "truth" else "about "
     return (
         f"peak {about}{report['peak_torque_nm']:.2f} N·m "
         f"({report['torque_use']:.0%} of the limit), "

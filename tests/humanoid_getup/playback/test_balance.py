@@ -19,7 +19,7 @@ from humanoid_getup.playback.balance import GAINS, Balance, find_ankles, make_ba
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.playback.stand_holder import make_stand
-from humanoid_getup.playback.supervisor import Supervisor, supervise_stand
+from humanoid_getup.playback.supervisor import Supervisor, supervise_hold
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import place
@@ -251,5 +251,7 @@ def test_on_a_steep_slope_a_stand_lasts_only_with_balance(op3: Robot, world: Wor
         play(controller, SafetyGuard(twin, GuardLimits.of(op3, None)), judge)
         return judge.end()
 
-    assert stands(supervise_stand(world, least=5.0, is_released=lambda: True, held=held))
+    assert stands(
+        supervise_hold(world, make_stand(op3), least=5.0, is_released=lambda: True, held=held)
+    )
     assert not stands(MotionPlayer(op3, make_stand(op3), hold=5.0, held=held))

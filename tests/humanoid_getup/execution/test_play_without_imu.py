@@ -13,9 +13,9 @@ from drivers.errors import NoImuError, SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.execution.blind_play import UNKNOWN, play_blind
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.session import Session, SessionOptions
+from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judge import SensorJudge
 from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
@@ -28,6 +28,7 @@ from robots import Posture, Robot, quaternion
 from robots.kinematics import read_posture
 
 SUPINE = "supine_sit_up_gentle"
+UNKNOWN = AttemptStatus.PLAYED.value
 NOTHING = {"gyro": np.zeros(0), "orientation": np.zeros(0)}
 
 
@@ -51,16 +52,24 @@ def place_at_start(world: World, motion) -> Posture:
 def play_on_twin(world: World, motion, start: Posture, **options):
     """Play on a twin; return the result and the targets of every cycle."""
     sent = []
+    twin = Twin(world, start, without_imu=True)
+    result = play(twin, motion, on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos), **options)
+    return result, np.array(sent)
+
+
+def play(backend, motion, **options) -> RiseResult:
+    """Play a motion once, on a robot that is taken to lie where it begins."""
+    body = backend.backend if isinstance(backend, SafetyGuard) else backend
+    world = World(body.robot)
     chosen = SessionOptions(
-        settle=False, on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos), **options
+        settle=False, assumed_start=place_at_start(world, motion), **{"then": "limp"} | options
     )
-    session = Session.on(Twin(world, start, without_imu=True), world, options=chosen)
-    return play_blind(session, motion), np.array(sent)
+    return get_up(backend, StoredMotion(world, motion), max_attempts=1, options=chosen)
 
 
 def test_a_motion_is_played_and_no_stand_is_claimed(bare, squat):
     result, sent = play_on_twin(bare, squat, place_at_start(bare, squat))
-    assert result.played
+    assert result.status is AttemptStatus.PLAYED
     assert result.reason == UNKNOWN
     record = result.record()
     assert (record["stood"], record["judged_by"], record["start_class"]) == (None, None, None)
@@ -95,16 +104,14 @@ def test_a_robot_that_is_held_keeps_its_last_targets_until_a_key_is_pressed(bare
     start = place_at_start(bare, squat)
     twin = Twin(bare, start, without_imu=True)
     sent = []
-    options = SessionOptions(
-        settle=False,
+    result = play(
+        twin,
+        squat,
         then="hold",
         is_released=is_released,
         on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos),
     )
-    session = Session.on(twin, bare, options=options)
-    result = play_blind(session, squat)
-    assert result.hold is not None
-    assert result.hold.duration >= 45 * bare.robot.control_period
+    assert result.record()["held_s"] >= 45 * bare.robot.control_period
     assert np.array_equal(sent[-1], sent[-40])
     assert not twin.simulation.has_torque
     assert result.reason == UNKNOWN
@@ -123,9 +130,7 @@ def test_the_virtual_bus_plays_it_without_board_and_imu(bare, squat):
     virtual.place(place_at_start(bare, squat))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(bare.robot, ports.paths, clock=CycleClock(), without_imu=True)
-        options = SessionOptions(settle=False, then="limp", realtime=False)
-        session = Session.on(driver, bare, options=options)
-        result = play_blind(session, squat)
+        result = play(driver, squat, realtime=False)
         assert result.reason == UNKNOWN
 
 
@@ -182,8 +187,7 @@ def test_a_guard_still_stands_between_the_motion_and_the_servos(bare, squat):
     start = place_at_start(bare, squat)
     guard = SafetyGuard(Twin(bare, start, without_imu=True))
     guard.stop("a key")
-    session = Session.on(guard, bare, options=SessionOptions(settle=False))
-    result = play_blind(session, squat)
-    assert result.by_fault
-    assert not result.played
+    result = play(guard, squat)
+    assert result.status is not AttemptStatus.PLAYED
+    assert not result.record()["played"]
     assert "stands" not in result.reason

@@ -19,7 +19,7 @@ from humanoid_getup.cli.inputs import load_world
 from humanoid_getup.cli.options.own_motions import RecordMotion
 from humanoid_getup.cli.output import console_for
 from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, TerminalPresses
-from humanoid_getup.motions.importing.adoption import adopt, find_travel_time
+from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import NAME
@@ -54,8 +54,8 @@ def record(command: RecordMotion) -> int:
         console.print("no keys: nothing is saved")
         return HARDWARE_FAULT if is_fault else DID_NOT_STAND
     with refusing():
-        adoption = adopt(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
-    add([adoption], robot, command, path)
+        found = make_keyframes(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
+    add([found], robot, command, path)
     return HARDWARE_FAULT if is_fault else DID_IT
 
 

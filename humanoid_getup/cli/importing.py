@@ -14,11 +14,11 @@ from humanoid_getup.cli.inputs import load_robot
 from humanoid_getup.cli.options.own_motions import ImportMotion, RecordMotion
 from humanoid_getup.cli.output import console_for, find_file_faults, phase
 from humanoid_getup.motions.build import try_out
-from humanoid_getup.motions.importing.adoption import (
-    Adoption,
-    adopt,
+from humanoid_getup.motions.importing.imported_keyframes import (
+    ImportedKeyframes,
     guess_start,
     load_sequences,
+    make_keyframes,
 )
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.keyframes_writer import append_keyframes
@@ -36,8 +36,8 @@ def import_motion(command: ImportMotion) -> int:
     path = find_target(command, robot)
     with refusing():
         sequences = load_sequences(command.file, command.page, robot)
-        adoptions = [
-            adopt(
+        imported = [
+            make_keyframes(
                 sequence,
                 robot,
                 name=command.name,
@@ -46,7 +46,7 @@ def import_motion(command: ImportMotion) -> int:
             )
             for sequence in sequences
         ]
-    add(adoptions, robot, command, path)
+    add(imported, robot, command, path)
     return DID_IT
 
 
@@ -62,21 +62,21 @@ def find_target(command: NewKeys, robot: Robot) -> Path:
     return path
 
 
-def add(adoptions: Sequence[Adoption], robot: Robot, command: NewKeys, path: Path) -> None:
+def add(imported: Sequence[ImportedKeyframes], robot: Robot, command: NewKeys, path: Path) -> None:
     """Play new keyframes from where they start, add them to a file, and say what they are."""
     with phase("playing the keys"):
-        trials = [_try_out(adoption, robot, command) for adoption in adoptions]
+        trials = [_try_out(found, robot, command) for found in imported]
     with refusing():
         append_keyframes(path, [trial.keyframes for trial in trials], robot)
     console = console_for(None)
-    for adoption, trial in zip(adoptions, trials, strict=True):
+    for found, trial in zip(imported, trials, strict=True):
         keyframes = trial.keyframes
         guessed = "given" if command.start else "guessed: --start says otherwise"
         console.print(
             f"[bold]{keyframes.name}[/]: {len(keyframes.keys)} keys, "
             f"{keyframes.duration.sum():.2f} s, from {keyframes.start_class} ({guessed})"
         )
-        for note in adoption.notes:
+        for note in found.notes:
             console.print(f" [yellow]![/] {escape(note)}")
         console.print(f" as they are, undisturbed at full torque: {escape(trial.describe())}")
     names = " ".join(trial.keyframes.name for trial in trials)
@@ -84,8 +84,8 @@ def add(adoptions: Sequence[Adoption], robot: Robot, command: NewKeys, path: Pat
     console.print(f" --robot {escape(command.robot)}" if command.robot != robot.name else "")
 
 
-def _try_out(adoption: Adoption, robot: Robot, command: NewKeys) -> Trial:
-    world, keyframes = World(robot, FLAT_SCENE), adoption.keyframes
+def _try_out(found: ImportedKeyframes, robot: Robot, command: NewKeys) -> Trial:
+    world, keyframes = World(robot, FLAT_SCENE), found.keyframes
     if command.start is None:
         return guess_start(world, keyframes)
     return try_out(world, replace(keyframes, start_class=command.start))

@@ -13,7 +13,6 @@ from robots.body.roles import list_rising, list_segments, list_spreading
 from robots.model_import.anatomy import find_anatomy
 from robots.model_import.brackets import exclude_brackets, find_own_overlaps
 from robots.model_import.folding import Fold
-from robots.model_import.loose_ties import reduce_ties
 from robots.model_import.reading import read_model
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.rebuilt import RebuiltModel
@@ -21,6 +20,7 @@ from robots.model_import.servo_choice import ServoChoice, choose_servos
 from robots.model_import.sites import SOLES, SitePlacer
 from robots.model_import.source import ActuatorFigures, ModelImportError
 from robots.model_import.stance_search import find_stance
+from robots.model_import.tie_reduction import reduce_ties
 from robots.model_import.tree import find_tree
 from robots.quaternion import Array
 from robots.validation import shown

@@ -1,4 +1,4 @@
-"""Adoption: keys from elsewhere become keyframes of a robot."""
+"""Imported keyframes: keys from elsewhere that a robot can play."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.quaternion import Array
+from robots.sides import JointSides
 from robots.validation import shown
 
 TRAVEL_SPEED = 1.5  # rad/s of the joint that moves farthest, where no time is given
@@ -55,14 +56,14 @@ def load_sequences(path: Path, pages: Sequence[int], robot: Robot) -> list[KeySe
 
 
 @dataclass(frozen=True, kw_only=True)
-class Adoption:
+class ImportedKeyframes:
     """Keyframes made of keys from elsewhere, and what changed on the way."""
 
     keyframes: Keyframes
     notes: tuple[str, ...]
 
 
-def adopt(
+def make_keyframes(
     sequence: KeySequence,
     robot: Robot,
     *,
@@ -70,7 +71,7 @@ def adopt(
     start_class: StartClass = "supine",
     end_class: EndClass = STANDING,
     clip: bool = False,
-) -> Adoption:
+) -> ImportedKeyframes:
     """Make keyframes of a sequence; a rise ends in the stance, which follows its last key.
 
     Args:
@@ -110,7 +111,7 @@ def adopt(
         torque_cost=0.8,
     )
     clipped = tuple(f"{text}: the nearest is taken" for text in beyond)
-    return Adoption(keyframes=keyframes, notes=sequence.notes + clipped)
+    return ImportedKeyframes(keyframes=keyframes, notes=sequence.notes + clipped)
 
 
 def find_travel_time(a: Array, b: Array) -> float:
@@ -133,8 +134,6 @@ def _choose_free(keys: Array, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     is_symmetric = bool(np.abs(keys - robot.mirror_joints(keys)).max() <= SYMMETRIC)
     is_paired = robot.mirror_index != np.arange(robot.n)
     if is_symmetric:
-        from robots.sides import JointSides
-
         is_left = np.isin(np.arange(robot.n), JointSides(robot).left)
         is_used &= is_left | ~is_paired
     free = np.flatnonzero(is_used)
@@ -144,8 +143,8 @@ def _choose_free(keys: Array, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
 def guess_start(world: World, keyframes: Keyframes) -> Trial:
     """Find how a robot has to lie for keyframes, by playing them from every start class.
 
-    It is let settle in the first key in each. A robot that begins in its stance is taken for
-    standing; else the class counts from which the keys end as they should, or come nearest.
+    It settles in the first key in each. A robot that begins in its stance is taken to stand;
+    otherwise takes the class whose rollout ends best.
 
     Returns:
         The trial from the best class; its keyframes have it.

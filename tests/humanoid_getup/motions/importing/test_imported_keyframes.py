@@ -8,7 +8,11 @@ import pytest
 from action_files import Slot, write_action_file
 from authored import load_robot_keyframes
 
-from humanoid_getup.motions.importing.adoption import adopt, guess_start, load_sequences
+from humanoid_getup.motions.importing.imported_keyframes import (
+    guess_start,
+    load_sequences,
+    make_keyframes,
+)
 from humanoid_getup.motions.importing.key_sequence import KeyCollector
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.keyframes_writer import save_keyframes
@@ -45,7 +49,7 @@ def test_an_animation_holds_pauses_and_keeps_what_it_leaves_out(tmp_path: Path, 
         "joints 'l_el' are released on the way: here they keep their targets",
         "its stabilization functions are left out",
     )
-    assert adopt(sequence, op3).keyframes.name == "stand_up_back"
+    assert make_keyframes(sequence, op3).keyframes.name == "stand_up_back"
 
 
 def test_a_table_takes_radians_and_degrees(tmp_path: Path, op3: Robot):
@@ -107,32 +111,32 @@ def collect(robot: Robot, *degrees: float):
 def test_angles_out_of_range_are_refused_or_clipped_and_told(tiny: Robot):
     sequence = collect(tiny, 0.0, -80.0, 70.0, 61.0)  # the hips go from -90 to 60 degrees
     with pytest.raises(ValueError, match="joint 'l_hip' of key number 3 is") as told:
-        adopt(sequence, tiny)
+        make_keyframes(sequence, tiny)
     assert "joint 'r_hip' of key number 3" in str(told.value)
     assert "--clip" in str(told.value)
-    adoption = adopt(sequence, tiny, clip=True)
-    np.testing.assert_allclose(np.degrees(adoption.keyframes.keys[:, 0]), [0, -80, 60, 60, 0])
-    assert len(adoption.notes) == 2
+    found = make_keyframes(sequence, tiny, clip=True)
+    np.testing.assert_allclose(np.degrees(found.keyframes.keys[:, 0]), [0, -80, 60, 60, 0])
+    assert len(found.notes) == 2
 
 
 def test_a_rise_ends_in_the_stance_after_the_time_that_the_way_takes(tiny: Robot):
-    keyframes = adopt(collect(tiny, 0.0, 45.0), tiny).keyframes
+    keyframes = make_keyframes(collect(tiny, 0.0, 45.0), tiny).keyframes
     np.testing.assert_array_equal(keyframes.keys[-1], tiny.standing.joint_pos)
     # By hand: 45 degrees at 1.5 rad/s.
     assert keyframes.duration[-1] == pytest.approx(np.pi / 4 / 1.5)
-    there = adopt(collect(tiny, 45.0, 0.01), tiny).keyframes
+    there = make_keyframes(collect(tiny, 45.0, 0.01), tiny).keyframes
     assert len(there.keys) == 2  # the last key was nearly the stance
-    down = adopt(collect(tiny, 0.0, 45.0), tiny, end_class="supine").keyframes
+    down = make_keyframes(collect(tiny, 0.0, 45.0), tiny, end_class="supine").keyframes
     assert np.degrees(down.keys[-1]).tolist() == pytest.approx([45.0, 45.0])
 
 
 def test_adopted_keys_may_be_optimized_as_they_are_read_back(tmp_path: Path, op3: Robot):
     sequence = load(tmp_path / "up.json", json.dumps(ANIMATION), op3)
-    adopted = adopt(sequence, op3).keyframes
-    save_keyframes(tmp_path / "keyframes.toml", [adopted], op3)
+    made = make_keyframes(sequence, op3).keyframes
+    save_keyframes(tmp_path / "keyframes.toml", [made], op3)
     (read,) = load_keyframes(tmp_path / "keyframes.toml", op3)
-    assert read.free.tolist() == adopted.free.tolist()
-    assert read.mirrored.tolist() == adopted.mirrored.tolist()
+    assert read.free.tolist() == made.free.tolist()
+    assert read.mirrored.tolist() == made.mirrored.tolist()
 
 
 @pytest.mark.parametrize("name", ["supine_sit_up_gentle", "prone_push_up_fast", "squat_to_stand"])

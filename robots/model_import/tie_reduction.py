@@ -1,4 +1,4 @@
-"""Ties that no known motor drives: hinges that only drive are welded, the outputs stay."""
+"""Reduction of ties without a known drive: hinges that only drive are welded, outputs stay."""
 
 from __future__ import annotations
 

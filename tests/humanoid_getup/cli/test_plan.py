@@ -99,6 +99,7 @@ def test_without_refinement_less_is_tried(tmp_path: Path):
     assert (code, record["refined"]) == (1, False)
 
 
+@pytest.mark.slow
 def test_a_rise_reports_what_became_of_its_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     code, record = run("rise", "--from", "supine", "--key", KEY, file=tmp_path / "rise.json")
     (key,) = record["keys"]

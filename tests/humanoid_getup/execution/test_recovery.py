@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from stored_plans import MOTION, lie_at_start
 
 from drivers import Cycle, SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
@@ -20,10 +21,8 @@ from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import Session
-from humanoid_getup.experiments.starts import sample_falls
-from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot
 
 KNEE = 13  # id of the right one
@@ -38,8 +37,7 @@ def rise_and_break(
 ) -> tuple[RiseResult, list[PhaseChange], VirtualRobot]:
     """Get an OP3 up on the virtual bus; something breaks half a second into the first run."""
     virtual = VirtualRobot(Simulation(world), powered=True)
-    rng = np.random.default_rng(0)
-    virtual.place(sample_falls(world, {"supine": 1}, rng)[0].posture)
+    virtual.place(lie_at_start(world))
     phases: list[PhaseChange] = []
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(op3, ports.paths, clock=CycleClock())
@@ -57,8 +55,8 @@ def rise_and_break(
             on_phase=phases.append,
             on_cycle=look,
         )
-        strategy = PlannedRise(world, load_database(op3))
-        rise = AttemptManager(session, strategy, max_attempts=attempts).get_up(rng)
+        manager = AttemptManager(session, StoredMotion(world, MOTION), max_attempts=attempts)
+        rise = manager.get_up(np.random.default_rng(0))
     return rise, phases, virtual
 
 

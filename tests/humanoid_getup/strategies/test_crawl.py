@@ -1,11 +1,14 @@
 """Moves go where they cost less, within the servos' limits, and a seed repeats them."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies import crawl
 from humanoid_getup.strategies.crawl import MOVE, REST, Crawl, Move
 from robots import FULL_TORQUE, Posture, Robot
 from robots.kinematics import read_posture
@@ -27,10 +30,20 @@ def ahead(position: Array) -> Array:
 
 
 def search(world: World, start: Posture) -> Move:
-    crawl = Crawl(world, FULL_TORQUE, CHECK_DISTURBANCE)
-    move = crawl.search(start, ahead, np.random.default_rng(0))
+    move = Crawl(world, FULL_TORQUE, CHECK_DISTURBANCE).search(
+        start, ahead, np.random.default_rng(0)
+    )
     assert move is not None
     return move
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_search() -> Iterator[None]:
+    """Sample a fifth of the moves."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, number in (("SAMPLES", 12), ("GENERATIONS", 2), ("WORLDS", 2)):
+            patch.setattr(crawl, name, number)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +67,5 @@ def test_its_targets_keep_the_limits_and_end_at_rest(world: World, start: Postur
     np.testing.assert_allclose(resting, np.broadcast_to(resting[-1], resting.shape), atol=1e-12)
 
 
-@pytest.mark.slow  # half a minute
 def test_the_same_seed_finds_the_same_move(world: World, start: Posture, move: Move):
     np.testing.assert_array_equal(search(world, start).target, move.target)

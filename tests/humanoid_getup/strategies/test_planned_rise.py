@@ -93,6 +93,7 @@ def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fa
     assert "neck" in weak.reason
 
 
+@pytest.mark.slow
 def test_a_rise_that_only_knows_prone_motions_still_answers(world, op3, database, fall):
     prone = [m for m in database.motions if m.start_class == "prone"]
     only = MotionDatabase(
@@ -104,6 +105,7 @@ def test_a_rise_that_only_knows_prone_motions_still_answers(world, op3, database
     assert plan.rounds >= 1
 
 
+@pytest.mark.slow
 def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     world, database, plan, fall
 ):

@@ -85,6 +85,7 @@ def test_the_twin_passes_through_the_key_and_stands(
     assert one.largest < CLOSE_JOINT
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_rise_and_none_is_cached(
     plan: RisePlan, planner: PlannedRise, fall: Posture, plan_cache_folder
 ):
@@ -96,6 +97,7 @@ def test_the_same_seed_gives_the_same_rise_and_none_is_cached(
     assert cache.read().entries == ()
 
 
+@pytest.mark.slow
 def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(
     world: World, fall: Posture, op3: Robot
 ):

@@ -168,7 +168,7 @@ def test_progress_has_a_row_for_every_iteration(unbroken):
 
 
 def test_progress_tells_the_lift(unbroken):
-    # Nobody rises in four iterations, so the help stays what it was.
+    # No robot rises in four iterations, so the help stays what it was.
     assert [float(row["lift"]) for row in read_rows(unbroken)] == [TINY.lift] * TINY.iterations
 
 

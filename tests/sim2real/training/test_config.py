@@ -1,0 +1,91 @@
+"""Recipes and their file: what is written is read again, and what differs is named."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from robots import Robot
+from sim2real.environment.physics.randomization import RANDOMIZATIONS
+from sim2real.environment.rewards import REWARDS
+from sim2real.training.config import (
+    RECIPE,
+    RECIPES,
+    TrainingFolderError,
+    TrainingRecord,
+    check_recipe,
+)
+
+
+def make_record(**changes: object) -> dict:
+    record = {"robot": "op3", "seed": 3, "actions": ["a"], "recipe": asdict(RECIPES["styled"])}
+    return record | {"rewards": {"stands": 0.5}, "parent": None} | changes
+
+
+def write_record(folder: Path, **changes: object) -> Path:
+    file = folder / RECIPE
+    file.write_text(json.dumps(make_record(**changes)))
+    return file
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_recipe_names_rewards_and_a_randomization_that_exist(name: str):
+    assert RECIPES[name].rewards in REWARDS
+    assert RECIPES[name].randomization in RANDOMIZATIONS
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_recipe_file_is_read_as_it_was_written(tmp_path: Path, name: str):
+    write_record(tmp_path, recipe=asdict(RECIPES[name]))
+    record = TrainingRecord.load(tmp_path)
+    assert record.recipe == RECIPES[name]
+    assert (record.folder, record.robot, record.seed, record.actions) == (
+        tmp_path,
+        "op3",
+        3,
+        ("a",),
+    )
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"robot": 3}', "[" * 5000, "\xff"])
+def test_a_file_of_something_else_is_refused_in_one_line(tmp_path: Path, text: str):
+    (tmp_path / RECIPE).write_bytes(text.encode("latin-1"))
+    with pytest.raises(TrainingFolderError, match="is not a recipe of a training") as refusal:
+        TrainingRecord.load(tmp_path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_provenance_names_the_recipe_and_the_parent(tmp_path: Path):
+    write_record(tmp_path, parent={"recipe": "quick", "seed": 1, "sha256": "f00d"})
+    facts = TrainingRecord.load(tmp_path).provenance
+    assert (facts["recipe"], facts["seed"], facts["parent.recipe"]) == ("styled", 3, "quick")
+    assert "parent.sha256" not in facts, "that of a checkpoint, which never ships"
+    write_record(tmp_path, parent={"policy": "quick", "sha256": "f00d"})
+    assert TrainingRecord.load(tmp_path).provenance["parent.sha256"] == "f00d"
+
+
+def test_a_changed_recipe_is_one_of_its_own(tmp_path: Path):
+    write_record(tmp_path, recipe=asdict(replace(RECIPES["quick"], robots=7)))
+    assert TrainingRecord.load(tmp_path).provenance["recipe"] == "own"
+
+
+def test_all_that_differs_is_named_but_the_number_of_iterations(tmp_path: Path):
+    file = write_record(tmp_path)
+    longer = asdict(replace(RECIPES["styled"], iterations=9))
+    check_recipe(file, make_record(recipe=longer))
+    other = asdict(replace(RECIPES["styled"], discount=0.5))
+    with pytest.raises(TrainingFolderError) as refusal:
+        check_recipe(file, make_record(seed=4, recipe=other))
+    told = str(refusal.value)
+    assert told.startswith(f"{tmp_path} holds another training: ")
+    assert "seed is 3 there, expected 4" in told
+    assert "recipe.discount is 0.97 there, expected 0.5" in told
+    assert told.count("expected") == 2
+
+
+def test_a_policy_with_style_moves_every_joint(op3: Robot):
+    assert RECIPES["styled"].choose_actions(op3).names == op3.joint_names
+    gentle = RECIPES["gentle"].choose_actions(op3)
+    assert gentle.pwm_limit == 0.55
+    assert len(gentle.names) == 2 * len(op3.rising_joints + op3.spreading_joints)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class CyclicRead:
         self._fast_again = 0
         self._cycle = 0
         self._request: Request | None = None
-        self._requests: dict[tuple[bytes, int, bool], Request] = {}
+        self._group = lru_cache(CACHED_REQUESTS)(self._make_group)
 
     @property
     def left_out(self) -> list[int]:
@@ -132,14 +133,11 @@ class CyclicRead:
         if is_fast:
             is_ambiguous = order[-1] in self._suspects or len(order) < LENGTHS
             extra = extra + 1 if is_ambiguous else 0
-        key = (bytes(order), extra, is_fast)
-        request = self._requests.get(key)
-        if request is None:
-            if len(self._requests) > CACHED_REQUESTS:
-                self._requests.clear()
-            spans = {i: Span(self._spans[i].address, GROUP_BYTES + extra) for i in order}
-            request = self._requests[key] = Request.group(spans, fast=is_fast)
-        return request
+        return self._group(bytes(order), GROUP_BYTES + extra, is_fast)
+
+    def _make_group(self, order: bytes, length: int, is_fast: bool) -> Request:
+        spans = {device: Span(self._spans[device].address, length) for device in order}
+        return Request.group(spans, fast=is_fast)
 
     def _count_misses(self, request: Request, replies: Replies) -> None:
         """Count missing replies."""

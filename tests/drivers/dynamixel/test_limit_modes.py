@@ -10,6 +10,7 @@ from drivers import Command
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.errors import SetupError
+from drivers.virtual_bus.devices.sensors import Measured
 from robots import Robot
 from robots.servo import TICKS_PER_TURN
 from robots.servo_catalog import servo_models
@@ -53,9 +54,8 @@ def test_a_joint_that_was_turned_around_is_brought_back_into_one_turn(tiny: Robo
     """Torque would otherwise start a turn away from where the joint is."""
     with Rig(tiny, limit_by="current") as rig:
         rig.backend.close()
-        servo = rig.servo("l_hip")
-        measured = servo._sensors.measured
-        servo.sense(measured._replace(ticks=measured.ticks + TICKS_PER_TURN))
+        ticks = rig.peek("present_position")[0] + TICKS_PER_TURN
+        rig.servo("l_hip").sense(Measured(ticks=ticks))
         rig.backend.connect()
         assert 0 <= rig.peek("present_position")[0] < TICKS_PER_TURN
         assert np.abs(rig.backend.read().joint_pos).max() < np.pi

@@ -56,13 +56,13 @@ def test_after_a_second_without_a_sample_the_vertical_is_measured_again(gap, is_
 def test_a_body_that_moved_at_the_start_is_measured_again_once_it_has_rested():
     fusion = ImuFusion(0.008)
     fusion.start(sample(0, gyro=1.0), 0.0)
-    rests = 0
-    while roll_of(fusion) != pytest.approx(0.5):
-        rests += 1
-        fusion.update(tilted(rests), 0.008 * rests, speed=0.0)
-        if rests == 6:  # moves once more: the count starts over
+    measured = []
+    for k in range(1, 25):
+        fusion.update(tilted(k), 0.008 * k, speed=0.0)
+        measured.append(roll_of(fusion) == pytest.approx(0.5))
+        if k == 6:  # moves once more: the count starts over
             fusion.update(replace(tilted(99), gyro=np.array([0.3, 0, 0])), 0.049, speed=0.0)
-    assert rests == 6 + 12
+    assert measured.index(True) == 6 + 12 - 1
 
 
 @pytest.mark.parametrize("force", [0.94, 1.06])

@@ -31,8 +31,8 @@ import tyro
 from drivers import Command, SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.bus import BITS_PER_BYTE
-from drivers.dynamixel.port import SerialPort
 from drivers.dynamixel.protocol2 import Span, read, sync_read, sync_write
+from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import VirtualBus
 from drivers.virtual_bus.virtual_robot import VirtualRobot

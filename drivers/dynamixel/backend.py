@@ -21,7 +21,6 @@ from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
 from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
-from drivers.dynamixel.port import MakePort, PortError, SerialPort
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import (
@@ -41,6 +40,7 @@ from drivers.imu.build import build_imu_source
 from drivers.imu.fusion import ImuFusion
 from drivers.imu.source import ImuSource
 from drivers.interrupts import deferred_interrupts
+from drivers.serial_port import MakePort, PortError, SerialPort
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import Joint, Robot

@@ -11,7 +11,6 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.control_table import Item
-from drivers.dynamixel.port import SerialPort
 from drivers.dynamixel.protocol2 import (
     Damaged,
     FrameParser,
@@ -21,6 +20,7 @@ from drivers.dynamixel.protocol2 import (
     is_confirmed,
 )
 from drivers.dynamixel.requests import Replies, Request
+from drivers.serial_port import SerialPort
 
 BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit
 # Beyond the bytes' own time on the wire: the servo's turnaround, the USB adapter's latency

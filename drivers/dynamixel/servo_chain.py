@@ -16,14 +16,13 @@ from drivers.dynamixel.configuration import ServoSetup
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.port import PortError, PortLostError
 from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies, Request
 from drivers.dynamixel.servo_states import TORQUE, ServoStates
+from drivers.serial_port import REOPEN_EVERY, PortError, PortLostError
 from robots import Joint, Robot
 from robots.servo import LimitMode
 
-REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
 MUTE_TIME = 1.0  # s without a single byte after which a port is opened again
 SETUP_STEPS = 4  # instructions per cycle to servos that are set up again
 STEP_TIME = 0.0015  # s that one of them may take

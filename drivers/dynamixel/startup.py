@@ -20,12 +20,12 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_all,
 )
-from drivers.dynamixel.port import PortError
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.errors import NoBusError, SetupError
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
+from drivers.serial_port import PortError
 from robots import BusSettings, Joint, Robot
 from robots.imu import IMU_PORT
 from robots.servo import LimitMode

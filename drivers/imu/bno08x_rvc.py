@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 
 from drivers.imu.sample import ImuSample
-from drivers.imu.serial_link import Port, SerialLink
+from drivers.imu.serial_link import SerialLink
 from drivers.imu.source import await_sample
 from drivers.orientation_filter import GRAVITY
+from drivers.serial_port import SerialPort
 from robots.imu import ImuSettings, SensorAxes
 from robots.quaternion import Array
 
@@ -64,7 +65,7 @@ class Bno08xRvc:
 
     note = "without gyro values: the rate is derived from consecutive orientations"
 
-    def __init__(self, settings: ImuSettings, port: Port) -> None:
+    def __init__(self, settings: ImuSettings, port: SerialPort) -> None:
         self.name = f"IMU BNO08x (UART-RVC) on {port.path}"
         self.damaged = 0
         self._link = SerialLink(port, self.name)

@@ -9,12 +9,13 @@ from drivers.imu.bno08x_rvc import Bno08xRvc
 from drivers.imu.i2c import I2cChip, LinuxI2cChip
 from drivers.imu.register_link import I2cRegisters, UartRegisters
 from drivers.imu.serial_line import SerialLineImu
-from drivers.imu.serial_link import OpenPort, SerialLink
+from drivers.imu.serial_link import SerialLink
 from drivers.imu.source import ImuError, ImuSource
+from drivers.serial_port import MakePort
 from robots.imu import ImuSettings
 
 
-def build_imu_source(settings: ImuSettings, port: str, open_port: OpenPort) -> ImuSource:
+def build_imu_source(settings: ImuSettings, port: str, open_port: MakePort) -> ImuSource:
     """Build the source of an IMU that is not on the servo bus; nothing is opened yet.
 
     Args:

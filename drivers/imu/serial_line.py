@@ -9,9 +9,10 @@ from operator import xor
 import numpy as np
 
 from drivers.imu.sample import ImuSample
-from drivers.imu.serial_link import Port, SerialLink
+from drivers.imu.serial_link import SerialLink
 from drivers.imu.source import await_sample
 from drivers.orientation_filter import GRAVITY
+from drivers.serial_port import SerialPort
 from robots.imu import VALUES, ImuSettings, SensorAxes
 
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": math.radians(1.0)}  # rad/s
@@ -75,7 +76,7 @@ class SerialLineImu:
 
     note = ""
 
-    def __init__(self, settings: ImuSettings, port: Port) -> None:
+    def __init__(self, settings: ImuSettings, port: SerialPort) -> None:
         self.name = f"IMU (serial line) on {port.path}"
         self.damaged = 0
         self._link, self._format = SerialLink(port, self.name), LineFormat(settings)

@@ -3,52 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Protocol
 
-from drivers.errors import SetupError
 from drivers.imu.source import ImuError
+from drivers.serial_port import REOPEN_EVERY, PortError, SerialPort
 
-REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
 REMEDY = "check its cable, its power, and imu.port in robot.toml or --port imu=PATH"
-
-
-class Port(Protocol):
-    """What a sensor needs of a serial port; its errors are `SetupError`."""
-
-    path: str
-
-    @property
-    def is_open(self) -> bool:
-        """Return whether it is open."""
-        ...
-
-    def open(self) -> None:
-        """Open it."""
-
-    def close(self) -> None:
-        """Close it."""
-
-    def read(self, deadline: float) -> bytes:
-        """Return received bytes, waiting until a time of the monotonic clock [s]."""
-        ...
-
-    def write(self, data: bytes) -> None:
-        """Send bytes."""
-
-    def flush(self) -> int:
-        """Drop received bytes."""
-        ...
-
-
-OpenPort = Callable[[str, int], Port]
-"""Makes a port of a path and a baud rate [bit/s]."""
 
 
 class SerialLink:
     """A serial port that never waits and never raises once it is open."""
 
-    def __init__(self, port: Port, name: str) -> None:
+    def __init__(self, port: SerialPort, name: str) -> None:
         self._port, self._name = port, name
         self._reopen_at = 0.0
         self.connections = 0
@@ -65,7 +30,7 @@ class SerialLink:
         try:
             self._port.open()
             self._port.flush()
-        except SetupError as error:
+        except PortError as error:
             self._port.close()
             raise ImuError(self._name, str(error), REMEDY) from error
         self.connections += 1
@@ -82,7 +47,7 @@ class SerialLink:
                 self._reopen()
             while self._port.is_open and (more := self._port.read(0.0)):
                 data += more
-        except SetupError:  # unplugged
+        except PortError:  # unplugged
             self._port.close()
         return data
 
@@ -91,7 +56,7 @@ class SerialLink:
         try:
             if self._port.is_open:
                 self._port.write(data)
-        except SetupError:
+        except PortError:
             self._port.close()
 
     def _reopen(self) -> None:

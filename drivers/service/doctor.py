@@ -22,12 +22,12 @@ from drivers.dynamixel.diagnostics import (
     check_cycle_time,
     name_all,
 )
-from drivers.dynamixel.port import read_latency_timer
 from drivers.dynamixel.requests import Request
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import POLL_STEP, ImuSource
 from drivers.orientation_filter import GRAVITY
 from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
+from drivers.serial_port import read_latency_timer
 from drivers.service.session import BusPort, RobotBus
 from robots import Joint, Robot
 from robots.calibration import CALIBRATION_FILE

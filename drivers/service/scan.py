@@ -11,9 +11,9 @@ from serial.tools import list_ports
 from drivers.dynamixel.bus import PING_DATA, BusStatistics, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.diagnostics import read_items
-from drivers.dynamixel.port import PortError, PortLostError, SerialPort, read_latency_timer
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status
 from drivers.errors import DriverError
+from drivers.serial_port import PortError, PortLostError, SerialPort, read_latency_timer
 from robots.robot import BAUD_RATES
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)

@@ -19,10 +19,10 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_of,
 )
-from drivers.dynamixel.port import MakePort, SerialPort
 from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_imu, open_ports
 from drivers.imu.build import build_imu_source
 from drivers.imu.source import ImuSource
+from drivers.serial_port import MakePort, SerialPort
 from robots import Joint, Robot
 from robots.imu import IMU_PORT
 

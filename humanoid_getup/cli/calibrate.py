@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.dynamixel.diagnostics import name_all
-from drivers.dynamixel.port import is_pseudo_terminal
+from drivers.serial_port import is_pseudo_terminal
 from drivers.service.calibrate import (
     TRIES,
     Calibrator,

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drivers.dynamixel.port import PortError, SerialPort
+from drivers.serial_port import PortError, SerialPort
 from drivers.service.imu_scan import FoundImu, find_imus, list_i2c_buses
 from drivers.service.scan import (
     COMMON_RATES,

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from drivers.dynamixel.port import PortError, PortLostError
 from drivers.imu.build import build_i2c_source, build_imu_source
 from drivers.imu.sample import ImuSample
 from drivers.orientation_filter import GRAVITY
+from drivers.serial_port import PortError, PortLostError
 from drivers.virtual_bus.imu.build import build_virtual_imu
 from drivers.virtual_bus.imu.reading import ImuReading, VirtualUartImu
 from robots import ImuSettings, quaternion

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.dynamixel.port import PortError, PortLostError
 from drivers.dynamixel.protocol2 import FrameParser, Packet
+from drivers.serial_port import PortError, PortLostError
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.serving.interfaces import Physics
 from drivers.virtual_bus.serving.lock_step import QUIET, ends_cycle, expects_reply

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.port import PortLostError
 from drivers.dynamixel.protocol2 import (
     FrameParser,
     Instruction,
@@ -20,6 +19,7 @@ from drivers.dynamixel.protocol2 import (
     Status,
 )
 from drivers.dynamixel.requests import Replies, Request, SyncWriter
+from drivers.serial_port import PortLostError
 
 SPAN = Span(126, 10)
 

@@ -9,7 +9,7 @@ import pytest
 from bus_stories import TINY, run_json, serving
 
 from drivers.dynamixel import bus
-from drivers.dynamixel.port import SerialPort
+from drivers.serial_port import SerialPort
 from drivers.service import scan
 from drivers.service.scan import PortFacts, scan_port
 from drivers.virtual_bus.devices.servo import VirtualServo

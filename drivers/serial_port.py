@@ -22,6 +22,7 @@ CHUNK = 4096  # bytes, more than any reply
 # Longest wait for the system to accept bytes to send [s]. It accepts them at once unless the
 # adapter hangs.
 SEND_TIMEOUT = 0.1
+REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
 UNIX98_SLAVES = range(136, 144)  # major numbers of pseudo-terminals (Linux, devices.txt)
 
 

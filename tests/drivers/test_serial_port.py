@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.dynamixel.port import (
+from drivers.serial_port import (
     PortError,
     PortLostError,
     SdkPort,
@@ -146,8 +146,8 @@ def test_a_forbidden_port_names_the_group_to_join(tmp_path, monkeypatch):
     class Group:
         gr_name = "dialout"
 
-    monkeypatch.setattr("drivers.dynamixel.port.serial.Serial", refuse)
-    monkeypatch.setattr("drivers.dynamixel.port.grp.getgrgid", lambda _: Group)
+    monkeypatch.setattr("drivers.serial_port.serial.Serial", refuse)
+    monkeypatch.setattr("drivers.serial_port.grp.getgrgid", lambda _: Group)
     with pytest.raises(PortError) as caught:
         SerialPort(str(path), 1_000_000).open()
     assert "join the group 'dialout' (sudo usermod -aG dialout $USER)" in str(caught.value)

@@ -1,5 +1,6 @@
 """Servo types: the package's own, and those of a robot's folder."""
 
+import numpy as np
 import pytest
 from spoiling import complaint, spoil
 
@@ -100,3 +101,20 @@ def test_figures_that_a_control_table_has_too_are_the_same(name: str):
 
 def test_every_servo_with_a_control_table_has_figures():
     assert {name for name in known_models() if table_named(name).modes} == servo_models().keys()
+
+
+DATA_SHEETS = {  # stall torque [N·m] and current [A] at a voltage [V], no-load speed [1/min]
+    "XM430-W350": (4.1, 2.3, 12.0, 46),
+    "XC330-T288": (0.92, 0.8, 11.1, 65),
+    "XC330-T181": (0.76, 0.8, 11.1, 104),
+    "XC330-M288": (0.93, 1.8, 5.0, 81),
+    "XC330-M181": (0.60, 1.8, 5.0, 129),
+}
+
+
+@pytest.mark.parametrize("name", DATA_SHEETS)
+def test_figures_are_those_of_the_data_sheets(name: str):
+    model, (torque, current, voltage, speed) = servo_models()[name], DATA_SHEETS[name]
+    found = (model.stall_torque, model.stall_current, model.nominal_voltage)
+    assert found == (torque, current, voltage)
+    assert model.no_load_speed == pytest.approx(speed * 2.0 * np.pi / 60.0, abs=0.01)

@@ -9,8 +9,8 @@ import pytest
 from paths import REPOSITORY
 
 from humanoid_getup.scenes.named_scenes import FOLDER, list_scenes, load_grounds, load_scene
-from humanoid_getup.scenes.scene_file import read_scene
-from robots import Robot
+from humanoid_getup.scenes.scene_file import BoxTable, read_scene
+from robots import Robot, quaternion
 from robots.body.lengths import leg_length
 
 FULL = """
@@ -185,3 +185,12 @@ def test_the_same_seed_is_the_same_rough_ground(op3: Robot):
         for seed in (0, 0, 1)
     ]
     assert heights[0] == heights[1] != heights[2]
+
+
+@pytest.mark.parametrize("turn", [0.0, 90.0])
+def test_a_tilted_box_is_higher_where_it_points(turn: float):
+    """A positive tilt raises the front, the way that the box is turned."""
+    table = BoxTable(name="ramp", center=(0, 0, 0), size=(2, 1, 0.1), turn_deg=turn, tilt_deg=30.0)
+    front = quaternion.rotate(table.build(1.0).orientation, np.array([1.0, 0.0, 0.0]))
+    ahead = [np.cos(np.radians(turn)), np.sin(np.radians(turn))]
+    assert front == pytest.approx([*(np.cos(np.radians(30.0)) * np.array(ahead)), 0.5])

@@ -1,0 +1,82 @@
+"""Soles: the flat face that looks down, where the ground touches it, and the mass above it."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots import Robot
+from robots.body.soles import (
+    find_lowest,
+    find_sole,
+    list_sole_points,
+    measure_support_margin,
+    measure_tilt,
+)
+
+BOX = '<geom type="box" size="0.05 0.03 0.01" pos="0.02 0 -0.04"/>'
+STUDS = "".join(
+    f'<geom type="box" size="0.004 0.004 0.001" pos="{x} {y} -0.051"/>'
+    for x in (-0.02, 0.06)
+    for y in (-0.02, 0.02)
+)
+
+
+def build(shapes: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody><body name="foot" pos="0 0 0.3"><freejoint/>{shapes}</body>'
+        "</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def test_the_sole_of_a_box_is_its_lower_face():
+    sole = find_sole(*build(BOX), body=1, least_area=1e-4)
+    assert sole is not None
+    assert sole.position == pytest.approx([0.02, 0.0, -0.05])
+    assert sole.axes == pytest.approx(np.eye(3))
+    assert sole.area == pytest.approx(0.1 * 0.06)
+
+
+def test_a_sole_with_studs_is_as_low_as_its_lowest_point():
+    """Studs reach 2 mm out of the face: the ground touches them, not the face above."""
+    sole = find_sole(*build(BOX + STUDS), body=1, least_area=1e-4)
+    assert sole is not None
+    assert sole.position[2] == pytest.approx(-0.052)
+
+
+def test_a_ball_has_no_sole():
+    assert find_sole(*build('<geom size="0.03"/>'), body=1, least_area=1e-3) is None
+
+
+def test_the_lowest_point_is_that_of_all_shapes():
+    model, data = build(BOX + '<geom size="0.01" pos="0 0 -0.06"/>')
+    assert find_lowest(model, data, 1) == pytest.approx(0.3 - 0.07)
+
+
+@given(angle=st.floats(0.1, 0.5), way=st.sampled_from([-1.0, 1.0]))
+def test_a_face_is_tilted_as_far_as_it_was_turned(angle: float, way: float):
+    angle *= way
+    corners = np.array([[x, y, z] for x in (-5, 5) for y in (-3, 3) for z in (-1, 1)]) * 0.01
+    turn = np.array(
+        [
+            [np.cos(angle), 0.0, np.sin(angle)],
+            [0.0, 1.0, 0.0],
+            [-np.sin(angle), 0.0, np.cos(angle)],
+        ]
+    )
+    assert measure_tilt(corners @ turn.T) == pytest.approx(abs(angle), abs=0.01)
+
+
+def test_the_points_of_a_sole_are_in_its_sites_frame(op3: Robot):
+    model = op3.spec().compile()
+    for site in op3.sole_sites:
+        assert list_sole_points(model, site)[:, 2].min() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_margin_shrinks_by_what_the_soles_do(tiny: Robot):
+    """By hand: tiny's mass is over the middle of soles that reach 30 mm forward and back."""
+    assert measure_support_margin(tiny, tiny.spec().compile()) == pytest.approx(0.03, abs=1e-6)

@@ -1,0 +1,82 @@
+"""Servos of an imported robot: by what its model states, what the user says, or its weight."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.model_import.servo_choice import choose_servos, describe_motor
+from robots.model_import.source import ActuatorFigures, ModelImportError
+from robots.servo_catalog import servo_models
+
+JOINTS = ("l_knee", "r_knee", "l_elbow", "r_elbow")
+SMALL = {"weight": 3.0, "leg_length": 0.25}  # kg, m
+TORQUES = st.floats(0.5, 150.0)
+
+
+def choose(stated: dict[str, float] | None = None, *asked: str, **size: float):
+    figures = {name: ActuatorFigures(effort=effort) for name, effort in (stated or {}).items()}
+    return choose_servos(JOINTS, figures, asked, **SMALL | size)
+
+
+def test_the_type_is_that_whose_torque_the_model_states():
+    choice = choose(dict.fromkeys(JOINTS, 4.1))
+    assert set(choice.types) == {"XM430-W350"}
+    assert choice.supply == 12.0
+    assert not choice.own
+
+
+def test_what_the_user_says_counts_more_and_the_last_pattern_most():
+    choice = choose(dict.fromkeys(JOINTS, 4.1), "XM540-W270", "XM430-W210=*elbow")
+    assert choice.types == (*["XM540-W270"] * 2, *["XM430-W210"] * 2)
+    assert not choice.guesses
+
+
+def test_without_limits_the_weakest_type_that_lifts_the_robot_is_taken():
+    choice = choose()
+    # By hand: twice a quarter of 3 kg x 9.81 m/s² x 0.25 m are 3.7 N·m.
+    (kind,) = set(choice.types)
+    model = servo_models()[kind]
+    torque = model.stall_torque * choice.supply / model.nominal_voltage
+    assert torque >= 3.68
+    weaker = [
+        m
+        for m in servo_models().values()
+        if m.accepts_supply(choice.supply)
+        and 3.68 <= m.stall_torque * choice.supply / m.nominal_voltage < torque
+    ]
+    assert not weaker
+    assert "3.7 N·m" in choice.guesses[0]
+
+
+def test_a_robot_that_no_servo_lifts_has_motors_of_its_own():
+    choice = choose(weight=50.0, leg_length=0.8)
+    (kind,) = set(choice.types)
+    assert choice.own[kind]["stall_torque"] == pytest.approx(200.0, rel=0.05)  # 2 x 98 N·m
+    assert choice.supply == 48.0
+
+
+def test_limits_that_no_motor_has_are_none():
+    assert set(choose(dict.fromkeys(JOINTS, 1e6)).types) == set(choose().types)
+
+
+def test_a_joint_stronger_than_servos_is_refused():
+    with pytest.raises(ModelImportError, match="torque limit of 300 N·m, expected at most 200"):
+        choose({"l_knee": 300.0}, weight=80.0, leg_length=1.0)
+
+
+@given(effort=TORQUES, supply=st.floats(5.0, 48.0))
+def test_a_motors_current_is_that_of_its_power(effort: float, supply: float):
+    """At a stall, watts per newton meter are those of the XM540-W270, whatever the supply."""
+    like = servo_models()["XM540-W270"]
+    motor = describe_motor(effort, 6.0, supply)
+    power = motor["stall_current"] * motor["nominal_voltage"] / motor["stall_torque"]
+    own = like.stall_current * like.nominal_voltage / like.stall_torque
+    assert power == pytest.approx(own, rel=0.01, abs=0.01 * supply / effort)
+
+
+@given(effort=TORQUES)
+def test_a_motor_bears_its_supply(effort: float):
+    motor = describe_motor(effort, 6.0, 24.0)
+    assert motor["min_voltage"] < 24.0 < motor["max_voltage"]
+    assert np.isfinite(list(motor.values())).all()

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from humanoid_getup.cli.main import main
+from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.simulation.world import World
 from robots import Robot
+from robots.posture_file import format_posture
 
 KEY = "motions:supine_sit_up_gentle@1.2"
-SHORT = ["plan", "--from", "right", "--scene", "wall", "--seed", "6", "--max-checks", "250"]
 
 
 def run(*arguments: str, file: Path) -> tuple[int, dict[str, Any]]:
@@ -21,11 +23,27 @@ def run(*arguments: str, file: Path) -> tuple[int, dict[str, Any]]:
     return code, json.loads(file.read_text())
 
 
-def test_a_path_is_found_saved_and_described(tmp_path: Path, op3: Robot):
-    out = tmp_path / "out"
-    code, record = run("plan", "--from", "supine", "--out", str(out), file=tmp_path / "plan.json")
+@pytest.fixture(scope="module")
+def out(lying: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a plan, with its figures."""
+    out = tmp_path_factory.mktemp("plan") / "out"
+    file = out.parent / "plan.json"
+    assert main(["plan", "--from", lying, "--out", str(out), "--json", str(file)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def short(op3: Robot, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """The arguments of a search that ends before it finds a path: beside a wall."""
+    file = tmp_path_factory.mktemp("wall") / "right.json"
+    fall = sample_fall(World(op3, "wall"), "right", seed=2)
+    file.write_text(format_posture(fall.posture, op3))
+    return ["plan", "--from", str(file), "--scene", "wall", "--seed", "6", "--max-checks", "100"]
+
+
+def test_a_path_is_found_saved_and_described(out: Path, op3: Robot):
+    record = json.loads((out.parent / "plan.json").read_text())
     path = Motion.load(out / "path.npz")
-    assert code == 0
     assert {file.name for file in out.iterdir()} >= {"path.npz"}
     assert (record["strip_reason"] is None) == (out / "strip.png").exists()
     assert record["found"]
@@ -40,18 +58,17 @@ def test_a_path_is_found_saved_and_described(tmp_path: Path, op3: Robot):
     np.testing.assert_allclose(path.joint_pos[-1], joined.posture.joint_pos, atol=1e-9)
 
 
-def test_the_saved_path_can_be_drawn_and_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["plan", "--from", "prone", "--out", "out"]) == 0
-    assert main(["preflight", "out/path.npz"]) == 0
-    if Path("out/strip.png").exists():
-        assert main(["motions", "show", "out/path.npz", "--out", "shown.png"]) == 0
+def test_the_saved_path_can_be_drawn_and_judged(out: Path, tmp_path: Path):
+    path = str(out / "path.npz")
+    assert main(["preflight", path]) == 0
+    if (out / "strip.png").exists():
+        assert main(["motions", "show", path, "--out", str(tmp_path / "shown.png")]) == 0
 
 
-def test_a_path_leads_through_keys_to_a_posture(tmp_path: Path, op3: Robot):
+def test_a_path_leads_through_keys_to_a_posture(lying: str, tmp_path: Path, op3: Robot):
     wanted = ["--key", KEY, "--to", "motions:squat_to_stand@0"]
     code, record = run(
-        "plan", "--from", "prone", *wanted, "--out", str(tmp_path), file=tmp_path / "plan.json"
+        "plan", "--from", lying, *wanted, "--out", str(tmp_path), file=tmp_path / "plan.json"
     )
     path = Motion.load(tmp_path / "path.npz")
     (key,) = record["keys"]
@@ -72,10 +89,10 @@ def test_the_same_seed_gives_the_same_path(tmp_path: Path):
 
 
 def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    short: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     out = tmp_path / "out"
-    assert main([*SHORT, "--out", str(out)]) == 1
+    assert main([*short, "--out", str(out)]) == 1
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
     for part in ("no path to", "checks in", "mm inside", "% of the path", "at looseness"):
@@ -83,9 +100,9 @@ def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
     assert not out.exists() or list(out.iterdir()) == []
 
 
-def test_the_beginning_of_the_best_path_is_kept_on_request(tmp_path: Path):
+def test_the_beginning_of_the_best_path_is_kept_on_request(short: list[str], tmp_path: Path):
     code, record = run(
-        *SHORT, "--keep-partial", "--out", str(tmp_path), file=tmp_path / "plan.json"
+        *short, "--keep-partial", "--out", str(tmp_path), file=tmp_path / "plan.json"
     )
     path = Motion.load(tmp_path / "path.npz")
     assert (code, record["found"], record["refined"]) == (1, False, True)
@@ -94,8 +111,8 @@ def test_the_beginning_of_the_best_path_is_kept_on_request(tmp_path: Path):
     assert 0.0 < record["duration_s"] == pytest.approx(path.duration)
 
 
-def test_without_refinement_less_is_tried(tmp_path: Path):
-    code, record = run(*SHORT, "--no-refinement", file=tmp_path / "plan.json")
+def test_without_refinement_less_is_tried(short: list[str], tmp_path: Path):
+    code, record = run(*short, "--no-refinement", file=tmp_path / "plan.json")
     assert (code, record["refined"]) == (1, False)
 
 

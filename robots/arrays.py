@@ -77,6 +77,17 @@ def to_text(array: NDArray[Any], key: str) -> str:
     return str(array)
 
 
+def check_robot(array: NDArray[Any], name: str) -> None:
+    """Check that an archive is of the robot of a name, from the array that holds its own.
+
+    Raises:
+        ArchiveError: if it is of another one.
+    """
+    found = to_text(array, "robot")
+    if found != name:
+        raise ArchiveError(f"it is of robot '{found}', expected '{name}'")
+
+
 def to_numbers(array: NDArray[Any], key: str, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Return an array as finite numbers of a shape, None for any length.
 

@@ -13,17 +13,19 @@ from numpy.typing import NDArray
 
 from humanoid_getup.style.curves import LOOKAHEAD, CurveTargets, StyleCurves, is_stand
 from humanoid_getup.style.features import COUNT, FeatureSense, angle_distance
+from humanoid_getup.style.saved_arrays import SavedArrays
 from robots import Robot
 from robots.quaternion import Array
 
-STATE = ("time", "features", "targets", "_deviating")
 MOST_ANGLE_ERROR = np.radians(45.0)  # of a torso angle, beyond which a robot deviates
 MOST_HEIGHT_ERROR = 0.35  # of the neck height, likewise, as a share of standing
 MOST_DEVIATION_TIME = 0.5  # s, after which a robot restarts
 
 
-class CurveTracker:
+class CurveTracker(SavedArrays):
     """Curves that N robots follow, and the features that they measure."""
+
+    saved = ("time", "features", "targets", "_deviating")
 
     def __init__(self, robot: Robot, n: int = 1, threads: int = 1) -> None:
         """Prepare to track ``n`` robots; 0 threads are one per processor."""
@@ -115,11 +117,9 @@ class CurveTracker:
 
     def save_state(self) -> dict[str, Any]:
         """Return the complete state, for :meth:`restore_state`."""
-        arrays = {name: getattr(self, name).copy() for name in STATE}
-        return {"curves": self._curves.save_state(), **arrays}
+        return {"curves": self._curves.save_state(), **super().save_state()}
 
     def restore_state(self, state: dict[str, Any]) -> None:
         """Restore a state of :meth:`save_state`."""
         self._curves.restore_state(state["curves"])
-        for name in STATE:
-            setattr(self, name, state[name].copy())
+        super().restore_state(state)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from humanoid_getup.style.features import mirror_features
+from humanoid_getup.style.saved_arrays import SavedArrays
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 
@@ -161,12 +162,14 @@ def evaluate(pieces: Array, share: Array) -> Array:
     return ((c[..., 0, :] * rest + c[..., 1, :]) * rest + c[..., 2, :]) * rest + c[..., 3, :]
 
 
-class CurveTargets:
+class CurveTargets(SavedArrays):
     """The targets of N robots, each on curves of its own; one code for training and robot.
 
     Each curve is entered from the features that were measured: their difference from it fades
     within the first quarter of the time that is left.
     """
+
+    saved = ("_pieces", "duration", "_entered", "_offset")
 
     def __init__(self, n: int) -> None:
         self._pieces = np.zeros((n, PIECES, 4, 3))
@@ -198,15 +201,3 @@ class CurveTargets:
         fade = smooth_step(1.0 - (time - entered) / blend)
         targets = evaluate(self._pieces, np.clip(time / duration, 0.0, 1.0))
         return targets + fade[..., np.newaxis] * self._offset[(*ahead, slice(None))]
-
-    def save_state(self) -> dict[str, Array]:
-        """Return the complete state, for :meth:`restore_state`."""
-        return {name: getattr(self, name).copy() for name in STATE}
-
-    def restore_state(self, state: dict[str, Array]) -> None:
-        """Restore a state of :meth:`save_state`."""
-        for name in STATE:
-            setattr(self, name, state[name].copy())
-
-
-STATE = ("_pieces", "duration", "_entered", "_offset")

@@ -15,7 +15,7 @@ import numpy as np
 
 from humanoid_getup.style.features import COUNT, mirror_features
 from robots import Robot
-from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
+from robots.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers, to_text
 from robots.quaternion import Array
 from robots.validation import shown
 
@@ -123,9 +123,7 @@ class PosePrior:
         """
         try:
             arrays = load_arrays(file, ("robot", "joints", *VECTORS, *PARTS))
-            name = to_text(arrays.pop("robot"), "robot")
-            if name != robot.name:
-                raise ArchiveError(f"it is of robot '{name}', expected '{robot.name}'")
+            check_robot(arrays.pop("robot"), robot.name)
             joints = to_text(arrays.pop("joints"), "joints").split("\n")
             if tuple(joints) != robot.joint_names:
                 raise ArchiveError(f"its joints are {shown(joints)}, not those of '{robot.name}'")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.extraction import extract_curves, measure_features
 from robots import Robot
-from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
+from robots.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers, to_text
 from robots.quaternion import Array
 
 POLICY_SOURCE = "policy: "  # begins the source of a rise by a policy, before its name
@@ -105,9 +105,7 @@ class RiseSet:
         width = robot.spec().compile().nq
         try:
             arrays = load_arrays(file, ("qpos", "joint_target", "first", "sources", "robot"))
-            name = to_text(arrays["robot"], "robot")
-            if name != robot.name:
-                raise ArchiveError(f"they are of robot '{name}', expected '{robot.name}'")
+            check_robot(arrays["robot"], robot.name)
             sources = tuple(to_text(arrays["sources"], "sources").split("\n"))
             qpos = to_numbers(arrays["qpos"], "qpos", (None, width))
             target = to_numbers(arrays["joint_target"], "joint_target", (len(qpos), robot.n))

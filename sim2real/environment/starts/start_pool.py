@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import Robot
-from robots.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
+from robots.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers
 from robots.quaternion import Array
 
 # Weight of the last episode in the success rate of an initial state: the last three episodes
@@ -67,10 +67,8 @@ class StartPool:
         """
         try:
             arrays = load_arrays(file, ("qpos", "robot"), optional=("level",))
-            name = to_text(arrays["robot"], "robot")
+            check_robot(arrays["robot"], robot.name)
             qpos = to_numbers(arrays["qpos"], "qpos", (None, width))
-            if name != robot.name:
-                raise ArchiveError(f"it is of robot '{name}', expected '{robot.name}'")
             level = arrays.get("level")
             if level is not None:
                 level = to_numbers(level, "level", (len(qpos),)).astype(int)

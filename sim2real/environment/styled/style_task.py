@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.policy.observation import Sensed, StyleInput, observe_style
 from humanoid_getup.style.curve_tracker import CurveTracker
 from humanoid_getup.style.height_map import UNKNOWN
+from humanoid_getup.style.saved_arrays import SavedArrays
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.physics.training_simulation import TrainingSim
@@ -28,8 +29,10 @@ HEAD_UP = 0.5
 KNOWN = 0.5  # share of episodes in which a policy with a height map gets it
 
 
-class StyleTask:
+class StyleTask(SavedArrays):
     """Curves that N robots follow in training, and early termination of their episodes."""
+
+    saved = ("row", "_knows", "_age", "_deviating", "_head_down")
 
     def __init__(
         self,
@@ -116,14 +119,9 @@ class StyleTask:
 
     def save_state(self) -> dict[str, Any]:
         """Return the complete state, for :meth:`restore_state`."""
-        arrays = {name: getattr(self, name).copy() for name in STATE}
-        return {"tracker": self.tracker.save_state(), **arrays}
+        return {"tracker": self.tracker.save_state(), **super().save_state()}
 
     def restore_state(self, state: dict[str, Any]) -> None:
         """Restore a state of :meth:`save_state`."""
         self.tracker.restore_state(state["tracker"])
-        for name in STATE:
-            setattr(self, name, state[name].copy())
-
-
-STATE = ("row", "_knows", "_age", "_deviating", "_head_down")
+        super().restore_state(state)

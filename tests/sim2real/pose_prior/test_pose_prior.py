@@ -129,7 +129,7 @@ def test_a_prior_that_does_not_fit_is_refused_in_one_line(op3, prior, tmp_path, 
 def test_rises_of_another_robot_are_refused(op3, rises, tmp_path):
     file = tmp_path / "rises.npz"
     replace(rises, robot=replace(op3, name="wolf")).save(file)
-    with pytest.raises(ValueError, match="they are of robot 'wolf', expected 'op3'"):
+    with pytest.raises(ValueError, match="it is of robot 'wolf', expected 'op3'"):
         RiseSet.load(file, op3)
     spoil(file, robot="op3", first=np.array([0, 5, 4]))
     with pytest.raises(ValueError, match="first"):

@@ -1,0 +1,21 @@
+"""Arrays of an object that are saved with a training, and restored when it is resumed."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+
+class SavedArrays:
+    """An object whose state is in some of its arrays."""
+
+    saved: ClassVar[tuple[str, ...]]
+    """Attributes that hold the state."""
+
+    def save_state(self) -> dict[str, Any]:
+        """Return a copy of the state, for :meth:`restore_state`."""
+        return {name: getattr(self, name).copy() for name in self.saved}
+
+    def restore_state(self, state: dict[str, Any]) -> None:
+        """Restore a state of :meth:`save_state`."""
+        for name in self.saved:
+            setattr(self, name, state[name].copy())

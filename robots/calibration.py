@@ -6,10 +6,12 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import tomlkit
 from msgspec import Meta
 
 from robots.files import write_atomically
 from robots.servo import MAX_TICKS
+from robots.toml_document import table_of
 from robots.validation import Sign, load_toml, name_unknown_joints, read_table, shown, whole
 
 if TYPE_CHECKING:
@@ -53,11 +55,14 @@ class Calibration:
 
     def save(self, path: Path) -> None:
         """Write the file."""
-        lines = ["# Servos as measured by `getup calibrate`.", f'robot = "{self.robot}"', ""]
+        document = tomlkit.document()
+        document.add(tomlkit.comment("Servos as measured by `getup calibrate`."))
+        document.add("robot", tomlkit.item(self.robot))
+        joints = tomlkit.table(is_super_table=True)
         for name, found in self.joints.items():
-            lines += [f"[joints.{name}]", f"zero_ticks = {found.zero_ticks}"]
-            lines += [f"sign = {found.sign}", ""]
-        write_atomically(path, "\n".join(lines))
+            joints.add(name, table_of(asdict(found)))
+        document.add("joints", joints)
+        write_atomically(path, document.as_string())
 
     @classmethod
     def load(cls, path: Path, robot: Robot) -> Calibration:

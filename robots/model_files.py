@@ -37,6 +37,7 @@ MOST_SAMPLES = 10_000  # of a delay
 MAX_MEMORY = 2**30  # bytes
 NUMBER = re.compile(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", re.IGNORECASE)
 MEMORY = re.compile(r"(\d+)([KMGTPE]?)", re.IGNORECASE)
+NONE = "nan"
 PREFIXES = " KMGTPE"
 FOLDERS = ("meshdir", "assetdir", "texturedir")
 
@@ -101,6 +102,7 @@ class _ModelFiles:
         }
         for element in root.iter():
             self._check_sizes(element)
+            self._check_numbers(element)
             self._check_assets(element, folders)
         counts = self._count(root, folders, models)
         self._open.pop()
@@ -122,19 +124,18 @@ class _ModelFiles:
         stack = [(root, 1)]
         while stack:
             element, times = stack.pop()
-            own, copied = 1, 0
+            own, copied, inside = 1, 0, times
             if element.tag == "include":
                 own, copied = self._count_all(folders, element)
             elif element.tag == "attach":
-                own = sum(models.get(element.get("model", ""), (1, 0)))
-                copied = own
+                own = copied = models.get(element.get("model", ""), (1, 0))[0]
             elif element.tag == "flexcomp":
                 own = copied = _multiply(element.get("count", "1"))
             elif element.tag == "replicate":
-                times *= _multiply(element.get("count", "1"))
+                inside *= _multiply(element.get("count", "1"))
             parts += times * own
             copies += times * own if times > 1 else copied
-            stack += [(child, times) for child in element]
+            stack += [(child, inside) for child in element]
         return parts, copies
 
     def _check_sizes(self, element: ET.Element) -> None:
@@ -155,6 +156,14 @@ class _ModelFiles:
                 self._problems.append(
                     f"<{element.tag}> has {given}, expected at most {most}"
                     + (" together" if len(keys) > 1 else "")
+                )
+
+    def _check_numbers(self, element: ET.Element) -> None:
+        """Find numbers that are none, which MuJoCo takes for attributes that are left out."""
+        for key, text in element.items():
+            if key != "name" and NONE in text.lower().split():
+                self._problems.append(
+                    f"<{element.tag}> has {key} {shown(text)}, expected finite numbers"
                 )
 
     def _check_assets(self, element: ET.Element, folders: list[Path]) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
 
 from robots.body.balanced_stance import BalancedStance
+from robots.body.body_plan import BodyPlan
 from robots.body.roles import list_rising, list_segments, list_spreading
 from robots.model_import.anatomy import find_anatomy
 from robots.model_import.brackets import exclude_brackets, find_own_overlaps
@@ -21,7 +22,7 @@ from robots.model_import.sites import SOLES, SitePlacer
 from robots.model_import.source import ActuatorFigures, ModelImportError
 from robots.model_import.stance_search import find_stance
 from robots.model_import.tie_reduction import reduce_ties
-from robots.model_import.tree import find_tree
+from robots.model_import.tree import KinematicTree, find_tree
 from robots.quaternion import Array
 from robots.validation import shown
 
@@ -71,9 +72,15 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     Raises:
         ModelImportError: if there is none, naming all that is wrong.
     """
+    if not _is_printable(options.name):
+        raise ModelImportError(
+            [f"--name is {shown(options.name)}, expected printable characters, one or more"]
+        )
     source = read_model(path)
     notes = list(source.notes)
     tree = find_tree(source, notes)
+    if problems := [*_find_name_problems(tree)]:
+        raise ModelImportError(f"{path}: {problem}" for problem in problems)
     anatomy = find_anatomy(tree, path, notes)
     unknown = [name for name in options.fixed if name not in [h.name for h in tree.hinges]]
     if unknown:
@@ -109,12 +116,31 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
         segments=list_segments(body, rebuilt.start_angles()),
         stance=stance,
         servos=servos,
-        rising_joints=list_rising(body, stance.joint_pos),
-        spreading_joints=list_spreading(body, stance.joint_pos),
+        rising_joints=_list_paired(list_rising(body, stance.joint_pos), rebuilt, body),
+        spreading_joints=_list_paired(list_spreading(body, stance.joint_pos), rebuilt, body),
         notes=tuple(notes),
         folds=source.folds,
         guesses=(*guesses, *servos.guesses),
     )
+
+
+def _find_name_problems(tree: KinematicTree) -> Iterator[str]:
+    """Find names that a robot.toml cannot hold in a line."""
+    bodies = [tree.model.body(body).name for body in tree.bodies]
+    for kind, names in (("joint", [hinge.name for hinge in tree.hinges]), ("body", bodies)):
+        for name in names:
+            if name and not _is_printable(name):
+                yield f"{kind} {shown(name)} is named so, expected printable characters"
+
+
+def _is_printable(name: str) -> bool:
+    return bool(name.strip()) and name.isprintable()
+
+
+def _list_paired(joints: Iterable[str], rebuilt: RebuiltModel, body: BodyPlan) -> tuple[str, ...]:
+    """Choose the joints that have a mirror image: a robot's two sides may differ."""
+    images = dict(zip(rebuilt.joint_names, body.mirror.index, strict=True))
+    return tuple(name for name in joints if rebuilt.joint_names[images[name]] != name)
 
 
 def _settle_contacts(

@@ -7,23 +7,38 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import tomlkit
+
+from robots.files import describe
+from robots.loading import load_robot
+from robots.model_import.folding import Fold
 from robots.model_import.importer import ImportedRobot
 from robots.model_import.sites import IMU, NECK, SOLES
 from robots.model_import.source import ModelImportError
+from robots.robot import RobotError
 from robots.servo import TICKS_PER_TURN
+from robots.toml_document import Value, commented, one_a_line, rounded, table_of, tables_of
 
 CONTROL_PERIOD = 0.008  # s
 MOST_SERVOS = 24  # that one bus of 2 Mbit/s reads and writes in that time
 LONGER_PERIOD = 0.012  # s
 LEAST_ANGLE = 5e-5  # rad, written as 0
 BAUD = 1_000_000
+GUESSES = "ids, signs and zeros of the servos, the baud rate, the control period"
+RISING_COMMENT = "Joints that a learned rise moves, one of each pair, and those that spread limbs."
+IDS_COMMENT = "id, sign and zero_ticks are guessed: `getup scan`, then `getup calibrate`."
+COUPLING_COMMENT = "turns of each servo (rows) per turn of each joint (columns)"
+SERVOS_COMMENTS = (
+    "Motors that the package does not know. Torque and speed are the model's; the rest is",
+    "scaled from the XM540-W270 by the torque: replace it by what you know.",
+)
 
 
 def write_robot(robot: ImportedRobot, folder: Path) -> None:
-    """Write a robot's folder, which must not exist or be empty; complete or not at all.
+    """Write a robot's folder, which must not exist or be empty: one that loads, or none.
 
     Raises:
-        ModelImportError: if the folder is not empty or cannot be written.
+        ModelImportError: if the folder is not empty or cannot be written, or the robot not loaded.
     """
     try:
         if folder.exists() and any(folder.iterdir()):
@@ -32,21 +47,30 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
             )
         folder.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=".getup-", dir=folder.parent))
+        try:
+            _fill(partial, robot)
+            load_robot(partial)
+            if folder.exists():
+                folder.rmdir()
+            partial.replace(folder)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+    except RobotError as error:
+        raise ModelImportError(
+            problem.replace(f"{partial}{os.sep}", "") for problem in error.problems
+        ) from error
     except OSError as error:
         raise ModelImportError(
-            [f"--out is {folder}: {error.strerror}, expected a new folder"]
+            [f"--out is {folder}: {describe(error)}, expected a new folder"]
         ) from error
-    try:
-        partial.chmod(0o777 & ~_umask())
-        (partial / "model.xml").write_text(robot.spec.to_xml(), "utf-8")
-        (partial / "robot.toml").write_text(describe(robot), "utf-8")
-        if robot.servos.own:
-            (partial / "servos.toml").write_text(describe_servos(robot), "utf-8")
-        if folder.exists():
-            folder.rmdir()
-        partial.replace(folder)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _fill(folder: Path, robot: ImportedRobot) -> None:
+    folder.chmod(0o777 & ~_umask())
+    (folder / "model.xml").write_text(robot.spec.to_xml(), "utf-8")
+    (folder / "robot.toml").write_text(describe_robot(robot), "utf-8")
+    if robot.servos.own:
+        (folder / "servos.toml").write_text(describe_servos(robot), "utf-8")
 
 
 def _umask() -> int:
@@ -55,107 +79,72 @@ def _umask() -> int:
     return mask
 
 
-def describe(robot: ImportedRobot) -> str:
+def describe_robot(robot: ImportedRobot) -> str:
     """Write the robot.toml of an imported robot."""
     period = CONTROL_PERIOD if len(robot.joints) <= MOST_SERVOS else LONGER_PERIOD
-    head = [
-        f"# {robot.options.name}: imported by `getup robots import`. What was guessed:",
-        *[f"# - {line}" for line in _wrap(_list_guesses(robot))],
-        "",
-        f"name = {_text(robot.options.name)}",
-        'model = "model.xml"',
-        f"torso = {_text(robot.torso)}",
-        f"neck_site = {_text(NECK)}  # guessed",
-        f"imu_site = {_text(IMU)}  # guessed",
-        f"sole_sites = [{', '.join(map(_text, SOLES))}]",
-        f"control_period = {period:g}  # s; guessed",
-        f"supply_voltage = {robot.servos.supply:g}  # V; guessed",
-        "# Joints that a learned rise moves, one of each pair, and those that spread limbs.",
-        f"rising_joints = [{', '.join(map(_text, robot.rising_joints))}]",
-        f"spreading_joints = [{', '.join(map(_text, robot.spreading_joints))}]",
-        "",
-        "# id, sign and zero_ticks are guessed: `getup scan`, then `getup calibrate`.",
-        "joints = [",
-    ]
-    width = max(len(name) for name in robot.joints) + 3
-    kind = max(len(name) for name in robot.servos.types) + 3
-    rows = [
-        f"  {{ name = {_text(name) + ',':{width}} id = {k + 1}, "
-        f"servo = {_text(robot.servos.types[k]) + ',':{kind}} {_turning(robot, name)}"
-        f"zero_ticks = {TICKS_PER_TURN // 2}, mirror = {_text(robot.joints[robot.mirror[k]])}, "
-        f"mirror_sign = {robot.mirror_sign[k]}, segment = {_text(robot.segments[k])} }},"
-        for k, name in enumerate(robot.joints)
-    ]
-    standing = [
-        f"{_key(name)} = {angle:.4f}"
-        for name, angle in zip(robot.joints, robot.stance.joint_pos, strict=True)
-        if abs(angle) > LEAST_ANGLE
-    ]
-    bus = ["", "[bus]", f"baud = {BAUD:_}  # guessed: `getup scan` tells"]
-    return "\n".join(
-        [
-            *head,
-            *rows,
-            "]",
-            "",
-            "# Found by balancing on flat soles [rad].",
-            "[standing]",
-            *standing,
-            *_list_couplings(robot),
-            *bus,
-            "",
-        ]
-    )
+    document = tomlkit.document()
+    comments = [f"{robot.options.name}: imported by `getup robots import`. What was guessed:"]
+    comments += [f"- {' '.join(line.split())}" for line in (*robot.guesses, GUESSES)]
+    for comment in comments:
+        document.add(tomlkit.comment(comment))
+    document.add(tomlkit.nl())
+    document.add("name", tomlkit.item(robot.options.name))
+    document.add("model", tomlkit.item("model.xml"))
+    document.add("torso", tomlkit.item(robot.torso))
+    document.add("neck_site", commented(NECK, "guessed"))
+    document.add("imu_site", commented(IMU, "guessed"))
+    document.add("sole_sites", tomlkit.item(list(SOLES)))
+    document.add("control_period", commented(period, "s; guessed"))
+    document.add("supply_voltage", commented(robot.servos.supply, "V; guessed"))
+    document.add(tomlkit.comment(RISING_COMMENT))
+    document.add("rising_joints", tomlkit.item(list(robot.rising_joints)))
+    document.add("spreading_joints", tomlkit.item(list(robot.spreading_joints)))
+    document.add(tomlkit.nl())
+    document.add(tomlkit.comment(IDS_COMMENT))
+    rows = [_describe_joint(robot, number) for number in range(len(robot.joints))]
+    document.add("joints", one_a_line(rows, in_columns=True))
+    angles = zip(robot.joints, robot.stance.joint_pos.tolist(), strict=True)
+    standing = {name: round(angle, 4) for name, angle in angles if abs(angle) > LEAST_ANGLE}
+    document.add("standing", table_of(standing, "Found by balancing on flat soles [rad]."))
+    couplings = [fold for fold in robot.folds if len(fold.joints) > 1]
+    if couplings:
+        document.add("couplings", tables_of(map(_describe_coupling, couplings)))
+    bus = table_of({})
+    bus.add("baud", commented(BAUD, "guessed: `getup scan` tells"))
+    document.add("bus", bus)
+    return document.as_string()
 
 
-def _turning(robot: ImportedRobot, joint: str) -> str:
-    """Write the sign of a joint, and its gear if it has one."""
-    gear = next((f.gear for f in robot.folds if f.joints == (joint,)), 1.0)
-    sign = "1" if gear > 0.0 else "-1"
-    return f"sign = {sign}, " + (f"gear = {abs(gear):.5g}, " if abs(gear) != 1.0 else "")
+def _describe_joint(robot: ImportedRobot, number: int) -> dict[str, Value]:
+    name = robot.joints[number]
+    gear = next((f.gear for f in robot.folds if f.joints == (name,)), 1.0)
+    row: dict[str, Value] = {
+        "name": name,
+        "id": number + 1,
+        "servo": robot.servos.types[number],
+        "sign": 1 if gear > 0.0 else -1,
+    }
+    if abs(gear) != 1.0:
+        row["gear"] = rounded(abs(gear), 5)
+    return row | {
+        "zero_ticks": TICKS_PER_TURN // 2,
+        "mirror": robot.joints[robot.mirror[number]],
+        "mirror_sign": robot.mirror_sign[number],
+        "segment": robot.segments[number],
+    }
 
 
-def _list_couplings(robot: ImportedRobot) -> list[str]:
-    return [
-        line
-        for fold in robot.folds
-        if len(fold.joints) > 1
-        for line in (
-            "",
-            "[[couplings]]",
-            f"joints = [{', '.join(map(_text, fold.joints))}]",
-            "# Turns of each servo (rows) per turn of each joint (columns).",
-            f"matrix = {[[float(f'{turns:.5g}') for turns in row] for row in fold.matrix]}",
-        )
-    ]
-
-
-def _list_guesses(robot: ImportedRobot) -> list[str]:
-    return [
-        *robot.guesses,
-        "ids, signs and zeros of the servos, the baud rate, the control period",
-    ]
+def _describe_coupling(fold: Fold) -> dict[str, Value]:
+    """Describe two joints that two servos turn: turns of each servo per turn of each joint."""
+    matrix = [[rounded(turns, 5) for turns in row] for row in fold.matrix.tolist()]
+    return {"joints": list(fold.joints), "matrix": commented(matrix, COUPLING_COMMENT)}
 
 
 def describe_servos(robot: ImportedRobot) -> str:
     """Write the servos.toml of an imported robot: motors that are not Dynamixels."""
-    lines = [
-        "# Motors that the package does not know. Torque and speed are the model's; the rest is",
-        "# scaled from the XM540-W270 by the torque: replace it by what you know.",
-    ]
+    document = tomlkit.document()
+    for comment in SERVOS_COMMENTS:
+        document.add(tomlkit.comment(comment))
     for name, figures in robot.servos.own.items():
-        lines += ["", f"[{_text(name)}]", *[f"{key} = {value:g}" for key, value in figures.items()]]
-    return "\n".join([*lines, ""])
-
-
-def _text(value: str) -> str:
-    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
-def _key(name: str) -> str:
-    return name if name.replace("-", "_").isidentifier() and name.isascii() else _text(name)
-
-
-def _wrap(lines: list[str]) -> list[str]:
-    return [" ".join(line.split()) for line in lines]
+        document.add(name, table_of({key: rounded(x, 6) for key, x in figures.items()}))
+    return document.as_string()

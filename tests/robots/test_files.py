@@ -1,6 +1,8 @@
 """Files are written complete or not at all, and nothing but a regular file is replaced."""
 
 import os
+import resource
+import socket
 import stat
 import subprocess
 import sys
@@ -152,3 +154,36 @@ def test_a_file_is_read_up_to_its_limit_and_refused_beyond(tmp_path: Path):
         path.write_bytes(b"x" * size)
         with pytest.raises(ValueError, match="more than 10 bytes"):
             read_bounded(path, 10)
+
+
+@pytest.mark.parametrize("kind", ["FIFO", "socket", "device"])
+def test_what_may_never_end_is_not_read(tmp_path: Path, kind: str):
+    path = tmp_path / "file"
+    if kind == "FIFO":
+        os.mkfifo(path)
+    elif kind == "socket":
+        listener = socket.socket(socket.AF_UNIX)
+        listener.bind(str(path))
+        listener.close()
+    else:
+        path = Path("/dev/zero")
+    with pytest.raises(OSError, match=f"it is a {kind}, expected a file"):
+        read_bounded(path, 10)
+
+
+def test_a_folder_is_not_read(tmp_path: Path):
+    with pytest.raises(IsADirectoryError):
+        read_bounded(tmp_path, 10)
+
+
+def test_a_full_disk_is_reported_with_the_name_of_the_file(tmp_path: Path):
+    """A disk is full for a file of more than so many bytes."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with pytest.raises(OSError, match="too large") as caught:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+        try:
+            write_atomically(tmp_path / "report.json", "x" * 1000)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert caught.value.filename == str(tmp_path / "report.json")
+    assert list(tmp_path.iterdir()) == []

@@ -1,5 +1,7 @@
 """Models that are not humanoids, or are broken: one clear line each, and nothing half-made."""
 
+import os
+import resource
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -74,6 +76,8 @@ def test_a_model_that_is_not_a_humanoid_is_refused(tmp_path: Path, change, told:
         (b"", "not XML"),
         (b"\xff\x00", "not XML"),
         (b"<mujoco", "not XML"),
+        (b"<?xml version='1.0' encoding='nonsense'?><robot/>", "unknown encoding: nonsense"),
+        (b"<?xml version='1.0' encoding='utf-7'?><robot/>", "multi-byte encodings"),
         (b"<sdf/>", "its root is <sdf>, expected <mujoco> (MJCF) or <robot> (URDF)"),
         (b"<mujoco/>", "it has no hinges"),
         (b"<mujoco><worldbody><body><geom/></body></worldbody></mujoco>", "model.xml: "),
@@ -88,6 +92,65 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, content: str | by
     (tmp_path / "torso.step").write_text("a solid")
     (tmp_path / "noise.stl").write_text("no numbers here")
     assert told in "\n".join(problems_of(tmp_path / "model.xml", content))
+
+
+@pytest.mark.parametrize("name", ["torso.stl", "TORSO.STL"])
+def test_a_mesh_that_is_a_fifo_is_refused_at_once(tmp_path: Path, name: str):
+    os.mkfifo(tmp_path / name)
+    (problem,) = problems_of(tmp_path / "model.urdf", small_urdf(mesh="torso.stl"))
+    assert "cannot be read (it is a FIFO, expected a file)" in problem
+
+
+def test_a_mesh_whose_name_is_too_long_is_not_found(tmp_path: Path):
+    (problem,) = problems_of(tmp_path / "model.urdf", small_urdf(mesh="x" * 300))
+    assert "is not found" in problem
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ("left_hip_yaw_joint", "left&#10;hip", r"joint 'left\nhip' is named so"),
+        ("left_hip_yaw_joint", " ", "joint ' ' is named so, expected printable characters"),
+        ("left_forearm", "left&#x2028;forearm", r"body 'left\u2028forearm' is named so"),
+        ('mass="1"', 'mass="nan"', "<geom> has mass 'nan', expected finite numbers"),
+        ('pos="0 0 0.12"', 'pos="0 inf 0.12"', "has a pos of"),
+        ('mass="1"', 'mass="-1"', "mass"),
+        ("<worldbody>", "<worldbody><replicate count='1000000000'><site/></replicate>", "copies"),
+    ],
+)
+def test_what_no_robot_folder_can_hold_is_refused(tmp_path: Path, before, after, told):
+    text = small_humanoid()
+    assert before in text
+    assert told in "\n".join(problems_of(tmp_path / "model.xml", text.replace(before, after)))
+
+
+@pytest.mark.parametrize("name", ["", " ", "a\nb", "a\u2028b", os.fsdecode(b"\xff")])
+def test_a_name_that_no_folder_can_hold_is_refused(tmp_path: Path, name: str):
+    (tmp_path / "model.xml").write_text(small_humanoid())
+    with pytest.raises(ModelImportError, match=r"--name is .*, expected printable characters"):
+        import_model(tmp_path / "model.xml", ImportOptions(name=name))
+
+
+def test_a_robot_that_cannot_be_loaded_is_not_left_behind(tmp_path: Path):
+    (tmp_path / "model.xml").write_text(small_humanoid())
+    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    broken = replace(robot, rising_joints=("tail",))
+    with pytest.raises(ModelImportError, match=r"^robot.toml: rising_joints: unknown joint 'tail'"):
+        write_robot(broken, tmp_path / "out")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["model.xml"]
+
+
+def test_a_full_disk_leaves_nothing_and_one_line(tmp_path: Path):
+    (tmp_path / "model.xml").write_text(small_humanoid())
+    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with pytest.raises(ModelImportError, match=r"--out is .*: File too large"):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+        try:
+            write_robot(robot, tmp_path / "out")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["model.xml"]
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,13 @@
 """Meshes that MuJoCo does not read become the convex hull of their points."""
 
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from robots.model_import.mesh_files import is_readable, read_hull
+from robots.model_files import MAX_ASSET
+from robots.model_import.mesh_files import check_mesh, is_readable, read_hull
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype=float)
 FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
@@ -54,6 +56,58 @@ def test_a_collada_scene_is_placed_and_scaled(tmp_path: Path):
     # then y, which points up there, becomes z.
     moved = {(0.1 - 0.02 * y, -0.02 * z, 0.02 * x) for x, y, z in CORNERS}
     assert read_corners(tmp_path / "part.dae") == {tuple(np.round(m, 5).tolist()) for m in moved}
+
+
+def collada(scene: str = "", numbers: str = "0 0 0 1 0 0 0 2 0 0 0 3") -> str:
+    text = COLLADA.format(numbers=numbers)
+    return text.replace("<translate>10 0 0</translate>", scene) if scene else text
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (collada("<rotate>0 0 1</rotate>"), "<rotate> has 3 numbers"),
+        (collada("<matrix>1 2 3</matrix>"), "<matrix> has 3 numbers"),
+        (collada("<scale>1 x 3</scale>"), "could not be read|a text where numbers"),
+        (collada("<node>" * 300 + "</node>" * 300), "nested too deep"),
+        (collada(numbers="0 0 0 1 0 0 2 0 0 3 0 0"), "in one line or place"),
+        (collada(numbers="1 1 1 1 1 1 1 1 1 1 1 1"), "in one line or place"),
+        (collada(numbers="0 0 0 1 0 0 0 1e300 0 0 0 1"), "holds no solid"),
+        (collada(numbers="0 0 0 1 0 0 0 nan 0 0 0 1"), "holds no solid"),
+        (collada(numbers="0 0 0 1 0"), "cannot reshape"),
+        (collada().replace('"0.01"', '"much"'), "could not convert"),
+        ("<?xml version='1.0' encoding='nonsense'?><COLLADA/>", "not XML"),
+        ("<?xml version='1.0' encoding='utf-7'?><COLLADA/>", "multi-byte|not XML"),
+        ("<COLLADA><a></COLLADA>", "not XML"),
+    ],
+)
+def test_a_collada_file_that_cannot_be_used_is_refused(tmp_path: Path, content: str, told: str):
+    (tmp_path / "part.dae").write_text(content)
+    with pytest.raises(ValueError, match=told):
+        read_hull(tmp_path / "part.dae")
+
+
+def test_a_rotation_about_no_axis_turns_nothing(tmp_path: Path):
+    (tmp_path / "still.dae").write_text(collada("<rotate>0 0 0 90</rotate>"))
+    (tmp_path / "plain.dae").write_text(collada("<extra/>"))
+    assert read_corners(tmp_path / "still.dae") == read_corners(tmp_path / "plain.dae")
+
+
+def test_numbers_of_a_text_stl_that_are_none_are_refused(tmp_path: Path):
+    file = write_text_stl(tmp_path / "part.stl")
+    file.write_text(file.read_text().replace("1.0", "one"))
+    with pytest.raises(ValueError, match="one"):
+        read_hull(file)
+
+
+def test_a_mesh_that_is_no_file_or_too_large_is_refused(tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe.stl")
+    with pytest.raises(OSError, match="it is a FIFO"):
+        check_mesh(tmp_path / "pipe.stl")
+    with (tmp_path / "huge.obj").open("wb") as file:
+        file.truncate(MAX_ASSET + 1)
+    with pytest.raises(ValueError, match=f"expected at most {MAX_ASSET}"):
+        check_mesh(tmp_path / "huge.obj")
 
 
 @pytest.mark.parametrize("content", [b"", b"solid nothing\nendsolid", b"<COLLADA/>"])

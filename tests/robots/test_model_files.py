@@ -1,0 +1,114 @@
+"""What would never end or take all memory is refused before MuJoCo reads a model."""
+
+import os
+import re
+import struct
+from pathlib import Path
+
+import pytest
+from paths import TINY
+
+from robots import RobotError, load_robot
+from robots.model_files import MAX_ASSET, find_file_problems
+from robots.robot import ROBOTS_FOLDER
+
+
+def problems_of(folder: Path, content: str) -> str:
+    path = folder / "model.xml"
+    path.write_text(f"<mujoco>{content}</mujoco>", "utf-8")
+    return "\n".join(find_file_problems(path))
+
+
+@pytest.mark.parametrize("robot", ["human", "op3", "toddlerbot", "wolfgang"])
+def test_the_models_of_the_package_are_within_all_limits(robot: str):
+    assert find_file_problems(ROBOTS_FOLDER / robot / "model.xml") == []
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (
+            "<worldbody><replicate count='1000000000'><geom size='1'/></replicate></worldbody>",
+            "it makes 1000000000 copies of parts, expected at most 3000",
+        ),
+        (
+            "<worldbody><replicate count='1000'><replicate count='1000'><site/></replicate>"
+            "</replicate></worldbody>",
+            "it makes 1001000 copies of parts",  # 1000 * 1000 sites and 1000 inner replicates
+        ),
+        ("<worldbody><replicate count='1e9'><site/></replicate></worldbody>", "1000000000 copies"),
+        ("<worldbody><flexcomp count='100 100 100'/></worldbody>", "it makes 1000000 copies"),
+        (f"<worldbody>{'<site/>' * 20_000}</worldbody>", "it makes 20002 parts"),
+        ("<asset><hfield nrow='100000' ncol='100000'/></asset>", "<hfield> has nrow '100000'"),
+        ("<asset><texture width='100000' height='9999'/></asset>", "<texture> has width '100000'"),
+        ("<asset><mesh builtin='sphere' params='9 2000000'/></asset>", "<mesh> has params"),
+        ("<sensor><user dim='2000000000'/></sensor>", "<user> has dim '2000000000'"),
+        ("<actuator><motor nsample='2000000000'/></actuator>", "<motor> has nsample"),
+        ("<size nkey='2000000000'/>", "<size> has nkey '2000000000', expected at most 1000000"),
+        ("<size nuser_geom='2000000000'/>", "<size> has nuser_geom"),
+        ("<size memory='1000T'/>", "<size> has memory '1000T', expected at most 1073741824 bytes"),
+        ("<worldbody><geom pos='0 NaN 0'/></worldbody>", "<geom> has pos '0 NaN 0', expected fin"),
+        ("<include file='model.xml'/>", "model.xml includes itself"),
+        ("<asset><model name='m' file='model.xml'/></asset>", "model.xml includes itself"),
+        ("<include file='nonsense.xml'/>", "nonsense.xml: unknown encoding: nonsense"),
+        ("<include file='broken.xml'/>", "broken.xml: not XML"),
+        ("<include file='pipe'/>", "pipe: it is a FIFO, expected a file"),
+        ("<asset><mesh file='pipe'/></asset>", "<mesh> file 'pipe': it is a FIFO"),
+        ("<asset><mesh file='/elsewhere/pipe'/></asset>", "it is a FIFO"),
+        ("<asset><texture fileup='pipe'/></asset>", "<texture> file 'pipe': it is a FIFO"),
+        ("<compiler meshdir='parts'/><asset><mesh file='p.stl'/></asset>", "it is a FIFO"),
+        ("<asset><hfield file='huge.png'/></asset>", f"expected at most {MAX_ASSET}"),
+    ],
+)
+def test_a_model_beyond_a_limit_is_refused(tmp_path: Path, content: str, told: str):
+    (tmp_path / "parts").mkdir()
+    for name in ("pipe", "parts/p.stl"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "nonsense.xml").write_bytes(b'<?xml version="1.0" encoding="nonsense"?><a/>')
+    (tmp_path / "broken.xml").write_bytes(b"<a>")
+    with (tmp_path / "huge.png").open("wb") as file:
+        file.truncate(MAX_ASSET + 1)
+    assert told in problems_of(tmp_path, content)
+
+
+def test_copies_in_attached_models_count(tmp_path: Path):
+    inner = "<worldbody><replicate count='2000'><site/></replicate></worldbody>"
+    (tmp_path / "inner.xml").write_text(f"<mujoco>{inner}</mujoco>")
+    asset = "<asset><model name='inner' file='inner.xml'/></asset>"
+    twice = "<worldbody><attach model='inner' prefix='a'/><attach model='inner'/></worldbody>"
+    assert problems_of(tmp_path, asset + "<worldbody/>") == ""
+    assert "copies of parts" in problems_of(tmp_path, asset + twice)
+
+
+def test_what_is_merely_wrong_is_left_to_mujoco(tmp_path: Path):
+    wrong = (
+        "<worldbody><replicate count='many'><geom size='x'/></replicate></worldbody>"
+        "<asset><mesh file='missing.stl'/></asset><include file='missing.xml'/>"
+    )
+    assert problems_of(tmp_path, wrong) == ""
+
+
+def test_a_path_that_mujoco_cannot_open_is_refused():
+    path = Path(os.fsdecode(b"/no/m\xff.xml"))
+    assert find_file_problems(path) == [r"its path is '/no/m\udcff.xml', expected one in UTF-8"]
+
+
+def test_a_robot_folder_is_checked_as_well(tmp_path: Path):
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (folder / "robot.toml").write_text((TINY / "robot.toml").read_text())
+    text = (TINY / "model.xml").read_text()
+    many = '<replicate count="1000000000"><site/></replicate></worldbody>'
+    (folder / "model.xml").write_text(text.replace("</worldbody>", many))
+    with pytest.raises(RobotError, match="copies of parts, expected at most 3000"):
+        load_robot(folder)
+    (folder / "model.xml").write_text(re.sub('mass="[^"]*"', 'mass="nan"', text, count=1))
+    with pytest.raises(RobotError, match="expected finite numbers"):
+        load_robot(folder)
+
+
+def test_a_mesh_of_too_many_bytes_is_found_by_its_size_alone(tmp_path: Path):
+    with (tmp_path / "huge.stl").open("wb") as file:
+        file.write(bytes(80) + struct.pack("<I", 1))
+        file.truncate(MAX_ASSET + 1)
+    assert "huge.stl" in problems_of(tmp_path, "<asset><mesh file='huge.stl'/></asset>")

@@ -9,7 +9,7 @@ from small_humanoid import small_humanoid
 
 from robots import load_robot
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
-from robots.model_import.robot_folder import describe, write_robot
+from robots.model_import.robot_folder import describe_robot, write_robot
 
 GEAR = 2.5  # turns of the motor to one of the knee
 
@@ -34,7 +34,7 @@ def import_geared(folder: Path, ratio: float) -> ImportedRobot:
 
 
 def read_row(robot: ImportedRobot, joint: str) -> dict:
-    return next(row for row in tomllib.loads(describe(robot))["joints"] if row["name"] == joint)
+    return next(row for row in tomllib.loads(describe_robot(robot))["joints"] if row["name"] == joint)
 
 
 @pytest.mark.parametrize(("ratio", "sign"), [(1.0 / GEAR, 1), (-1.0 / GEAR, -1)])

@@ -34,7 +34,9 @@ def import_geared(folder: Path, ratio: float) -> ImportedRobot:
 
 
 def read_row(robot: ImportedRobot, joint: str) -> dict:
-    return next(row for row in tomllib.loads(describe_robot(robot))["joints"] if row["name"] == joint)
+    return next(
+        row for row in tomllib.loads(describe_robot(robot))["joints"] if row["name"] == joint
+    )
 
 
 @pytest.mark.parametrize(("ratio", "sign"), [(1.0 / GEAR, 1), (-1.0 / GEAR, -1)])

@@ -1,0 +1,109 @@
+"""Anatomy of an unknown model: legs, arms, head, and where its front is."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from small_humanoid import small_humanoid
+
+from robots.model_import.anatomy import Anatomy, find_anatomy
+from robots.model_import.source import ModelImportError, ModelSource
+from robots.model_import.tree import find_tree
+
+PATH = Path("small.xml")
+
+
+def find(notes: list[str] | None = None, **how) -> Anatomy:
+    model = mujoco.MjModel.from_xml_string(small_humanoid(**how))
+    notes = [] if notes is None else notes
+    return find_anatomy(
+        find_tree(ModelSource(path=PATH, model=model, actuators={}), notes), PATH, notes
+    )
+
+
+def names(anatomy: Anatomy, hinges: tuple[int, ...]) -> list[str]:
+    return [anatomy.tree.hinges[k].name.removesuffix("_joint") for k in hinges]
+
+
+def hide_sides(name: str) -> str:
+    return name.replace("left", "part").replace("right", "piece")
+
+
+def test_limbs_are_found_by_where_they_are():
+    anatomy = find()
+    leg = ["hip_yaw", "hip_roll", "thigh", "shank", "ankle", "foot"]
+    assert names(anatomy, anatomy.legs[0]) == [f"left_{part}" for part in leg]
+    assert names(anatomy, anatomy.legs[1]) == [f"right_{part}" for part in leg]
+    ((left, right),) = anatomy.arms
+    assert names(anatomy, left) == ["left_shoulder", "left_upper_arm", "left_forearm"]
+    assert names(anatomy, right) == ["right_shoulder", "right_upper_arm", "right_forearm"]
+    assert names(anatomy, anatomy.head) == ["head"]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, np.pi])
+def test_feet_tell_the_front_without_names(yaw: float):
+    anatomy = find(rename=hide_sides, yaw=yaw)
+    assert anatomy.axes[:, 0] == pytest.approx([np.cos(yaw), np.sin(yaw), 0.0], abs=1e-6)
+    assert names(anatomy, anatomy.legs[0])[0] == "part_hip_yaw"
+
+
+def shorten_feet(spec: mujoco.MjSpec) -> None:
+    for side in ("part", "piece"):
+        spec.body(f"{side}_foot").geoms[0].pos[0] = 0.0
+
+
+def test_knees_tell_the_front_where_feet_do_not():
+    notes: list[str] = []
+    anatomy = find(notes, rename=hide_sides, change=shorten_feet)
+    assert anatomy.axes == pytest.approx(np.eye(3))
+    assert notes == []
+
+
+def test_names_count_more_than_feet_and_that_is_said():
+    notes: list[str] = []
+    swap = {"left": "right", "right": "left"}
+
+    def swapped(name: str) -> str:
+        side, _, part = name.partition("_")
+        return f"{swap[side]}_{part}" if side in swap else name
+
+    anatomy = find(notes, rename=swapped)
+    assert anatomy.axes[:, 0] == pytest.approx([-1.0, 0.0, 0.0])
+    assert notes == ["names say left where the feet say right: names are believed"]
+
+
+def add_ends(spec: mujoco.MjSpec) -> None:
+    """Put a tail on the torso, and a mouth on the head."""
+    tail = spec.body("torso").add_body(name="tail", pos=[-0.05, 0.0, 0.0])
+    tail.add_joint(name="tail_joint", axis=[0, 1, 0], range=[-50, 50])
+    tail.add_geom(size=[0.01, 0, 0], mass=0.01)
+    mouth = spec.body("head").add_body(name="mouth", pos=[0.04, 0.0, 0.02])
+    mouth.add_joint(name="mouth_joint", axis=[0, 1, 0], range=[-20, 20])
+    mouth.add_geom(size=[0.01, 0, 0], mass=0.01)
+
+
+def test_a_tail_is_no_head_and_a_mouth_belongs_to_it():
+    anatomy = find(change=add_ends)
+    assert names(anatomy, anatomy.head) == ["head", "mouth"]
+    assert len(anatomy.arms) == 1
+
+
+def cut(*bodies: str) -> Callable[[mujoco.MjSpec], None]:
+    def change(spec: mujoco.MjSpec) -> None:
+        for body in bodies:
+            spec.delete(spec.body(body))
+
+    return change
+
+
+def test_a_body_without_arms_has_none():
+    anatomy = find(change=cut("left_shoulder", "right_shoulder"))
+    assert anatomy.arms == ()
+    assert names(anatomy, anatomy.head) == ["head"]
+
+
+def test_arms_without_legs_are_not_taken_for_them():
+    with pytest.raises(ModelImportError, match="above the center of mass of the rest"):
+        find(change=cut("left_hip_yaw", "right_hip_yaw"))

@@ -1,0 +1,50 @@
+"""Brackets: shapes that overlap by construction lose their contacts, others keep them."""
+
+import mujoco
+import numpy as np
+
+from robots.model_import.brackets import count_hinges_between, exclude_brackets, find_brackets
+
+CHAIN = """<mujoco><worldbody><body name="torso"><freejoint/><geom size="0.05" mass="1"/>
+  <body name="bracket" pos="0 0 0.1"><joint name="a" axis="0 1 0" range="-60 60"/>
+    <geom size="0.01" mass="0.1"/>
+    <body name="link"><joint name="b" axis="1 0 0" range="-60 60"/>
+      <geom type="capsule" fromto="0 0 DEPTH 0 0 0.3" size="0.02" mass="0.1"/>
+      <body name="hand" pos="0 0 0.33"><joint name="c" axis="0 1 0" range="-60 60"/>
+        <geom size="0.008" mass="0.1"/></body></body></body>
+</body></worldbody></mujoco>"""
+
+
+def build(depth: float) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """Build a chain whose long link begins so much above its joint [m]."""
+    spec = mujoco.MjSpec.from_string(CHAIN.replace("DEPTH", str(depth)))
+    return spec, spec.compile()
+
+
+def test_links_that_always_overlap_are_brackets():
+    _, model = build(-0.04)  # its end is 3 cm deep in the torso, two hinges away
+    pairs = find_brackets(model, np.zeros(3), np.random.default_rng(0))
+    assert [tuple(model.body(b).name for b in pair) for pair in pairs] == [("torso", "link")]
+
+
+def test_links_that_are_apart_are_none():
+    spec, model = build(0.05)
+    assert find_brackets(model, np.zeros(3), np.random.default_rng(0)) == []
+    assert exclude_brackets(spec, model, np.zeros(3)) == ""
+
+
+def test_their_contacts_are_switched_off():
+    spec, model = build(-0.04)
+    assert exclude_brackets(spec, model, np.zeros(3)) == "torso with link"
+    changed = spec.compile()
+    data = mujoco.MjData(changed)
+    mujoco.mj_forward(changed, data)
+    assert data.ncon == 0
+
+
+def test_hinges_are_counted_along_the_way():
+    _, model = build(0.05)
+    torso, hand, bracket = (model.body(name).id for name in ("torso", "hand", "bracket"))
+    assert count_hinges_between(model, torso, hand) == 3
+    assert count_hinges_between(model, bracket, hand) == 2
+    assert count_hinges_between(model, hand, hand) == 0

@@ -21,14 +21,11 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
-from sim2real.environment.env_options import EnvOptions
-from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, STEPS, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.export import export_policy
 from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
-from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.train import PROGRESS, train
 
@@ -262,21 +259,3 @@ def test_a_parent_whose_recipe_is_none_is_refused(op3, tmp_path):
 
 def test_a_checkpoint_is_never_half_written(unbroken):
     assert not [file for file in unbroken.iterdir() if ".part" in file.name]
-
-
-def test_symmetry_appends_the_mirror_images(op3, action, pool):
-    env = RslEnv(GetUpEnv(op3, action, StartPool.of(pool.qpos), EnvOptions(robots=4, threads=1)))
-    env.begin(0, np.random.default_rng(0))
-    actions = torch.ones(4, action.size)
-    both, doubled = mirror_batch(env, env.get_observations(), actions)
-    assert both is not None
-    assert doubled is not None
-    assert both.batch_size[0] == 8
-    assert torch.equal(both["policy"][:4], env.observations["policy"])
-    again, _ = mirror_batch(env, both[4:], None)
-    assert again is not None
-    assert torch.equal(again["policy"][4:], env.observations["policy"])
-    assert torch.equal(again["critic"][4:], env.observations["critic"])
-    assert doubled[4:, : action.size // 2].eq(1.0).all()
-    assert doubled[4:, action.size // 2 :].eq(-1.0).all()
-    assert mirror_batch(env) == (None, None)

@@ -1,4 +1,4 @@
-"""Keys of a terminal, reported one press at a time from a thread of its own."""
+"""Keys of a terminal, reported one press at a time from a thread of its own; stop keys."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import tty
 from collections.abc import Callable
 from typing import Self
 
+PRESSED, LOST = "the operator pressed a key", "the terminal is gone"  # why a stop key stops
 MOST_BYTES = 4096  # of one press: an arrow key sends three, a pasted text many
 
 
@@ -67,6 +68,20 @@ class TerminalKeys:
             except OSError:
                 sent = b""
             self._heard(sent)
+
+
+class StopKey(TerminalKeys):
+    """Watches a terminal for any key, inside a ``with`` block.
+
+    Without a terminal there is no stop key; signals still stop the program.
+    """
+
+    def __init__(self, stop: Callable[[str], None], terminal: int | None = None) -> None:
+        """Prepare to watch a terminal, by file descriptor; ``None`` for standard input.
+
+        ``stop`` is called at every key, with the reason, from the watching thread.
+        """
+        super().__init__(lambda sent: stop(PRESSED if sent else LOST), terminal)
 
 
 def _standard_input() -> int | None:

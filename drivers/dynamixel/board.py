@@ -9,7 +9,7 @@ from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import Finding, find_baud_rate
 from drivers.dynamixel.protocol2 import Span
 from drivers.imu.sample import ImuSample
-from drivers.imu.source import ImuError
+from drivers.imu.source import ImuError, ImuSource
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from robots.imu import SensorAxes
 from robots.robot import BoardSettings
@@ -18,7 +18,7 @@ AXES_BYTES = 6  # three axes, two bytes each
 REMEDY = "check its power, its cable and bus.board"
 
 
-class Board:
+class Board(ImuSource):
     """The controller board on a servo bus, an `ImuSource`.
 
     Its control table is that of a known model, or robot.toml gives the addresses and scales of
@@ -26,15 +26,12 @@ class Board:
     `receive` takes them.
     """
 
-    note = ""
-
     def __init__(
         self, bus: DynamixelBus, settings: BoardSettings, *, carries_imu: bool = True
     ) -> None:
         self.id, self.carries_imu = settings.id, carries_imu
         self.settings = settings
         self.bus = bus
-        self.damaged = 0
         self.table = table_named(settings.model) if settings.model else None
         self._axes = SensorAxes.of(settings.imu_axes)
         self._newest: ImuSample | None = None
@@ -106,9 +103,6 @@ class Board:
     def close(self) -> None:
         """Forget what was received; the bus is closed by its owner."""
         self._newest = None
-
-    def request(self, now: float) -> None:
-        """Do nothing: its registers are read with those of the servos."""
 
     def poll(self) -> ImuSample | None:
         """Return the sample of this cycle."""

@@ -7,12 +7,12 @@ import time
 from dataclasses import replace
 
 from drivers.imu.sample import ImuSample
-from drivers.imu.source import ImuSource, await_sample
+from drivers.imu.source import ImuSource
 
 INTERVAL = 0.004  # s between two reads, twice as often as the fastest control cycles
 
 
-class BackgroundImu:
+class BackgroundImu(ImuSource):
     """Hands over the newest sample that its thread has read.
 
     An I2C transfer waits until it is done: 0.7 ms for a sample at 400 kbit/s, and for as long as
@@ -49,9 +49,6 @@ class BackgroundImu:
         self._source.close()
         self._newest = None
 
-    def request(self, now: float) -> None:
-        """Do nothing: the thread asks."""
-
     def poll(self) -> ImuSample | None:
         """Return the newest sample with its age."""
         with self._lock:
@@ -60,10 +57,6 @@ class BackgroundImu:
             return None
         sample, at = newest
         return replace(sample, age=sample.age + time.monotonic() - at)
-
-    def measure(self) -> ImuSample | None:
-        """Wait for a sample."""
-        return await_sample(self)
 
     def _run(self) -> None:
         while not self._stopping.wait(INTERVAL):

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.imu.register_link import RegisterLink
 from drivers.imu.sample import ImuSample
-from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, await_sample
+from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, ImuSource
 from robots.imu import ImuSettings, SensorAxes
 
 # Registers of page 0, and of page 1 (data sheet, 4.2).
@@ -43,15 +43,13 @@ class Asked(Enum):
     DATA = "ids and data"
 
 
-class Bno055:
+class Bno055(ImuSource):
     """A BNO055 that is asked for one sample a cycle.
 
     Neither of its lines has a checksum. A reply counts only if it holds the ids of the chip and
     of its sensors at their places, which rejects cut and shifted replies, not a wrong bit in a
     value.
     """
-
-    note = ""
 
     def __init__(self, settings: ImuSettings, line: RegisterLink, name: str) -> None:
         self.name, self._line = name, line
@@ -119,10 +117,6 @@ class Bno055:
         else:
             return self._decode(reply, self._now - self._asked_at)
         return None
-
-    def measure(self) -> ImuSample | None:
-        """Wait for a sample."""
-        return await_sample(self)
 
     def _decode(self, data: bytes, age: float) -> ImuSample | None:
         gyro, accelerometer = data[GYR_DATA:DATA_END], data[ACC_DATA : ACC_DATA + 6]

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.imu.i2c import I2cChip
 from drivers.imu.sample import ImuSample
-from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, await_sample
+from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, ImuSource
 from robots.imu import ImuSettings, SensorAxes
 
 # Packets of the sensor hub (SHTP): length with these four bytes, channel, sequence number. The
@@ -31,18 +31,15 @@ MOST_PACKETS = 16  # read in one cycle
 LONGEST_PACKET = 1024  # bytes; the longest, the advertisement, has about 280
 
 
-class Bno08xI2c:
+class Bno08xI2c(ImuSource):
     """A BNO08x whose newest reports are read once a cycle.
 
     A report counts when its packet is whole and of a known kind; SHTP has no checksum on I2C.
     """
 
-    note = ""
-
     def __init__(self, settings: ImuSettings, chip: I2cChip) -> None:
         self._chip = chip
         self.name = f"IMU BNO08x on {chip.path}"
-        self.damaged = 0
         self._axes = SensorAxes.of(settings.axes)
         self._sent = [0] * 6  # packets on each channel
         self._product: bytes | None = None
@@ -70,9 +67,6 @@ class Bno08xI2c:
         """Close the bus."""
         self._chip.close()
 
-    def request(self, now: float) -> None:
-        """Do nothing: its reports wait to be read."""
-
     def poll(self) -> ImuSample | None:
         """Return the newest pair of reports, if a gyro report has come."""
         self._gyro = b""
@@ -88,10 +82,6 @@ class Bno08xI2c:
             accelerometer=self._axes.to_site(accelerometer) * ACCELEROMETER_STEP,
             counts=self._gyro + self._accelerometer,
         )
-
-    def measure(self) -> ImuSample | None:
-        """Wait for a sample."""
-        return await_sample(self)
 
     def _await_product(self) -> None:
         until = time.monotonic() + FIRST_SAMPLE

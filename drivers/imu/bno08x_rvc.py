@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.imu.sample import ImuSample
 from drivers.imu.serial_link import SerialLink
-from drivers.imu.source import await_sample
+from drivers.imu.source import ImuSource
 from drivers.orientation_filter import GRAVITY
 from drivers.serial_port import SerialPort
 from robots.imu import ImuSettings, SensorAxes
@@ -56,7 +56,7 @@ def decode_frame(frame: bytes) -> RvcFrame | None:
     )
 
 
-class Bno08xRvc:
+class Bno08xRvc(ImuSource):
     """A BNO08x that sends frames by itself.
 
     It sends no gyro values. The mean rate between two orientations stands in for them, over the
@@ -67,7 +67,6 @@ class Bno08xRvc:
 
     def __init__(self, settings: ImuSettings, port: SerialPort) -> None:
         self.name = f"IMU BNO08x (UART-RVC) on {port.path}"
-        self.damaged = 0
         self._link = SerialLink(port, self.name)
         self._axes = SensorAxes.of(settings.axes)
         self._buffer = b""
@@ -101,10 +100,6 @@ class Bno08xRvc:
             return None
         frames = (newest.index - last.index) % INDICES
         return self._compare(last, newest, frames * FRAME_PERIOD) if frames else None
-
-    def measure(self) -> ImuSample | None:
-        """Wait for a sample."""
-        return await_sample(self)
 
     def _compare(self, last: RvcFrame, newest: RvcFrame, duration: float) -> ImuSample:
         turn = np.zeros(3)

@@ -12,10 +12,8 @@ if TYPE_CHECKING:
 class I2cChip(Protocol):
     """What a sensor needs of its chip on an I2C bus; its errors are `OSError`."""
 
-    @property
-    def path(self) -> str:
-        """Return bus and address in messages."""
-        ...
+    path: str
+    """Bus and address in messages."""
 
     def open(self) -> None:
         """Open the bus; harmless if it is open."""
@@ -28,17 +26,13 @@ class I2cChip(Protocol):
         ...
 
 
-class LinuxI2cChip:
+class LinuxI2cChip(I2cChip):
     """A chip behind /dev/i2c-N; a transfer waits until it is done."""
 
     def __init__(self, bus: int, address: int) -> None:
         self._device, self._address = f"/dev/i2c-{bus}", address
+        self.path = f"{self._device} at 0x{address:02X}"
         self._bus: SMBus | None = None
-
-    @property
-    def path(self) -> str:
-        """Return bus and address in messages."""
-        return f"{self._device} at 0x{self._address:02X}"
 
     def open(self) -> None:
         """Open the bus."""

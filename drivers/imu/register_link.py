@@ -19,15 +19,10 @@ REPLY_TIME = 0.05  # s after which a reply is given up
 class RegisterLink(Protocol):
     """A line to registers; nothing here waits, and only `open` raises."""
 
-    @property
-    def damaged(self) -> int:
-        """Return how many replies were dropped because they were damaged."""
-        ...
-
-    @property
-    def is_busy(self) -> bool:
-        """Return whether a reply is still to come."""
-        ...
+    is_busy: bool = False
+    """Whether a reply is still to come."""
+    damaged: int = 0
+    """How many replies were dropped because they were damaged."""
 
     def open(self) -> None:
         """Open the line.
@@ -50,14 +45,12 @@ class RegisterLink(Protocol):
         ...
 
 
-class I2cRegisters:
+class I2cRegisters(RegisterLink):
     """Registers over I2C: the reply is there with the request."""
 
     def __init__(self, chip: I2cChip, name: str) -> None:
         self._chip, self._name = chip, name
         self._reply: bytes | None = None
-        self.damaged = 0
-        self.is_busy = False
 
     def open(self) -> None:
         """Open the bus."""
@@ -91,7 +84,7 @@ class I2cRegisters:
             self._reply = None
 
 
-class UartRegisters:
+class UartRegisters(RegisterLink):
     """Registers over a UART: the reply comes some cycles later, or never."""
 
     def __init__(self, link: SerialLink) -> None:
@@ -99,8 +92,6 @@ class UartRegisters:
         self._buffer = b""
         self._count = 0  # bytes of the expected reply; 0 for a write
         self._give_up_at = 0.0
-        self.is_busy = False
-        self.damaged = 0
 
     def open(self) -> None:
         """Open the port."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.imu.sample import ImuSample
 from drivers.imu.serial_link import SerialLink
-from drivers.imu.source import await_sample
+from drivers.imu.source import ImuSource
 from drivers.orientation_filter import GRAVITY
 from drivers.serial_port import SerialPort
 from robots.imu import VALUES, ImuSettings, SensorAxes
@@ -71,14 +71,11 @@ def checksum_of(text: bytes) -> bytes:
     return b"%02X" % reduce(xor, text, 0)
 
 
-class SerialLineImu:
+class SerialLineImu(ImuSource):
     """An IMU that sends lines of numbers by itself; the newest complete line counts."""
-
-    note = ""
 
     def __init__(self, settings: ImuSettings, port: SerialPort) -> None:
         self.name = f"IMU (serial line) on {port.path}"
-        self.damaged = 0
         self._link, self._format = SerialLink(port, self.name), LineFormat(settings)
         self._rest: bytes | None = None  # of an incomplete line; None before the first line feed
 
@@ -90,9 +87,6 @@ class SerialLineImu:
     def close(self) -> None:
         """Close the port."""
         self._link.close()
-
-    def request(self, now: float) -> None:
-        """Do nothing: it sends by itself."""
 
     def poll(self) -> ImuSample | None:
         """Return the newest complete line's sample."""
@@ -106,10 +100,6 @@ class SerialLineImu:
             self.damaged += sample is None
             newest = sample or newest
         return newest
-
-    def measure(self) -> ImuSample | None:
-        """Wait for a sample."""
-        return await_sample(self)
 
     def _cut(self, data: bytes) -> list[bytes]:
         """Return the complete lines; what came before the first line feed is half a line."""

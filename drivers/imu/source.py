@@ -28,20 +28,12 @@ class ImuSource(Protocol):
     sensor is frozen is for `ImuFusion` to judge.
     """
 
-    @property
-    def name(self) -> str:
-        """Return its name in messages."""
-        ...
-
-    @property
-    def note(self) -> str:
-        """Return what is special about its samples, in words; empty for nothing."""
-        ...
-
-    @property
-    def damaged(self) -> int:
-        """Return how many messages were dropped because they were damaged."""
-        ...
+    name: str
+    """In messages."""
+    note: str = ""
+    """What is special about its samples, in words; empty for nothing."""
+    damaged: int = 0
+    """How many messages were dropped because they were damaged."""
 
     def open(self) -> None:
         """Open and configure it; harmless if it is open.
@@ -62,15 +54,10 @@ class ImuSource(Protocol):
 
     def measure(self) -> ImuSample | None:
         """Wait for one sample, outside of the control cycle; None if the IMU is silent."""
-        ...
-
-
-def await_sample(source: ImuSource) -> ImuSample | None:
-    """Wait for a sample, but not for ever."""
-    until = time.monotonic() + FIRST_SAMPLE
-    while True:
-        now = time.monotonic()
-        source.request(now)
-        if (sample := source.poll()) is not None or now > until:
-            return sample
-        time.sleep(POLL_STEP)
+        until = time.monotonic() + FIRST_SAMPLE
+        while True:
+            now = time.monotonic()
+            self.request(now)
+            if (sample := self.poll()) is not None or now > until:
+                return sample
+            time.sleep(POLL_STEP)

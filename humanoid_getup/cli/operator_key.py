@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers import SafetyGuard
-from drivers.stop_key import StopKey
+from drivers.terminal_keys import StopKey
 from humanoid_getup.execution.phase import Phase, PhaseChange
 
 SAME_PRESS = 0.5  # s after a release within which a key repeats itself, or is pressed twice

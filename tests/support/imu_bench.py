@@ -12,7 +12,8 @@ from drivers.imu.sample import ImuSample
 from drivers.orientation_filter import GRAVITY
 from drivers.serial_port import PortError, PortLostError
 from drivers.virtual_bus.imu.build import build_virtual_imu
-from drivers.virtual_bus.imu.reading import ImuReading, VirtualUartImu
+from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
 from robots import ImuSettings, quaternion
 from robots.imu import SensorAxes
 

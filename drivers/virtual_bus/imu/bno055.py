@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.orientation_filter import GRAVITY
-from drivers.virtual_bus.imu.i2c_chip import VirtualI2cChip
 from drivers.virtual_bus.imu.reading import ImuReading, to_counts
+from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip, VirtualUartImu
 
 # All numbers here are the data sheet's own (BST-BNO055-DS000), none is the driver's: what one side
 # gets wrong, the other does not follow.
@@ -29,7 +29,7 @@ START, WRITE, READ, DATA, STATUS, DONE = 0xAA, 0x00, 0x01, 0xBB, 0xEE, 0x01
 INVALID_ADDRESS, WRONG_START = 0x04, 0x06
 
 
-class VirtualBno055(VirtualI2cChip):
+class VirtualBno055(VirtualI2cChip, VirtualUartImu):
     """Two pages of registers: what is written to them decides what it measures, and in what unit.
 
     As on the chip, the registers of page 1 and the units may only be written in configuration
@@ -99,14 +99,6 @@ class VirtualBno055(VirtualI2cChip):
         return self.read(register, count)
 
     # UART -----------------------------------------------------------------------------------
-
-    def take(self) -> bytes:
-        """Return nothing: it only replies."""
-        return b""
-
-    def repeat(self) -> bytes:
-        """Return nothing: it only replies."""
-        return b""
 
     def hear(self, data: bytes) -> bytes:
         """Execute all frames that have come whole; return the replies."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.imu.reading import ImuReading, to_counts
-from drivers.virtual_bus.imu.sender import VirtualSender
+from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
 from robots.quaternion import Array, slerp
 
 # All numbers here are the data sheet's own (1.3.5.2), none is the driver's.
@@ -18,7 +18,7 @@ FORCE_STEP = 1e-3 * GRAVITY  # m/s²
 RESERVED = bytes(3)
 
 
-class VirtualBno08xRvc(VirtualSender):
+class VirtualBno08xRvc(VirtualUartImu):
     """Sends a frame every 10 ms of bus time, by its own clock."""
 
     def __init__(self) -> None:

@@ -1,9 +1,8 @@
-"""What a virtual IMU measures, and what makes it fail."""
+"""What a virtual IMU measures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -45,31 +44,3 @@ class ImuReading:
 def to_counts(value: Array, step: float) -> bytes:
     """Convert a vector to the 16-bit counts of a register, as far as they reach."""
     return np.clip(np.rint(value / step), -32768, 32767).astype("<i2").tobytes()
-
-
-class VirtualImu(Protocol):
-    """A virtual IMU on its own line."""
-
-    alive: bool
-    """False without power: it neither receives nor sends."""
-    frozen: bool
-    """True while it repeats its last values."""
-
-    def sense(self, reading: ImuReading) -> None:
-        """Take a new measurement, unless it is frozen."""
-
-
-class VirtualUartImu(VirtualImu, Protocol):
-    """A virtual IMU on a serial line."""
-
-    def take(self) -> bytes:
-        """Return what it has sent by itself since the last call."""
-        ...
-
-    def hear(self, data: bytes) -> bytes:
-        """Return the reply to bytes that a client sent."""
-        ...
-
-    def repeat(self) -> bytes:
-        """Return what it sends while time stands still."""
-        ...

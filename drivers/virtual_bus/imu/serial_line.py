@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from drivers.imu.serial_line import ACCELEROMETER_UNITS, GYRO_UNITS, checksum_of
 from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.imu.sender import VirtualSender
+from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
 from robots.imu import VALUES, ImuSettings
 
 
-class VirtualSerialLine(VirtualSender):
+class VirtualSerialLine(VirtualUartImu):
     """Sends a line with every measurement, in the format of its settings."""
 
     def __init__(self, settings: ImuSettings) -> None:

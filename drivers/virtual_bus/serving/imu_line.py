@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from drivers.virtual_bus.imu.reading import VirtualUartImu
+from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.imu.build import build_i2c_source
+from drivers.imu.i2c import I2cChip
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
 from drivers.virtual_bus.imu.bno08x_rvc import VirtualBno08xRvc
-from drivers.virtual_bus.imu.i2c_chip import VirtualI2cChip
 from drivers.virtual_bus.imu.reading import ImuReading
 from drivers.virtual_bus.imu.serial_line import VirtualSerialLine
 from robots import ImuSettings, quaternion
@@ -172,7 +172,19 @@ def test_a_bno08x_reports_as_often_as_it_is_asked_to(interval: int):
 # The drivers, against chips that only remember what is written to them ------------------------
 
 
-class Memory055(VirtualI2cChip):
+class MemoryChip(I2cChip):
+    """A chip that only remembers."""
+
+    path = "memory"
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def transfer(self, data: bytes, count: int = 0) -> bytes:
+        return self.exchange(data, count)
+
+
+class Memory055(MemoryChip):
     """Two pages of plain registers."""
 
     def restart(self) -> None:
@@ -271,7 +283,7 @@ def test_registers_of_the_other_page_are_no_sample():
     assert source.damaged == 5
 
 
-class Memory08x(VirtualI2cChip):
+class Memory08x(MemoryChip):
     """Answers with one packet after the other, and remembers what is written."""
 
     def restart(self) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from imu_bench import KINDS, ImuBench
 
 from drivers.imu.serial_line import LineFormat, checksum_of
 from robots import ImuSettings
@@ -58,3 +59,27 @@ def test_units_skipped_words_and_separators_are_those_of_the_settings():
 )
 def test_a_line_that_is_not_exactly_six_plausible_numbers_is_damaged(line: bytes):
     assert LineFormat(PLAIN).parse(line) is None
+
+
+@pytest.mark.parametrize(
+    ("line", "is_plausible"),
+    [
+        (b"69 0 0 0 0 9.81", True),  # 4000 deg/s are 69.8 rad/s
+        (b"0 -70 0 0 0 9.81", False),
+        (b"0 0 0 0 313 0", True),  # 32 g are 313.9 m/s2
+        (b"0 0 0 -315 0 0", False),
+    ],
+)
+def test_what_no_such_sensor_measures_is_damaged(line: bytes, is_plausible: bool):
+    assert (LineFormat(PLAIN).parse(line) is not None) == is_plausible
+
+
+def test_a_line_without_an_end_is_dropped_up_to_the_next_feed():
+    bench = ImuBench(KINDS["serial line"])
+    bench.first()
+    bench.port.spoil = lambda _: b"1" * 513
+    assert bench.cycle() is None and bench.source.damaged == 1
+    bench.port.spoil = lambda line: b" 1 2 3\n" + line  # the end of it, then a whole one
+    sample = bench.cycle()
+    assert sample is not None and sample.accelerometer[2] == pytest.approx(9.81, abs=0.02)
+    assert bench.source.damaged == 1

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from drivers.stop_key import LOST, PRESSED, StopKey
+from drivers.terminal_keys import LOST, PRESSED, StopKey
 
 
 class Heard:

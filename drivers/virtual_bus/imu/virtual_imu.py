@@ -1,0 +1,73 @@
+"""What virtual IMUs share: power, and the line in front of them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from drivers.imu.i2c import I2cChip
+from drivers.virtual_bus.imu.reading import ImuReading
+
+
+class VirtualImu(ABC):
+    """A virtual IMU on its own line."""
+
+    def __init__(self) -> None:
+        self.alive = True
+        """False without power: it neither receives nor sends."""
+        self.frozen = False
+        """True while it repeats its last values."""
+
+    @abstractmethod
+    def sense(self, reading: ImuReading) -> None:
+        """Take a new measurement, unless it is frozen."""
+
+
+class VirtualUartImu(VirtualImu):
+    """A virtual IMU on a serial line; by default one that sends by itself and ignores bytes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._pending = b""
+
+    def take(self) -> bytes:
+        """Return what it has sent by itself since the last call."""
+        pending, self._pending = self._pending, b""
+        return pending if self.alive else b""
+
+    def hear(self, data: bytes) -> bytes:
+        """Return the reply to bytes that a client sent."""
+        del data
+        return b""
+
+    def repeat(self) -> bytes:
+        """Return what it sends while time stands still."""
+        return b""
+
+
+class VirtualI2cChip(VirtualImu, I2cChip):
+    """A chip on an I2C bus; it does not acknowledge without power."""
+
+    path = "virtual I2C"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._reading: ImuReading | None = None
+        self.restart()
+
+    @abstractmethod
+    def restart(self) -> None:
+        """Lose power for a moment."""
+
+    @abstractmethod
+    def exchange(self, data: bytes, count: int) -> bytes:
+        """Take what the host writes, then return as many bytes as it reads."""
+
+    def transfer(self, data: bytes, count: int = 0) -> bytes:
+        """Write bytes to the chip, then read some.
+
+        Raises:
+            OSError: if it has no power, as Linux reports a missing acknowledgement.
+        """
+        if not self.alive:
+            raise OSError(121, "Remote I/O error")
+        return self.exchange(data, count)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 from humanoid_getup.policy.action import choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import load_robot
@@ -13,44 +16,48 @@ from sim2real.environment.rewards import REWARDS
 from sim2real.environment.starts.settled_falls import make_pool, pool_rng
 
 
-def make_get_up(
-    num_envs: int = 512,
-    *,
-    robot: str = "op3",
-    rewards: str = "robust",
-    randomization: str = "all",
-    wide: bool = True,
-    falls: int = 128,
-    seed: int = 0,
-    threads: int = 0,
-) -> GetUpEnv:
-    """Build a training environment from names and numbers.
+@dataclass(frozen=True, kw_only=True)
+class GetUpChoices:
+    """What a training environment is made from, by names and numbers."""
 
-    Args:
-        num_envs: Number of robots side by side.
-        robot: Name of a robot, or a folder with a robot.toml.
-        rewards: Name of the rewards.
-        randomization: Name of the domain randomization.
-        wide: Whether mirrored joints may also move in opposite directions, and limbs spread.
-        falls: Number of settled falls in the pool; their mirror images double it.
-        seed: Seed of the falls; that of the episodes goes to ``reset``.
-        threads: Threads that step physics; 0 for one per processor.
+    robot: str = "op3"
+    """Name of a robot, or a folder with a robot.toml."""
+    rewards: str = "robust"
+    """Name of the rewards."""
+    randomization: str = "all"
+    """Name of the domain randomization."""
+    wide: bool = True
+    """Whether mirrored joints may also move in opposite directions, and limbs spread."""
+    falls: int = 128
+    """Number of settled falls in the pool; their mirror images double it."""
+    seed: int = 0
+    """Seed of the falls; that of the episodes goes to ``reset``."""
+    threads: int = 0
+    """Threads that step physics; 0 for one per processor."""
+
+    def __post_init__(self) -> None:
+        for kind, name, known in (
+            ("rewards", self.rewards, REWARDS),
+            ("randomization", self.randomization, RANDOMIZATIONS),
+        ):
+            if name not in known:
+                raise ValueError(f"unknown {kind} '{name}', expected {', '.join(known)}")
+
+
+def make_get_up(num_envs: int = 512, **choices: Any) -> GetUpEnv:
+    """Build a training environment of some robots side by side; ``choices`` are `GetUpChoices`.
 
     Raises:
         ValueError: if there is no such robot, reward or randomization.
     """
-    if rewards not in REWARDS:
-        raise ValueError(f"unknown rewards '{rewards}', expected {', '.join(REWARDS)}")
-    if randomization not in RANDOMIZATIONS:
-        expected = ", ".join(RANDOMIZATIONS)
-        raise ValueError(f"unknown randomization '{randomization}', expected {expected}")
-    loaded = load_robot(robot)
+    chosen = GetUpChoices(**choices)
+    robot = load_robot(chosen.robot)
     options = EnvOptions(
         robots=num_envs,
-        randomization=RANDOMIZATIONS[randomization],
-        rewards=REWARDS[rewards],
-        threads=threads,
+        randomization=RANDOMIZATIONS[chosen.randomization],
+        rewards=REWARDS[chosen.rewards],
+        threads=chosen.threads,
     )
-    world = build_training_world(loaded, FLAT_SCENE, PHYSICS_STEP)
-    pool = make_pool(world, falls, pool_rng(seed))
-    return GetUpEnv(loaded, choose_actions(loaded, wide), pool, options)
+    world = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP)
+    pool = make_pool(world, chosen.falls, pool_rng(chosen.seed))
+    return GetUpEnv(robot, choose_actions(robot, chosen.wide), pool, options)

@@ -1,0 +1,102 @@
+"""Abilities: squats, servos and arms, by figures worked out by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.robot_check.ability_check import check_arms, check_depth, check_strength
+from robots import Robot
+from robots.body.limbs import Limbs
+from robots.body.squats import Squat
+
+
+@pytest.fixture(scope="module")
+def limbs(op3: Robot) -> Limbs:
+    return Limbs(op3)
+
+
+def crouch(op3: Robot, share: float, torque: float = 0.0, **angles: float) -> Squat:
+    """Make a squat in which all servos hold one torque [N·m]."""
+    joint_pos = op3.standing.joint_pos.copy()
+    for name, angle in angles.items():
+        joint_pos[op3.joint_names.index(name)] = angle
+    return Squat(joint_pos=joint_pos, neck_share=share, torque=np.full(op3.n, torque))
+
+
+def test_no_squat_leaves_the_strength_unknown(limbs: Limbs):
+    found = check_depth(limbs, [])
+    assert found.level == "warning"
+    assert "no balanced posture" in found.text
+
+
+@pytest.mark.parametrize(("share", "level"), [(0.7, "ok"), (0.8, "warning")])
+def test_the_deepest_squat_decides(limbs: Limbs, op3: Robot, share: float, level: str):
+    found = check_depth(limbs, [crouch(op3, 0.9), crouch(op3, share)])
+    assert found.level == level
+    assert found.text.startswith(f"crouches in balance down to {share:.0%} of its neck height")
+
+
+def test_joints_of_legs_that_stop_a_squat_are_named(limbs: Limbs, op3: Robot):
+    ends = {
+        "l_knee": float(op3.upper[op3.joint_names.index("l_knee")]),
+        "l_el": float(op3.upper[op3.joint_names.index("l_el")]),
+    }
+    found = check_depth(limbs, [crouch(op3, 0.8, **ends)])
+    assert found.text.endswith("; at the end of their ranges: l_knee")
+
+
+@pytest.mark.parametrize(
+    ("stance", "squat", "share", "level"),
+    [
+        (1.0, 2.0, 0.5, "ok"),  # N·m of 4.1: below a half
+        (1.0, 3.0, 0.5, "warning"),
+        (1.0, 5.0, 0.5, "warning"),  # deeper than a rise needs
+        (1.0, 5.0, 0.8, "fault"),
+        (5.0, 0.0, 0.8, "fault"),
+        (3.0, 0.0, 0.8, "warning"),
+    ],
+)
+def test_servos_need_twice_what_they_hold(op3: Robot, stance, squat, share, level):
+    found = [*check_strength(op3, np.full(op3.n, stance), [crouch(op3, share, squat)])]
+    assert {each.level for each in found} == {level}
+    assert len(found) == (1 if level == "ok" else op3.n)
+
+
+def test_a_lower_supply_leaves_less_torque(op3: Robot):
+    low = replace(op3, supply_voltage=0.75 * 12.0)
+    stance = np.full(op3.n, 0.4 * 4.1)  # of which three quarters are left
+    assert {each.level for each in check_strength(op3, stance, [])} == {"ok"}
+    assert {each.level for each in check_strength(low, stance, [])} == {"warning"}
+
+
+def test_signs_of_torques_do_not_matter(op3: Robot):
+    down, up = (
+        [str(each) for each in check_strength(op3, np.full(op3.n, torque), [])]
+        for torque in (-3.0, 3.0)
+    )
+    assert down == up
+
+
+def test_arms_that_are_strong_enough_are_described(limbs: Limbs):
+    reach, push = check_arms(limbs, 10.0, 0.7)
+    assert (reach.level, push.level) == ("ok", "ok")
+    upper, lower = limbs.measure_parts(limbs.all["left_arm"])
+    # Half of the weight on two hands, at the end of straight arms.
+    assert f"need {2.5 * (upper + lower):.2f} N·m" in push.text
+
+
+def test_shoulders_that_only_push_with_bent_arms_are_named(limbs: Limbs):
+    upper, _ = limbs.measure_parts(limbs.all["left_arm"])
+    weight = 4.0 * 0.9 * 0.8 * 4.1 / upper  # bent arms need 90 % of what shoulders push with
+    _, *found = check_arms(limbs, weight, 0.7)
+    shoulders = [each for each in found if "sho_pitch" in each.subject]
+    assert [each.remedy for each in shoulders] == ["it has to push with bent arms"] * 2
+
+
+def test_a_robot_without_arms_rises_by_its_legs(limbs: Limbs):
+    legs = {name: limb for name, limb in limbs.all.items() if "leg" in name}
+    bare = Limbs(limbs.robot)
+    bare.all = legs
+    (found,) = check_arms(bare, 10.0, 0.7)
+    assert found.text.startswith("there are none that bend")

@@ -1,0 +1,66 @@
+"""The check of a model: masses and mirror pairs, on robots small enough to print."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny_robots import LEGS, limb, make_robot
+
+from humanoid_getup.robot_check.model_check import check_body, check_mirrors
+from robots.body.limbs import Limbs
+
+ARMS = "".join(
+    limb(f"{s}_arm", f"0 {y} 0.15", inside=limb(f"{s}_elbow", "0 0 -0.1"))
+    for s, y in (("l", 0.1), ("r", -0.1))
+)
+
+
+@pytest.fixture
+def limbs(tmp_path: Path) -> Limbs:
+    return Limbs(make_robot(tmp_path, LEGS + ARMS))
+
+
+def test_a_robot_lighter_than_its_servos_is_named(tmp_path: Path):
+    light = (LEGS + ARMS).replace('mass="0.1"', 'mass="0.01"')
+    (found, *_) = check_body(Limbs(make_robot(tmp_path, light)))
+    # By hand: 8 servos of 82 g; 0.5 kg and 8 links of 10 g.
+    assert found.level == "warning"
+    assert found.text == "weighs 0.58 kg, less than its 8 servos, 0.66 kg"
+
+
+def test_a_model_in_other_units_is_named(tmp_path: Path):
+    heavy = (LEGS + ARMS).replace('mass="0.1"', 'mass="100"')
+    (found, *_) = check_body(Limbs(make_robot(tmp_path, heavy)))
+    assert found.subject == "body"
+    assert "check the units" in found.remedy
+
+
+def test_a_neck_below_the_shoulders_is_named(tmp_path: Path):
+    high = ARMS.replace("0.15", "0.25")
+    texts = [str(found) for found in check_body(Limbs(make_robot(tmp_path, LEGS + high)))]
+    assert "site 'neck': is 50 mm below the shoulders, expected above them" in texts[-1]
+
+
+def test_a_robot_without_imu_is_not_blamed_for_its_place(limbs: Limbs):
+    limbs.robot = replace(limbs.robot, imu_site=None)
+    assert not [found for found in check_body(limbs) if "imu" in found.subject]
+
+
+def test_pairs_about_y_turn_the_same_way(limbs: Limbs):
+    (found,) = check_mirrors(limbs)
+    assert (found.level, found.text) == ("ok", "4 pairs and their signs agree with the model")
+
+
+def test_a_wrong_sign_is_named_with_the_right_one(limbs: Limbs):
+    limbs.robot = replace(limbs.robot, mirror_sign=-limbs.robot.mirror_sign)
+    found = [*check_mirrors(limbs)]
+    assert [each.level for each in found] == ["fault"] * 4
+    assert found[0].text == "mirror_sign is -1, but its axis says +1 for its mirror 'r_hip'"
+
+
+def test_a_joint_without_image_is_named(tmp_path: Path):
+    lever = limb("lever", "0 0.15 0.1")
+    found = [*check_mirrors(Limbs(make_robot(tmp_path, LEGS + ARMS + lever)))]
+    assert [str(each).split(";")[0] for each in found] == [
+        "joint 'lever': its mirror is itself, which is not its mirror image in the model"
+    ]

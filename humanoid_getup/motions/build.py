@@ -130,7 +130,7 @@ def make_task(
     """Describe what the search of a motion depends on."""
     return SearchTask(
         robot=robot.name,
-        keyframes=hashlib.sha256(format_keyframes(keyframes, robot).encode()).hexdigest(),
+        keyframes=hashlib.sha256(format_keyframes([keyframes], robot).encode()).hexdigest(),
         seed=seed,
         prefer=prefer or "keyframes",
     )

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import json
 import math
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import tomlkit
+from tomlkit.items import AoT, Table
 
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.keyframes_file import KeyframesError, load_keyframes
+from humanoid_getup.motions.keyframes_file import TABLES, KeyframesError, load_keyframes
 from humanoid_getup.motions.motion import STANDING
 from robots import Robot
 from robots.files import atomic_path, read_bounded
 from robots.quaternion import Array
 from robots.sides import JointSides
+from robots.toml_document import Value, one_a_line, plain, rounded, table_of, tables_of
 from robots.validation import MAX_TEXT
 
 SYMMETRIC = math.radians(0.05)
 """How far left and right may differ in a posture that is written as symmetric [rad]."""
 DECIMALS = 2  # of an angle in degrees; a servo's tick is 0.09
 TIME_DECIMALS = 3
-BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-TABLE = re.compile(r"^[ \t]*\[\[[ \t]*motions[ \t]*\]\]", re.MULTILINE)
-BETWEEN = re.compile(r"(\n\s*(#[^\n]*)?)*\Z")
-"""Blank lines and comments after a table: they belong to the next one."""
+DIGITS = 6  # of what the improvement looks for
 
 
 def save_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> None:
@@ -36,7 +34,7 @@ def save_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> 
         KeyframesError: if a file cannot hold them.
         OSError: if it cannot be written.
     """
-    _write(path, _format_all(keyframes, robot), robot)
+    _write(path, format_keyframes(keyframes, robot), robot)
 
 
 def append_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> None:
@@ -54,7 +52,7 @@ def append_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -
         raise KeyframesError(
             f"{path}: motion {', '.join(twice)} is there already, expected another name"
         )
-    _write(path, f"{_read(path).rstrip()}\n\n{_format_all(keyframes, robot)}", robot)
+    _write(path, f"{_read(path).rstrip()}\n\n{format_keyframes(keyframes, robot)}", robot)
 
 
 def replace_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> None:
@@ -64,52 +62,59 @@ def replace_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) 
         KeyframesError: if the file is damaged, or lacks one of them as a table [[motions]].
         OSError: if it cannot be written.
     """
-    names, text = [each.name for each in load_keyframes(path, robot)], _read(path)
-    starts = [match.start() for match in TABLE.finditer(text)]
+    names = [each.name for each in load_keyframes(path, robot)]
+    document = tomlkit.parse(_read(path))
+    tables = document["motions"]
     missing = [each.name for each in keyframes if each.name not in names]
-    if missing or len(starts) != len(names):
+    if missing or not isinstance(tables, AoT):
         raise KeyframesError(
             f"{path}: expected a table [[motions]] for {', '.join(missing or names)}"
         )
-    blocks = [text[a:b] for a, b in zip(starts, [*starts[1:], len(text)], strict=True)]
     for each in keyframes:
         place = names.index(each.name)
-        between = BETWEEN.search(blocks[place])
-        tail = between.group() if between else "\n"
-        blocks[place] = format_keyframes(each, robot).rstrip() + tail
-    _write(path, text[: starts[0]] + "".join(blocks), robot)
+        tables[place] = _replace(tables[place], table_of(_describe(each, robot)))
+    _write(path, document.as_string(), robot)
 
 
-def format_keyframes(keyframes: Keyframes, robot: Robot) -> str:
-    """Write one motion as a TOML table.
+def _replace(old: Table, new: Table) -> Table:
+    """Give a table the place of another one, and what stands behind it: comments of the next."""
+    last = max(number for number, (key, _) in enumerate(old.value.body) if key is not None)
+    for _, item in old.value.body[last + 1 :]:
+        new.add(item)  # type: ignore[arg-type]
+    new.trivia.indent = old.trivia.indent
+    return new
+
+
+def format_keyframes(keyframes: Sequence[Keyframes], robot: Robot) -> str:
+    """Write motions as TOML tables.
 
     Raises:
-        KeyframesError: if it should end standing, but its last key is another posture.
+        KeyframesError: if one should end standing, but its last key is another posture.
     """
+    document = tomlkit.document()
+    document.add("motions", tables_of(_describe(each, robot) for each in keyframes))
+    return document.as_string()
+
+
+def _describe(keyframes: Keyframes, robot: Robot) -> dict[str, Value]:
     keys, rises = keyframes.keys, keyframes.end_class == STANDING
     if rises and np.abs(keys[-1] - robot.standing.joint_pos).max() > SYMMETRIC:
         raise KeyframesError(
             f"motion '{keyframes.name}' does not end in the standing posture, expected that as "
             "its last key"
         )
-    after = [_number(duration, TIME_DECIMALS) for duration in keyframes.duration]
-    lines = [
-        "[[motions]]",
-        f"name = {_text(keyframes.name)}",
-        f"start = {_text(keyframes.start_class)}",
-        *([] if rises else [f"end = {_text(keyframes.end_class)}"]),
-        f"strategy = {_text(keyframes.strategy)}",
-        *([f"stand_after = {after.pop()}"] if rises else []),
-        f"torque_limit = {keyframes.torque_limit:.6g}",
-        f"time = {keyframes.time_cost:.6g}",
-        f"torque = {keyframes.torque_cost:.6g}",
-        "keys = [",
-    ]
-    tables = _KeyWriter(keyframes, robot).format_keys(len(after) + 1)
-    for key, table in enumerate(tables):
-        timed = [f"after = {after[key - 1]}"] if key else []
-        lines.append(f"  {{ {', '.join(timed + table)} }},".replace("{  }", "{ }"))
-    return "\n".join([*lines, "]", ""])
+    after = [plain(duration, TIME_DECIMALS) for duration in keyframes.duration]
+    row: dict[str, Value] = {"name": keyframes.name, "start": keyframes.start_class}
+    row |= {} if rises else {"end": keyframes.end_class}
+    row["strategy"] = keyframes.strategy
+    row |= {"stand_after": after.pop()} if rises else {}
+    row["torque_limit"] = rounded(keyframes.torque_limit, DIGITS)
+    row["time"] = rounded(keyframes.time_cost, DIGITS)
+    row["torque"] = rounded(keyframes.torque_cost, DIGITS)
+    tables = _KeyWriter(keyframes, robot).describe_keys(len(after) + 1)
+    timed = [{}, *({"after": time} for time in after)]
+    row["keys"] = one_a_line(time | table for time, table in zip(timed, tables, strict=True))
+    return row
 
 
 class _KeyWriter:
@@ -121,59 +126,43 @@ class _KeyWriter:
         starts_standing = keyframes.start_class == STANDING
         self._before = robot.standing.joint_pos if starts_standing else np.zeros(robot.n)
 
-    def format_keys(self, count: int) -> list[list[str]]:
-        """Write the first so many keys, each as its tables."""
+    def describe_keys(self, count: int) -> list[dict[str, Value]]:
+        """Describe the first so many keys, each as its tables."""
         before, tables = self._before, []
         for number, key in enumerate(self._keyframes.keys[:count]):
             # A joint is free where a key names it, so the first one names all that are.
             wanted = set(self._keyframes.free.tolist()) if number == 0 else set()
             wanted |= set(np.flatnonzero(_round(key) != _round(before)).tolist())
             # What is to be optimized side by side is written so at least once.
-            tables.append(self._format(key, wanted, split=number == 0 and not self._is_symmetric))
+            tables.append(self._describe(key, wanted, split=number == 0 and not self._is_symmetric))
             before = key
         return tables
 
-    def _format(self, key: Array, wanted: set[int], *, split: bool) -> list[str]:
-        """Write the joints of a posture that are wanted, in up to four tables."""
-        robot, found = self._robot, {name: {} for name in ("both", "left", "right", "middle")}
+    def _describe(self, key: Array, wanted: set[int], *, split: bool) -> dict[str, Value]:
+        """Describe the joints of a posture that are wanted, in up to four tables of degrees."""
+        robot = self._robot
+        found: dict[str, dict[str, Value]] = {name: {} for name in TABLES}
         for left in self._sides.left:
             right, name = int(robot.mirror_index[left]), self._sides.name(left)
             mirrored = robot.mirror_sign[left] * key[right]
             if not wanted & {left, right}:
                 continue
             if abs(key[left] - mirrored) <= SYMMETRIC and not split:
-                found["both"][name] = 0.5 * (key[left] + mirrored)
+                found["both"][name] = _degrees(0.5 * (key[left] + mirrored))
             else:
-                found["left"][name], found["right"][name] = key[left], mirrored
+                found["left"][name], found["right"][name] = map(_degrees, (key[left], mirrored))
         for joint in sorted(wanted):
             if robot.mirror_index[joint] == joint:
-                found["middle"][robot.joint_names[joint]] = key[joint]
-        return [f"{table} = {_inline(angles)}" for table, angles in found.items() if angles]
+                found["middle"][robot.joint_names[joint]] = _degrees(key[joint])
+        return {table: angles for table, angles in found.items() if angles}
 
 
-def _inline(angles: dict[str, float]) -> str:
-    pairs = (f"{_key(n)} = {_number(math.degrees(a), DECIMALS)}" for n, a in angles.items())
-    return f"{{ {', '.join(pairs)} }}"
+def _degrees(angle: float) -> int | float:
+    return plain(math.degrees(angle), DECIMALS)
 
 
 def _round(key: Array) -> Array:
     return np.asarray(np.round(np.degrees(key), DECIMALS), dtype=float)
-
-
-def _number(value: float, decimals: int) -> str:
-    return f"{round(float(value), decimals) + 0.0:.{decimals}f}".rstrip("0").rstrip(".")
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _key(name: str) -> str:
-    return name if BARE_KEY.fullmatch(name) else _text(name)
-
-
-def _format_all(keyframes: Iterable[Keyframes], robot: Robot) -> str:
-    return "\n".join(format_keyframes(each, robot) for each in keyframes)
 
 
 def _read(path: Path) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import tomlkit
 from msgspec import Meta
 
 from humanoid_getup.style.curves import POINTS, StyleCurves
@@ -17,12 +17,14 @@ from robots import Robot
 from robots.body.lengths import leg_length
 from robots.files import write_atomically
 from robots.quaternion import Array
+from robots.toml_document import Value, commented, plain, rounded, tables_of
 from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
 
 FOLDER = Path(__file__).parent / "named"
 SUFFIX = ".toml"
 LONGEST = 60.0  # s, of the body that the durations are of
 TALLEST = 10.0  # m
+DIGITS = 8  # of a duration or length
 
 Points = Annotated[Array, on_axes(1)]
 Seconds = Annotated[float, positive(LONGEST, "s")]
@@ -116,22 +118,23 @@ def read_style(file: Path, robot: Robot) -> Style:
 
 def write_style(style: Style, robot: Robot, file: Path) -> None:
     """Write a style file whose durations are those of a robot."""
-    about = [f"about = {json.dumps(style.about, ensure_ascii=False)}"] if style.about else []
-    lines = [
-        *about,
-        f"leg_length = {leg_length(robot):.8g}  # m; of {robot.name}, whose durations these are",
-    ]
-    for curve in style.curves:
-        lines += [
-            "",
-            "[[curves]]",
-            *([f"start = {json.dumps(curve.start, ensure_ascii=False)}"] if curve.start else []),
-            f"duration = {curve.duration:.8g}  # s",
-            f"neck_height = {_list(curve.neck_height, 4)}",
-            f"side_deg = {_list(np.degrees(curve.side), 2)}",
-            f"front_deg = {_list(np.degrees(curve.front), 2)}",
-        ]
-    write_atomically(file, "\n".join(lines) + "\n")
+    document = tomlkit.document()
+    if style.about:
+        document.add("about", tomlkit.item(style.about))
+    length = commented(rounded(leg_length(robot), DIGITS), f"m; of {robot.name}, as the durations")
+    document.add("leg_length", length)
+    document.add("curves", tables_of(map(_describe, style.curves)))
+    write_atomically(file, document.as_string())
+
+
+def _describe(curve: StyleCurves) -> dict[str, Value]:
+    head: dict[str, Value] = {"start": curve.start} if curve.start else {}
+    return head | {
+        "duration": commented(rounded(curve.duration, DIGITS), "s"),
+        "neck_height": [plain(value, 4) for value in curve.neck_height],
+        "side_deg": [plain(value, 2) for value in np.degrees(curve.side)],
+        "front_deg": [plain(value, 2) for value in np.degrees(curve.front)],
+    }
 
 
 def _build(row: CurvesTable, duration: float | None, factor: float) -> StyleCurves:
@@ -149,7 +152,3 @@ def _build(row: CurvesTable, duration: float | None, factor: float) -> StyleCurv
         duration=factor * seconds,
         start=row.start,
     )
-
-
-def _list(values: Array, digits: int) -> str:
-    return f"[{', '.join(f'{value:.{digits}f}' for value in values)}]"

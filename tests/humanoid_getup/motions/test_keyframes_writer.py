@@ -60,7 +60,7 @@ def test_a_posture_that_is_nearly_symmetric_is_written_for_both_sides(op3: Robot
     for degrees, tables in ((0.04, ("both",)), (0.06, ("both", "left", "right"))):
         keys = authored.keys.copy()
         keys[2, left] += np.radians(degrees)
-        line = format_keyframes(replace(authored, keys=keys), op3).splitlines()[11]
+        line = format_keyframes([replace(authored, keys=keys)], op3).splitlines()[11]
         assert [table for table in ("both", "left", "right") if f"{table} =" in line] == [*tables]
 
 

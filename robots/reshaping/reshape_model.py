@@ -13,7 +13,7 @@ from robots.proportions import Body, BodyError
 from robots.reshaping.limb_directions import find_directions
 from robots.reshaping.shoulders import stretch_shoulders
 from robots.reshaping.skeleton import Skeleton
-from robots.reshaping.stretch import Stretch
+from robots.reshaping.stretch import AxialStretch
 from robots.reshaping.stretching import make_explicit, stretch_link
 from robots.robot import Robot
 
@@ -53,7 +53,7 @@ def _stretch_torso(skeleton: Skeleton, factor: float) -> None:
         up = skeleton.turn(UPWARDS, torso, link)
         at_hips = link is torso and hips
         origin = np.mean(hips, axis=0) if at_hips else link.anchor()
-        stretch_link(skeleton, link, Stretch(origin, up, factor, beyond=True), kept=legs)
+        stretch_link(skeleton, link, AxialStretch(origin, up, factor, beyond=True), kept=legs)
 
 
 def _stretch_arms(skeleton: Skeleton, factor: float) -> None:
@@ -68,7 +68,7 @@ def _stretch_legs(skeleton: Skeleton, factor: float) -> None:
 
 def _stretch_limb(skeleton: Skeleton, limb: Link, factor: float) -> None:
     for link, direction in find_directions(skeleton, limb).items():
-        stretch_link(skeleton, link, Stretch(link.anchor(), direction, factor))
+        stretch_link(skeleton, link, AxialStretch(link.anchor(), direction, factor))
 
 
 _CHANGES: dict[str, Callable[[Skeleton, float], None]] = {

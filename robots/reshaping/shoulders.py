@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robots.body.links import Link
 from robots.quaternion import Array
 from robots.reshaping.skeleton import Skeleton
-from robots.reshaping.stretch import Stretch
+from robots.reshaping.stretch import AxialStretch
 from robots.reshaping.stretching import stretch_geom, stretch_inertia, write_pose
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
@@ -46,7 +46,7 @@ def _stretch_trunk(skeleton: Skeleton, trunk: Link, factor: float) -> None:
     low, high = float(heights.min()), float(heights.max())
     for body in skeleton.bodies(trunk):
         position, axes = skeleton.pose(body.id, skeleton.torso)
-        stretch = Stretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)
+        stretch = AxialStretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)
         base, up = float(position[2]), axes[2]
         stretch_inertia(body, stretch, where=partial(_is_between, low - base, high - base, up))
         for geom in body.geoms if factor < 1.0 else ():
@@ -70,7 +70,7 @@ def _move_arm(skeleton: Skeleton, trunk: Link, arm: Link, factor: float) -> _Bea
     owner = next(body for body in skeleton.bodies(trunk) if root in body.bodies)
     position, axes = skeleton.pose(owner.id, skeleton.torso)
     start = skeleton.model.body_pos[arm.root].copy()
-    end = Stretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)(start)
+    end = AxialStretch(np.zeros(3), SIDEWAYS, factor).seen_from(position, axes)(start)
     write_pose(root, owner, end, skeleton.model.body_quat[arm.root])
     box = skeleton.bounds(arm, skeleton.torso)
     if box is None:

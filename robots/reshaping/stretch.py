@@ -16,7 +16,7 @@ NODES = 32  # of the quadrature along each axis; 2 are exact where a whole body 
 
 
 @dataclass(frozen=True)
-class Stretch:
+class AxialStretch:
     """A map of points that moves them along a direction, away from or towards a plane."""
 
     origin: Array
@@ -42,7 +42,7 @@ class Stretch:
             else np.full_like(height, self.factor)
         )
 
-    def seen_from(self, position: Array, axes: Array) -> Stretch:
+    def seen_from(self, position: Array, axes: Array) -> AxialStretch:
         """Express it in a frame at a position (3,) with axes in columns, (3, 3)."""
         origin = axes.T @ (self.origin - position)
         return replace(self, origin=origin, direction=axes.T @ self.direction)
@@ -79,7 +79,7 @@ class Inertia:
         return spread.sum() - spread, quat
 
     def stretched(
-        self, stretch: Stretch, where: Callable[[Array], NDArray[np.bool_]] | None = None
+        self, stretch: AxialStretch, where: Callable[[Array], NDArray[np.bool_]] | None = None
     ) -> Inertia:
         """Compute the inertia of the stretched material; its density stays the same.
 

@@ -13,7 +13,7 @@ from robots.body.links import Link
 from robots.proportions import BodyError
 from robots.quaternion import Array
 from robots.reshaping.skeleton import Skeleton
-from robots.reshaping.stretch import Inertia, Stretch
+from robots.reshaping.stretch import AxialStretch, Inertia
 
 LEAST_HALF = 1e-4  # m; a capsule as short as this is a ball
 QUATERNION = mujoco.mjtOrientation.mjORIENTATION_QUAT
@@ -47,7 +47,7 @@ def make_explicit(spec: mujoco.MjSpec) -> None:
 
 
 def stretch_link(
-    skeleton: Skeleton, link: Link, stretch: Stretch, kept: Collection[int] = ()
+    skeleton: Skeleton, link: Link, stretch: AxialStretch, kept: Collection[int] = ()
 ) -> None:
     """Stretch a link with all that is on it; the frame of its first body stays.
 
@@ -90,7 +90,7 @@ def stretch_link(
 
 def stretch_inertia(
     body: mujoco.MjsBody,
-    stretch: Stretch,
+    stretch: AxialStretch,
     shift: Array | None = None,
     where: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> None:
@@ -106,7 +106,7 @@ def stretch_inertia(
 
 
 def stretch_geom(
-    skeleton: Skeleton, geom: mujoco.MjsGeom, stretch: Stretch, shift: Array | None = None
+    skeleton: Skeleton, geom: mujoco.MjsGeom, stretch: AxialStretch, shift: Array | None = None
 ) -> None:
     """Stretch a shape, in the frame of its body; what is round stays as thick as it was.
 
@@ -144,7 +144,9 @@ def stretch_geom(
     write_pose(geom, geom.parent, center - (0.0 if shift is None else shift), quat)
 
 
-def _stretch_mesh(skeleton: Skeleton, geom: mujoco.MjsGeom, axes: Array, stretch: Stretch) -> Array:
+def _stretch_mesh(
+    skeleton: Skeleton, geom: mujoco.MjsGeom, axes: Array, stretch: AxialStretch
+) -> Array:
     """Give a geom a stretched copy of its mesh, in its body's frame; return where it is, (3,)."""
     model, old = skeleton.model, skeleton.spec.mesh(geom.meshname)
     mesh = model.mesh(int(model.geom_dataid[geom.id]))

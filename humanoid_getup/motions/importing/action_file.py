@@ -29,7 +29,7 @@ KEEP, RELEASE = 0x4000, 0x2000
 
 
 @dataclass(frozen=True)
-class Step:
+class ActionStep:
     """One posture of a page."""
 
     positions: tuple[int, ...]
@@ -49,7 +49,7 @@ class Page:
     repeat: int
     following: int
     """Page that is played after it; 0 for none."""
-    steps: tuple[Step, ...]
+    steps: tuple[ActionStep, ...]
 
 
 class ActionFile:
@@ -125,12 +125,12 @@ class ActionFile:
             number = page.following
 
 
-def _read_step(page: bytes, number: int) -> Step:
+def _read_step(page: bytes, number: int) -> ActionStep:
     start, speed = HEADER_SIZE + number * STEP_SIZE, page[22]
     *positions, pause, time = struct.unpack_from(f"<{IDS}HBB", page, start)
     # Both scales are the action module's own: a higher speed makes a move longer.
     cycles, paused = (time * speed) >> 5, (pause << 5) // speed
-    return Step(tuple(positions), move=cycles * CYCLE, pause=paused * CYCLE)
+    return ActionStep(tuple(positions), move=cycles * CYCLE, pause=paused * CYCLE)
 
 
 def load_page(file: ActionFile, number: int, robot: Robot) -> KeySequence:
@@ -152,7 +152,7 @@ def load_page(file: ActionFile, number: int, robot: Robot) -> KeySequence:
     return collector.finish(name, source, _find_notes(steps, robot))
 
 
-def _read_angles(step: Step, robot: Robot) -> dict[int, float]:
+def _read_angles(step: ActionStep, robot: Robot) -> dict[int, float]:
     moved = ((j, joint.servo) for j, joint in enumerate(robot.joints) if joint.servo.id < IDS)
     return {
         j: servo.to_rad(step.positions[servo.id])
@@ -161,7 +161,7 @@ def _read_angles(step: Step, robot: Robot) -> dict[int, float]:
     }
 
 
-def _check_ids(steps: Sequence[Step], place: str, robot: Robot) -> None:
+def _check_ids(steps: Sequence[ActionStep], place: str, robot: Robot) -> None:
     """Refuse a page for other servos.
 
     The slots of ids that its robot lacks hold whatever was in memory: only one that changes from
@@ -187,7 +187,7 @@ def _check_ids(steps: Sequence[Step], place: str, robot: Robot) -> None:
         )
 
 
-def _list_moved(steps: Sequence[Step]) -> set[int]:
+def _list_moved(steps: Sequence[ActionStep]) -> set[int]:
     ticks = {i: {step.positions[i] for step in steps} for i in range(IDS)}
     return {i for i, seen in ticks.items() if len(seen) > 1 and 0 < min(seen) <= max(seen) < 4096}
 
@@ -196,7 +196,7 @@ def _list(ids: set[int]) -> str:
     return ", ".join(map(str, sorted(ids)))
 
 
-def _find_notes(steps: Sequence[Step], robot: Robot) -> tuple[str, ...]:
+def _find_notes(steps: Sequence[ActionStep], robot: Robot) -> tuple[str, ...]:
     notes, positions = [], [step.positions for step in steps]
     for joint in robot.joints:
         servo = joint.servo.id

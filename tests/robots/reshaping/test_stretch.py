@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.reshaping.stretch import Inertia, Stretch
+from robots.reshaping.stretch import AxialStretch, Inertia
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -23,7 +23,9 @@ def turned(seed: int) -> np.ndarray:
 
 
 def test_a_stretched_box_is_the_longer_box():
-    stretched = box(2.0, [0.1, 0.2, 0.3], [0.1, 0.2, 0.3]).stretched(Stretch(np.zeros(3), UP, 1.6))
+    stretched = box(2.0, [0.1, 0.2, 0.3], [0.1, 0.2, 0.3]).stretched(
+        AxialStretch(np.zeros(3), UP, 1.6)
+    )
     longer = box(3.2, [0.1, 0.2, 0.48], [0.1, 0.2, 0.48])
     assert stretched.mass == pytest.approx(longer.mass)
     assert stretched.center == pytest.approx(longer.center)
@@ -39,7 +41,7 @@ def test_the_second_moment_of_any_body_becomes_f_a_s_a(seed: int, factor: float)
     half, center, origin = rng.uniform(0.01, 0.1, 3), rng.normal(size=3), rng.normal(size=3)
     u = axes @ np.array([0.6, 0.0, 0.8])
     spread = axes @ np.diag(half**2) @ axes.T
-    found = Inertia(1.5, center, spread).stretched(Stretch(origin, u, factor))
+    found = Inertia(1.5, center, spread).stretched(AxialStretch(origin, u, factor))
     A = np.eye(3) + (factor - 1.0) * np.outer(u, u)
     assert found.mass == pytest.approx(1.5 * factor)
     assert found.center == pytest.approx(origin + A @ (center - origin))
@@ -47,7 +49,7 @@ def test_the_second_moment_of_any_body_becomes_f_a_s_a(seed: int, factor: float)
 
 
 def test_a_box_that_is_stretched_above_its_middle_alone_is_two_boxes():
-    stretch = Stretch(np.array([0.0, 0.0, 0.05]), UP, 2.0, beyond=True)
+    stretch = AxialStretch(np.array([0.0, 0.0, 0.05]), UP, 2.0, beyond=True)
     found = box(1.0, [0.0, 0.0, 0.05], [0.02, 0.05, 0.05]).stretched(stretch)
     # Below: 0.5 kg from z = 0 to 0.05; above: 1 kg from 0.05 to 0.15. Mean 0.025 and 0.10.
     center = (0.5 * 0.025 + 1.0 * 0.10) / 1.5
@@ -59,7 +61,7 @@ def test_a_box_that_is_stretched_above_its_middle_alone_is_two_boxes():
 
 
 def test_only_the_material_that_is_chosen_is_stretched():
-    sideways = Stretch(np.zeros(3), np.array([0.0, 1.0, 0.0]), 2.0)
+    sideways = AxialStretch(np.zeros(3), np.array([0.0, 1.0, 0.0]), 2.0)
     found = box(1.0, [0.0, 0.0, 0.0], [0.1, 0.1, 0.1]).stretched(
         sideways, where=lambda points: points[:, 2] > 0.0
     )
@@ -80,7 +82,7 @@ def test_principal_moments_and_axes_give_the_inertia_back(seed: int):
 
 def test_a_stretch_is_the_same_seen_from_anywhere():
     rng, axes, place = np.random.default_rng(0), turned(1), np.array([0.3, -0.1, 0.2])
-    stretch = Stretch(rng.normal(size=3), turned(2)[:, 0], 1.7, beyond=True)
+    stretch = AxialStretch(rng.normal(size=3), turned(2)[:, 0], 1.7, beyond=True)
     points = rng.normal(size=(50, 3))
     seen = stretch.seen_from(place, axes)((points - place) @ axes)
     assert seen @ axes.T + place == pytest.approx(stretch(points))

@@ -263,7 +263,7 @@ def check_registers(device: VirtualDevice, before: bytes, was_locked: bool) -> l
     for item in device.table:
         value = device.peek(item.name)
         is_tripped = item.name == "bus_watchdog" and value == -1
-        if item.writable and not item.allows(value) and not is_tripped:
+        if item.writable and not item.accepts(value) and not is_tripped:
             found.append(f"{item.name} is {value}, expected {item.lower} to {item.upper}")
     if isinstance(device, VirtualServo):
         found += check_servo(device, before)

@@ -40,7 +40,7 @@ class NoImuError(SetupError):
 
     def __init__(self, robot: str) -> None:
         super().__init__(
-            f"robot '{robot}' has no IMU, so no one knows how it is turned: add imu_site to its "
+            f"robot '{robot}' has no IMU that measures how it is turned: add imu_site to its "
             "robot.toml, or play a motion with --without-imu"
         )
         self.robot = robot

@@ -18,7 +18,7 @@ DERATED_SHARE = 0.4  # of the torque limit that is left at the highest temperatu
 
 
 def find_max_temperature(robot: Robot) -> Array:
-    """Find the highest temperatures that the guard allows a robot's servos [°C], (n,)."""
+    """Find the temperatures above which the guard releases a robot's servos [°C], (n,)."""
     return np.array([joint.servo.model.temperature_limit - HOT_MARGIN for joint in robot.joints])
 
 

@@ -99,7 +99,7 @@ class SerialPort:
             self.flush()
 
     def write(self, data: bytes) -> None:
-        """Hand bytes to the device, without waiting until they are sent.
+        """Pass bytes to the device, without waiting until they are sent.
 
         Raises:
             PortLostError: if the device is gone or accepts no more bytes.

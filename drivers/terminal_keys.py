@@ -22,13 +22,13 @@ class TerminalKeys:
     Without a terminal there are no keys.
     """
 
-    def __init__(self, heard: Callable[[bytes], None], terminal: int | None = None) -> None:
+    def __init__(self, on_press: Callable[[bytes], None], terminal: int | None = None) -> None:
         """Prepare to watch a terminal, by file descriptor; ``None`` for standard input.
 
-        ``heard`` is called at every press, with the bytes that it sent, from the watching thread;
-        without any when the terminal is gone.
+        ``on_press`` is called at every press, from the watching thread, with the bytes that it
+        sent; without any when the terminal is gone.
         """
-        self._heard = heard
+        self._on_press = on_press
         self._terminal = _standard_input() if terminal is None else terminal
         self._thread: threading.Thread | None = None
 
@@ -67,7 +67,7 @@ class TerminalKeys:
                 sent = os.read(self._terminal, MOST_BYTES)
             except OSError:
                 sent = b""
-            self._heard(sent)
+            self._on_press(sent)
 
 
 class StopKey(TerminalKeys):

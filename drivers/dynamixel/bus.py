@@ -204,7 +204,7 @@ class DynamixelBus:
     def ping_all(self) -> dict[int, Status]:
         """Ping all ids at once; return the replies after the 0.8 s that their slots take.
 
-        Each id replies in its own slot, so only the last slot's end tells that no more come.
+        Each id replies in its own slot: until the end of the last one, more may come.
         """
         self.port.flush()
         self.send(protocol2.ping())

@@ -106,7 +106,7 @@ class Item:
             raise ValueError(f"{self.name} has {self.size} bytes, not {len(data)}")
         return int.from_bytes(data, "little", signed=self.signed)
 
-    def allows(self, value: int) -> bool:
+    def accepts(self, value: int) -> bool:
         """Return whether a value may be written."""
         return (
             self.lower is not None and self.upper is not None and self.lower <= value <= self.upper

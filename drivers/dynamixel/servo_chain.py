@@ -41,7 +41,7 @@ class ServoChain:
     """
 
     cyclic: CyclicRead
-    """Reads position, velocity and current, once `set_facts` has told of which servos."""
+    """Reads position, velocity and current, of the servos that `set_facts` names."""
 
     def __init__(
         self,

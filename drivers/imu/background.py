@@ -13,7 +13,7 @@ INTERVAL = 0.004  # s between two reads, twice as often as the fastest control c
 
 
 class BackgroundImu(ImuSource):
-    """Hands over the newest sample that its thread has read.
+    """Delivers the newest sample that its thread has read.
 
     An I2C transfer waits until it is done: 0.7 ms for a sample at 400 kbit/s, and for as long as
     the adapter's timeout if the bus hangs. That must not delay the servos.

@@ -35,8 +35,8 @@ ACCELEROMETER_STEP = 0.01  # m/s² a count
 BLANK = bytes(6)  # what the registers hold before the first measurement
 
 
-class Asked(Enum):
-    """What the last request was about."""
+class Purpose(Enum):
+    """What the last request is for."""
 
     SETTING = "the next step of the setup"
     MODE = "the operating mode"
@@ -44,7 +44,7 @@ class Asked(Enum):
 
 
 class Bno055(ImuSource):
-    """A BNO055 that is asked for one sample a cycle.
+    """A BNO055 of which one sample is requested in each cycle.
 
     Neither of its lines has a checksum. A reply counts only if it holds the ids of the chip and
     of its sensors at their places, which rejects cut and shifted replies, not a wrong bit in a
@@ -55,8 +55,8 @@ class Bno055(ImuSource):
         self.name, self._line = name, line
         self._axes = SensorAxes.of(settings.axes)
         self._steps = deque(SETUP)  # that are still to come
-        self._ready_at = self._now = self._asked_at = 0.0
-        self._asked = Asked.DATA
+        self._ready_at = self._now = self._requested_at = 0.0
+        self._purpose = Purpose.DATA
         self._is_in_doubt = self._may_be_blank = False
         self._rejected = 0
 
@@ -92,16 +92,16 @@ class Bno055(ImuSource):
         self._now, line = now, self._line
         if line.is_busy or time.monotonic() < self._ready_at:
             return
-        self._asked_at = now
+        self._requested_at = now
         if self._steps:
-            self._asked = Asked.SETTING
+            self._purpose = Purpose.SETTING
             register, value, _ = self._steps[0]
             line.write(register, value)
         elif self._is_in_doubt:
-            self._asked = Asked.MODE
+            self._purpose = Purpose.MODE
             line.read(OPR_MODE, 1)
         else:
-            self._asked = Asked.DATA
+            self._purpose = Purpose.DATA
             line.read(CHIP_IDS, DATA_END)
 
     def poll(self) -> ImuSample | None:
@@ -109,13 +109,13 @@ class Bno055(ImuSource):
         reply = self._line.take()
         if reply is None:
             return None
-        if self._asked is Asked.SETTING:
+        if self._purpose is Purpose.SETTING:
             _, _, wait = self._steps.popleft()
             self._ready_at = time.monotonic() + wait
-        elif self._asked is Asked.MODE:
+        elif self._purpose is Purpose.MODE:
             self._check_mode(reply[0])
         else:
-            return self._decode(reply, self._now - self._asked_at)
+            return self._decode(reply, self._now - self._requested_at)
         return None
 
     def _decode(self, data: bytes, age: float) -> ImuSample | None:

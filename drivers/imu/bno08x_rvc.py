@@ -60,7 +60,7 @@ class Bno08xRvc(ImuSource):
     """A BNO08x that sends frames by itself.
 
     It sends no gyro values. The mean rate between two orientations stands in for them, over the
-    time that the frames' indices tell, so that no rotation is lost between two cycles.
+    time between them by the frames' indices, so that no rotation is lost between two cycles.
     """
 
     note = "without gyro values: the rate is derived from consecutive orientations"

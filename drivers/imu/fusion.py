@@ -50,7 +50,7 @@ class ImuFusion:
 
         Args:
             sample: Newest sample.
-            now: Time at which it was handed over [s].
+            now: Time at which it was delivered [s].
             speed: Of the fastest joint [rad/s]. A body whose joints move shakes its IMU: one
                 that repeats a sample then is broken, and the sample does not count.
         """

@@ -111,7 +111,7 @@ class UartRegisters(RegisterLink):
         self._send(bytes([START, WRITE, register, 1, value]), 0)
 
     def take(self) -> bytes | None:
-        """Return the reply if it has come whole and is the one that was asked for."""
+        """Return the reply if it has come whole and answers the last request."""
         self._buffer += self._link.receive()
         if not self.is_busy:
             self._buffer = b""
@@ -130,7 +130,7 @@ class UartRegisters(RegisterLink):
         return None
 
     def _drop(self) -> None:
-        """Give up a reply that is damaged or an error: the next request starts afresh."""
+        """Give up a reply that is damaged or an error; a new request may follow."""
         self._buffer, self.is_busy = b"", False
         self.damaged += 1
 

@@ -18,6 +18,6 @@ class ImuSample:
     counts: bytes
     """What it was decoded from: a frozen sensor repeats it."""
     age: float = 0.0
-    """Time since it was measured, when it is handed over [s]."""
+    """Time since it was measured, when it is delivered [s]."""
     duration: float | None = None
     """Time that the gyro's value stands for, on the sensor's own clock [s]; None: as arrived."""

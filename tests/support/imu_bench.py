@@ -70,7 +70,7 @@ class SensorPort:
 
     def write(self, data: bytes) -> None:
         self._check()
-        self._came += self.spoil(self._sensor.hear(data))
+        self._came += self.spoil(self._sensor.receive(data))
 
     def flush(self) -> int:
         return len(self.read(0.0))

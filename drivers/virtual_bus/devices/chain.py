@@ -94,7 +94,7 @@ class Chain:
     def _feed_watchdogs(self) -> None:
         for devices in self._members.values():
             for device in devices:
-                device.hear()
+                device.note_traffic()
 
     # One instruction, one id or all ----------------------------------------------------------
 

@@ -42,7 +42,7 @@ class VirtualDevice:
         self._powered = True
         self._booted_at = -1.0  # s; no instruction reaches it before
         self.now = 0.0
-        self._heard = 0.0
+        self._traffic_at = 0.0
         self._stored: tuple[int, bytes] | None = None
         self._at_id = table["id"].address
         self._at_baud = table["baud_rate"].address
@@ -117,9 +117,9 @@ class VirtualDevice:
         """Set a register, regardless of access rights and range."""
         self.registers[name] = value
 
-    def hear(self) -> None:
+    def note_traffic(self) -> None:
         """Reset the bus watchdog."""
-        self._heard = self.now
+        self._traffic_at = self.now
 
     def advance(self, now: float) -> None:
         """Advance to a bus time [s]."""
@@ -129,7 +129,7 @@ class VirtualDevice:
         self, instruction: int, params: bytes = b"", *, addressing: Addressing = Addressing.OWN
     ) -> Status | None:
         """Execute an instruction; return the reply, None for none."""
-        self.hear()
+        self.note_traffic()
         # The instruction may change what the reply is made of: the old values count.
         device_id, alert, level = self.id, self.alert, self.registers.memory[self._at_level]
         if instruction == Instruction.PING:
@@ -148,12 +148,12 @@ class VirtualDevice:
 
     def read(self, address: int, length: int) -> tuple[int, bytes]:
         """Return an `ErrorNumber` and the bytes of a span."""
-        self.hear()
+        self.note_traffic()
         return self.registers.read(address, length)
 
     def write(self, address: int, data: bytes, *, addressing: Addressing = Addressing.OWN) -> int:
         """Set registers, all of them or none; return an `ErrorNumber`."""
-        self.hear()
+        self.note_traffic()
         error, plan, values = self._check_write(address, data, addressing)
         if error:
             return error

@@ -181,7 +181,7 @@ class VirtualServo(VirtualDevice):
         memory, at = self.registers.memory, self._at_tick
         memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
         if self._torque_on:
-            if self._watchdog > 0 and now - self._heard > self._watchdog * WATCHDOG_UNIT:
+            if self._watchdog > 0 and now - self._traffic_at > self._watchdog * WATCHDOG_UNIT:
                 self._trip_watchdog()
             if self._control.running:
                 self._control.advance(now, duration)
@@ -273,7 +273,7 @@ class VirtualServo(VirtualDevice):
                 self._set_velocity_goal(self.registers["goal_velocity"])
 
     def _engage(self) -> None:
-        self._torque_on, self._heard = True, self.now
+        self._torque_on, self._traffic_at = True, self.now
         self.registers["torque_enable"] = 1
         self._motor_command = None
 
@@ -329,7 +329,7 @@ class VirtualServo(VirtualDevice):
         self._motor_command = None
 
     def _set_watchdog(self, value: int) -> None:
-        self._watchdog, self._heard = value, self.now
+        self._watchdog, self._traffic_at = value, self.now
 
     def _clamp_goals(self, value: int = 0) -> None:
         """Clamp goals to the present limits."""
@@ -380,7 +380,7 @@ class VirtualServo(VirtualDevice):
             self._backup.restore(registers, eeprom=False)
         self._is_booting, self._boot_start = True, max(self._booted_at, self.now)
         self._hardware_error, self._is_shut_down = 0, False
-        self._torque_on, self._heard = False, self.now
+        self._torque_on, self._traffic_at = False, self.now
         self._protection.overload.heat = 0.0
         self._free_goals()
         self._reload()

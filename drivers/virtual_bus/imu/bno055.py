@@ -43,7 +43,7 @@ class VirtualBno055(VirtualI2cChip, VirtualUartImu):
             for register, value in values.items():
                 page[register] = value
         self.pages[0][: len(IDS)] = IDS
-        self._heard = b""
+        self._received = b""
 
     @property
     def mode(self) -> int:
@@ -100,23 +100,23 @@ class VirtualBno055(VirtualI2cChip, VirtualUartImu):
 
     # UART -----------------------------------------------------------------------------------
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Execute all frames that have come whole; return the replies."""
         if not self.alive:
             return b""
-        self._heard += data
+        self._received += data
         replies = b""
-        while self._heard:
-            if self._heard[0] != START:
-                self._heard = b""
+        while self._received:
+            if self._received[0] != START:
+                self._received = b""
                 return replies + bytes([STATUS, WRONG_START])
-            if len(self._heard) < 4:
+            if len(self._received) < 4:
                 return replies
-            _, what, register, count = self._heard[:4]
+            _, what, register, count = self._received[:4]
             size = 4 + (count if what == WRITE else 0)
-            if len(self._heard) < size:
+            if len(self._received) < size:
                 return replies
-            values, self._heard = self._heard[4:size], self._heard[size:]
+            values, self._received = self._received[4:size], self._received[size:]
             replies += self._execute(what, register, count, values)
         return replies
 

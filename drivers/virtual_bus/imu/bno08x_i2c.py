@@ -25,7 +25,7 @@ PRODUCT = struct.pack("<BBBBIIHH", PRODUCT_RESPONSE, 1, 3, 2, 10003608, 370, 7, 
 
 
 class VirtualBno08xI2c(VirtualI2cChip):
-    """Queues packets, and hands out as many of their bytes as are read.
+    """Queues packets, of which the host reads as many bytes as it likes.
 
     As on the chip, every read begins with a header; the rest of a packet that was read in part
     follows with the next one, marked as a continuation.
@@ -49,10 +49,10 @@ class VirtualBno08xI2c(VirtualI2cChip):
         self._report()
 
     def exchange(self, data: bytes, count: int) -> bytes:
-        """Take a packet from the host, then hand out bytes of the next one."""
+        """Take a packet from the host, then return bytes of the next one."""
         if data:
             self._execute(data[PACKET.size :])
-        return self._hand_out(count) if count else b""
+        return self._read_out(count) if count else b""
 
     def _execute(self, cargo: bytes) -> None:
         if cargo[0] == PRODUCT_REQUEST:
@@ -85,7 +85,7 @@ class VirtualBno08xI2c(VirtualI2cChip):
             self._packets.remove(waiting[0])
         self._packets.append((REPORTS, cargo))
 
-    def _hand_out(self, count: int) -> bytes:
+    def _read_out(self, count: int) -> bytes:
         continued = self._rest is not None
         if self._rest is None:
             if not self._packets:

@@ -34,7 +34,7 @@ class VirtualUartImu(VirtualImu):
         pending, self._pending = self._pending, b""
         return pending if self.alive else b""
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Return the reply to bytes that a client sent."""
         del data
         return b""

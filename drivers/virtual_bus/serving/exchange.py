@@ -66,13 +66,13 @@ class Exchange:
         """Execute an instruction; return what goes to the client, in its order on the wire."""
         line, statistics = self._faults.line, self.statistics
         echo = [Reply(BROADCAST, 0.0, request.item.encode())] if line.strikes_echo() else []
-        received = self._deliver(request)
+        received = self._pass_on(request)
         replies = [r for item in received for r in self._devices.handle(item, baud=request.baud)]
         statistics.answers += len(replies)
         statistics.unanswered += not replies and expects_reply(request.item)
         return echo + [part for reply in replies for part in line.disturb_reply(reply)]
 
-    def hand_over(self, wire: PseudoTerminal, data: bytes, baud: int) -> None:
+    def deliver(self, wire: PseudoTerminal, data: bytes, baud: int) -> None:
         """Deliver bytes that were sent at a baud rate [bit/s] to the client.
 
         Bytes are lost when its queue is full or when it has changed its rate since.
@@ -84,7 +84,7 @@ class Exchange:
         self.statistics.bytes_out += taken
         self.statistics.overflow += len(data) - taken
 
-    def _deliver(self, request: ReceivedInstruction) -> list[Packet | Damaged]:
+    def _pass_on(self, request: ReceivedInstruction) -> list[Packet | Damaged]:
         if self._faults.silent:
             self._faults.count_silenced()
             return []

@@ -34,7 +34,7 @@ class ImuLine:
 
     def serve(self) -> None:
         """Reply to what the client has sent."""
-        self._wire.write(self._imu.hear(self._wire.read()))
+        self._wire.write(self._imu.receive(self._wire.read()))
 
     def pass_on(self) -> None:
         """Send what the sensor has sent by itself."""

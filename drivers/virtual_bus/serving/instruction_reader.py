@@ -43,7 +43,7 @@ class InstructionReader:
         self._last_byte = 0.0
         self._unclaimed = 0
 
-    def hear(self, data: bytes, at: float, baud: int) -> list[ReceivedInstruction]:
+    def receive(self, data: bytes, at: float, baud: int) -> list[ReceivedInstruction]:
         """Parse bytes that arrive at a time [s] and a baud rate; return complete instructions."""
         parser, statistics = self._parser, self._statistics
         statistics.bytes_in += len(data)

@@ -38,7 +38,7 @@ class LockStep:
         """Wait for instructions and execute them."""
         wire = self._wire
         if self._wait(wire.fileno(), IDLE if wire.plugged else QUIET) and wire.plugged:
-            for request in self._reader.hear(wire.read(), 0.0, wire.baud):
+            for request in self._reader.receive(wire.read(), 0.0, wire.baud):
                 self._run(request)
         elif not wire.plugged:
             self._held.clear()
@@ -50,17 +50,17 @@ class LockStep:
         self._release()
         replies = self._exchange.run(request)
         if self._held or any(reply.hold for reply in replies):
-            self._hand_over_or_hold(replies, request.baud)
+            self._deliver_or_hold(replies, request.baud)
         else:
             data = b"".join([s.data for s in replies])
-            self._exchange.hand_over(self._wire, data, request.baud)
+            self._exchange.deliver(self._wire, data, request.baud)
         if ends_cycle(request.item):
             self._exchange.pass_period()
         elif expects_reply(request.item) and (self._held or not replies):
             self._exchange.pass_until(self._exchange.time + QUIET)
         self._release()
 
-    def _hand_over_or_hold(self, replies: list[Reply], baud: int) -> None:
+    def _deliver_or_hold(self, replies: list[Reply], baud: int) -> None:
         """Deliver up to the first reply that is held back; all after it wait with it."""
         for reply in replies:
             until = self._exchange.time + reply.hold
@@ -69,12 +69,12 @@ class LockStep:
             if self._held or reply.hold:
                 self._held.append((until, reply.data, baud))
             else:
-                self._exchange.hand_over(self._wire, reply.data, baud)
+                self._exchange.deliver(self._wire, reply.data, baud)
 
     def _release(self) -> None:
         while self._held and self._held[0][0] <= self._exchange.time:
             _, data, baud = self._held.popleft()
-            self._exchange.hand_over(self._wire, data, baud)
+            self._exchange.deliver(self._wire, data, baud)
 
 
 def ends_cycle(item: Packet | Damaged) -> bool:

@@ -112,7 +112,7 @@ class RealTime:
         if not wire.plugged:
             return
         baud = wire.baud
-        requests = self._reader.hear(wire.read(), now, baud)
+        requests = self._reader.receive(wire.read(), now, baud)
         if requests and now < self._free_at:
             self._statistics.talked_over += 1
         self._requests += requests
@@ -170,7 +170,7 @@ class RealTime:
         return math.ceil(at / latency) * latency if latency else at
 
     def _send(self, batch: Batch) -> None:
-        self._exchange.hand_over(self._wire, batch.data, batch.baud)
+        self._exchange.deliver(self._wire, batch.data, batch.baud)
         late = self.now - batch.at
         statistics = self._statistics
         statistics.deliveries += 1

@@ -55,7 +55,7 @@ def test_defaults_may_be_written_and_fit_their_registers(table: ControlTable):
     assert defaults
     for item in defaults:
         assert item.default is not None
-        assert not item.writable or item.allows(item.default), item.name
+        assert not item.writable or item.accepts(item.default), item.name
         assert item.decode(item.encode(item.default)) == item.default
 
 

@@ -28,28 +28,28 @@ READING = ImuReading(
 
 def test_a_bno055_answers_frames_as_its_data_sheet_shows():
     chip = VirtualBno055()
-    assert chip.hear(bytes.fromhex("AA 01 00 01")) == bytes.fromhex("BB 01 A0")
-    assert chip.hear(bytes.fromhex("AA 00 3D 01 05")) == bytes.fromhex("EE 01")
+    assert chip.receive(bytes.fromhex("AA 01 00 01")) == bytes.fromhex("BB 01 A0")
+    assert chip.receive(bytes.fromhex("AA 00 3D 01 05")) == bytes.fromhex("EE 01")
     chip.sense(READING)
     # 1 deg/s are 16 counts, 1 m/s² are 100 (data sheet, 3.6.4).
-    assert chip.hear(bytes.fromhex("AA 01 14 04")) == bytes.fromhex("BB 04 1000 E0FF")
-    assert chip.hear(bytes.fromhex("AA 01 0A 04")) == bytes.fromhex("BB 04 6400 D503")
-    assert chip.hear(bytes.fromhex("AA 01 70 20")) == bytes.fromhex("EE 04"), "past the registers"
-    assert chip.hear(b"\x55") == bytes.fromhex("EE 06"), "no start byte"
+    assert chip.receive(bytes.fromhex("AA 01 14 04")) == bytes.fromhex("BB 04 1000 E0FF")
+    assert chip.receive(bytes.fromhex("AA 01 0A 04")) == bytes.fromhex("BB 04 6400 D503")
+    assert chip.receive(bytes.fromhex("AA 01 70 20")) == bytes.fromhex("EE 04"), "too far"
+    assert chip.receive(b"\x55") == bytes.fromhex("EE 06"), "no start byte"
 
 
 def test_a_bno055_keeps_its_settings_while_it_measures():
     chip = VirtualBno055()
     for frame in ("AA 00 3D 01 05", "AA 00 07 01 01", "AA 00 08 01 12"):
-        chip.hear(bytes.fromhex(frame))
-    assert chip.hear(bytes.fromhex("AA 01 08 01")) == bytes.fromhex("BB 01 0D")
+        chip.receive(bytes.fromhex(frame))
+    assert chip.receive(bytes.fromhex("AA 01 08 01")) == bytes.fromhex("BB 01 0D")
 
 
 def bno055(*frames: str, reading: ImuReading = READING) -> VirtualBno055:
     """Make a chip that has heard some frames, then measured."""
     chip = VirtualBno055()
     for frame in frames:
-        assert chip.hear(bytes.fromhex(frame)) == bytes.fromhex("EE 01")
+        assert chip.receive(bytes.fromhex(frame)) == bytes.fromhex("EE 01")
     chip.sense(reading)
     return chip
 

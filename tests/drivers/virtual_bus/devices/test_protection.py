@@ -186,7 +186,7 @@ def test_traffic_keeps_the_watchdog_quiet():
     servo = powered(bus_watchdog=5)
     for i in range(1, 50):
         servo.advance(0.09 * i)
-        servo.hear()
+        servo.note_traffic()
     assert read(servo, "bus_watchdog") == 5
 
 

@@ -216,7 +216,7 @@ def test_each_instruction_is_as_long_as_its_frame_however_bytes_arrive(packets, 
     reader = InstructionReader(statistics, timed=True)
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     pieces = [stream[a:b] for a, b in pairwise(edges)]
-    heard = [r for piece in pieces for r in reader.hear(piece, 0.0, 1_000_000)]
+    heard = [r for piece in pieces for r in reader.receive(piece, 0.0, 1_000_000)]
     assert [request.item for request in heard] == packets
     assert [request.size for request in heard] == [len(p.encode()) for p in packets]
     assert (statistics.unstuffed, statistics.noise) == (0, 0)
@@ -225,7 +225,7 @@ def test_each_instruction_is_as_long_as_its_frame_however_bytes_arrive(packets, 
 
 def test_noise_before_an_instruction_takes_its_time_on_the_wire():
     reader = InstructionReader(WireStatistics(), timed=True)
-    (request,) = reader.hear(b"\x00" * 5 + protocol2.ping(1), 0.0, 1_000_000)
+    (request,) = reader.receive(b"\x00" * 5 + protocol2.ping(1), 0.0, 1_000_000)
     assert request.size == 15
 
 
@@ -234,7 +234,7 @@ def test_an_unstuffed_instruction_is_heard_and_noted():
     reader = InstructionReader(statistics, timed=True)
     # As dynamixel-sdk 4.1.0 sends it: the CRC matches the raw bytes, nothing is stuffed.
     raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
-    (request,) = reader.hear(raw, 0.0, 1_000_000)
+    (request,) = reader.receive(raw, 0.0, 1_000_000)
     assert request.item == Packet(1, Instruction.WRITE, b"\x74\x00\xff\xff\xfd")
     assert request.unstuffed
     assert statistics.unstuffed == 1
@@ -245,8 +245,8 @@ def test_a_gap_inside_an_instruction_breaks_it_off():
     for gap, heard in ((LONGEST_GAP * 0.9, 1), (LONGEST_GAP * 1.1, 0)):
         statistics = WireStatistics()
         reader = InstructionReader(statistics, timed=True)
-        reader.hear(frame[:5], 0.0, 1_000_000)
-        found = reader.hear(frame[5:], 5 * BYTE + gap, 1_000_000)
+        reader.receive(frame[:5], 0.0, 1_000_000)
+        found = reader.receive(frame[5:], 5 * BYTE + gap, 1_000_000)
         assert len(found) == heard
         assert statistics.broken_off == 1 - heard
 
@@ -254,8 +254,8 @@ def test_a_gap_inside_an_instruction_breaks_it_off():
 def test_without_time_an_instruction_ends_where_the_next_begins():
     statistics = WireStatistics()
     reader = InstructionReader(statistics, timed=False)
-    reader.hear(protocol2.read(1, Span(132, 4))[:5], 0.0, 1_000_000)
-    (request,) = reader.hear(protocol2.ping(2), 0.0, 1_000_000)
+    reader.receive(protocol2.read(1, Span(132, 4))[:5], 0.0, 1_000_000)
+    (request,) = reader.receive(protocol2.ping(2), 0.0, 1_000_000)
     assert request.item == Packet(2, Instruction.PING)
     assert statistics.broken_off == 1
 
@@ -264,6 +264,6 @@ def test_a_damaged_instruction_is_counted():
     statistics = WireStatistics()
     frame = bytearray(protocol2.ping(1))
     frame[-1] ^= 1
-    found = InstructionReader(statistics, timed=True).hear(bytes(frame), 0.0, 1_000_000)
+    found = InstructionReader(statistics, timed=True).receive(bytes(frame), 0.0, 1_000_000)
     assert len(found) == statistics.damaged == 1
     assert statistics.packets == 0

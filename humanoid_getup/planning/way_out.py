@@ -87,7 +87,7 @@ def find_way_out(
         return None
     for at in places.find_nearest(start.position, MOST_PLACES):
         end = _rest(world, start, at)
-        problem = _ShiftProblem(checker, start, end)
+        problem = ShiftProblem(checker, start, end)
         if problem.is_free(end):
             found = search(problem, start.position, end, rng, OPTIONS)
             if found.status is SearchStatus.SOLVED:
@@ -102,7 +102,7 @@ def _rest(world: World, start: Posture, at: Array) -> Array:
     return qpos[world.robot.layout(world.model).root_position].copy()
 
 
-class _ShiftProblem(PositionSpace):
+class ShiftProblem(PositionSpace):
     """Search for a path of a robot that keeps its posture, no higher than start and goal."""
 
     def __init__(self, checker: CollisionChecker, posture: Posture, goal: Array) -> None:

@@ -178,3 +178,28 @@ def test_what_is_planned_for_says_why_it_is_planned_for_again(world, prone, moti
         "the robot lies prone, after 1 move",
         "the robot lies prone, after 1 move, plan 2: the preflight refused the one before",
     ]
+
+
+def test_after_a_move_that_turns_the_robot_it_is_looked_for_in_that_heading(
+    world, prone, motions, move
+):
+    """The IMU's own heading drifts: where there is no localization, the move's end counts."""
+    end = move.motion.orientation.copy()
+    end[-1] = quaternion.multiply(quaternion.from_yaw(0.7), end[-1])
+    turning = replace(move, motion=replace(move.motion, orientation=end))
+    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    reckoning = DeadReckoning(Placement(x=1.0, y=-2.0, heading=0.4))
+    _, strategy = get_up(
+        world,
+        prone,
+        [turning, rise],
+        locate=reckoning.locate,
+        moved=reckoning.move,
+        settle=False,
+    )
+    headings = [Placement.of(start).heading for start in strategy.starts]
+    assert headings[0] == pytest.approx(0.4)
+    expected = Placement.of(turning.motion.posture(-1))
+    assert headings[1] == pytest.approx(expected.heading)
+    assert headings[1] - Placement.of(prone).heading == pytest.approx(0.7)
+    assert strategy.starts[1].position[:2] == pytest.approx([expected.x, expected.y])

@@ -328,3 +328,59 @@ def test_an_interrupted_hold_leaves_the_robot_limp(world: World, op3: Robot):
     assert not twin.simulation.has_torque
     assert not twin.simulation.on_sensor_update, "a judge goes on sampling after the run"
     assert twin.release is Release.LIMP
+
+
+def test_a_robot_that_falls_while_it_is_held_after_its_rise_does_not_lie_down(
+    world: World, rise: hg.StoredMotion, squat: Posture
+):
+    """To sit and lie down begins with the stand: a robot on the ground would thrash about."""
+    twin, phases, after_fall = Pushed(world, squat), list[Phase](), list[Command]()
+    twin.push_at = 9.0
+
+    def watch(cycle: Cycle) -> None:
+        if cycle.state.time > twin.push_at + 2.0:
+            after_fall.append(cycle.sent)
+
+    result = get_up(
+        twin,
+        rise,
+        then="hold",
+        is_released=after(20.0, twin.period),
+        on_phase=lambda change: phases.append(change.phase),
+        on_cycle=watch,
+    )
+    assert result.stood
+    assert result.after is not None
+    assert result.after.hold is not None
+    assert result.after.hold.abort is not None
+    assert result.after.hold.abort.kind is AbortKind.FELL
+    assert result.after.way_down is None
+    assert Phase.LYING_DOWN not in phases
+    assert all(command.is_limp for command in after_fall)  # if the loop went on at all
+    assert not twin.simulation.has_torque
+
+
+class LetGo(Twin):
+    """Stands in a person's hands until it was measured, and is let go before its torque is on."""
+
+    connections = 0
+
+    def connect(self) -> None:
+        super().connect()
+        self.connections += 1
+        if self.connections == 2:
+            self.place(self.lying)
+
+
+def test_a_robot_that_is_let_go_after_it_was_measured_gets_no_torque(world: World, op3: Robot):
+    twin = LetGo(world, op3.standing)
+    twin.lying = hg.sample_fall(world, "supine", seed=1).posture
+    sent: list[Command] = []
+    write = twin.write
+    twin.write = lambda command: sent.append(command) or write(command)
+    result = hg.keep_stand(twin, world)
+    assert twin.connections == 2
+    assert result.refusal is not None
+    assert result.refusal.startswith("the robot does not stand: its torso is")
+    assert sent
+    assert all(command.is_limp for command in sent)

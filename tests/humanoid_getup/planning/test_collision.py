@@ -1,12 +1,15 @@
 """What collides is found, what only touches is not, and a floor may lift the robot."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
-from humanoid_getup.scenes.obstacle import make_capsule
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
@@ -143,3 +146,78 @@ def test_rough_ground_lifts_a_robot_until_it_rests_on_it():
             assert checker.is_free(row(lowered(at, depth)))
             # It may come to rest higher, where a body's face lies on a peak, but never deeper.
             assert depth - 0.002 < lift < depth + 0.02
+
+
+def wall_at(y: float, thickness: float) -> Obstacle:
+    """Stand a wall along x, whose middle is at ``y`` [m]."""
+    half = np.array([2.0, 0.5 * thickness, 2.0])
+    return Obstacle(name="wall", kind="box", half_size=half, position=np.array([0.0, y, 0.0]))
+
+
+def find_hand(posture: Posture) -> float:
+    """Return how far to its left the robot reaches [m]."""
+    data = mujoco.MjData(MODEL)
+    data.qpos[:] = place(ROBOT, MODEL, posture)
+    mujoco.mj_kinematics(MODEL, data)
+    return float(data.geom_xpos[:, 1].max())
+
+
+def spread() -> Posture:
+    """Hold the left arm as far out to the side as it goes, standing in the air."""
+    roll = ROBOT.joint_names.index("l_sho_roll")
+    angles = [
+        np.where(np.arange(ROBOT.n) == roll, angle, ROBOT.standing.joint_pos)
+        for angle in np.linspace(ROBOT.lower[roll], ROBOT.upper[roll], 9)
+    ]
+    above = lowered(ROBOT.standing, -1.0)
+    return max((replace(above, joint_pos=one) for one in angles), key=find_hand)
+
+
+@pytest.mark.parametrize("thickness", [0.002, 0.02, 0.2])
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.9])
+def test_a_limb_through_a_wall_is_a_collision(thickness: float, share: float):
+    """Where the middle of a limb is in it, MuJoCo may find no contact at all."""
+    posture = spread()
+    assert CollisionChecker(ROBOT, FLAT_SCENE).is_free(row(posture))
+    wall = wall_at(share * find_hand(posture) + 0.5 * thickness, thickness)
+    checker = CollisionChecker(ROBOT, Scene(name="wall", obstacles=(wall,)))
+    assert not checker.is_free(row(posture))
+    found = checker.find_collisions(row(posture))
+    assert "'wall'" in {collision.into for collision in found}
+
+
+def bisect(holds: Callable[[float], bool], yes: float, no: float) -> float:
+    """Find the last number for which something holds, from one to another for which it does not."""
+    for _ in range(20):
+        middle = 0.5 * (yes + no)
+        yes, no = (middle, no) if holds(middle) else (yes, middle)
+    return yes
+
+
+def curb(y: float, top: float) -> Obstacle:
+    """Lay a curb along x that begins at ``y`` and is as high as ``top`` [m]."""
+    half = np.array([2.0, 0.1, 1.0])
+    return Obstacle(
+        name="wall", kind="box", half_size=half, position=np.array([0.0, y + 0.1, top - 1.0])
+    )
+
+
+@pytest.mark.parametrize("ground", ["flat", "rough:easy"])
+def test_a_floor_that_lifts_a_robot_lifts_it_over_no_wall_beside_it(ground: str):
+    """The robot is in the floor and in the side of a curb: only the floor can be left upwards."""
+    scene, depth = load_scene(ground, ROBOT), 0.03
+    world = World(ROBOT, scene)
+    resting = Clearance(world).rest(place(ROBOT, world.model, lying()), -0.002)
+    posture = read_posture(ROBOT, world.model, resting)
+
+    def is_free(at: Posture, *obstacles: Obstacle, most: float = 0.1) -> bool:
+        own = replace(scene, obstacles=obstacles)
+        return CollisionChecker(ROBOT, own, Tolerances(max_lift=most)).is_free(row(at))
+
+    sunk = lowered(posture, depth)
+    assert is_free(sunk)
+    side = bisect(lambda y: is_free(posture, curb(y, 1.0), most=0.0), 1.0, 0.0) - 0.004
+    top = bisect(lambda z: is_free(posture, curb(side, z), most=0.0), 0.0, 1.0) - 0.002
+    assert is_free(posture, curb(side, top))
+    assert not is_free(sunk, curb(side, top))
+    assert not is_free(sunk, curb(side, 1.0))

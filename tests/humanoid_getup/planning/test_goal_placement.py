@@ -1,5 +1,7 @@
 """Connecting postures rest on what is under them, where the robot lies or beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from nonempty import nonempty
@@ -103,3 +105,27 @@ def test_on_a_slab_with_room_below_goals_are_put_on_top(op3: Robot, database: Mo
     placed = GoalPlacement(world).place(database.select(lying)[0].posture, lying)
     assert placed is not None
     assert placed.position[2] > 3.0 * leg
+
+
+@pytest.mark.parametrize("scene", ["flat", "ice", "slope:15", "table"])
+@pytest.mark.parametrize("heading", [-2.0, 0.5, 3.0])
+def test_a_goal_has_the_heading_of_the_start(
+    op3: Robot, database: MotionDatabase, scene: str, heading: float
+):
+    """The robot rises the way it lies: the goal's heading turns with that of the start."""
+    world = World(op3, scene)
+    motion = database.rising[0]
+    lying = motion.posture(0)
+    turn = quaternion.from_yaw(heading)
+    start = replace(
+        lying,
+        position=lying.position + np.array([3.0, 1.0, 0.0]),
+        orientation=quaternion.multiply(turn, lying.orientation),
+    )
+    if scene == "slope:15":
+        start = replace(start, position=start.position + np.array([0.0, 0.0, 3.0 * np.tan(SLOPE)]))
+    placed = GoalPlacement(world).place(lying, start)
+    assert placed is not None
+    assert placed.position[:2] == pytest.approx(start.position[:2])
+    apart = quaternion.angle_between(placed.orientation, start.orientation)
+    assert apart == pytest.approx(SLOPE if scene == "slope:15" else 0.0, abs=1e-6)

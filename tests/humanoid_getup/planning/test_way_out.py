@@ -11,8 +11,16 @@ from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.via import plan_via
-from humanoid_getup.planning.way_out import DEEP, SPACING, SPEED, WayOut, find_way_out
-from humanoid_getup.scenes.obstacle import Obstacle
+from humanoid_getup.planning.way_out import (
+    DEEP,
+    SPACING,
+    SPEED,
+    ShiftProblem,
+    WayOut,
+    find_way_out,
+)
+from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
+from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
@@ -102,3 +110,17 @@ def test_from_within_four_walls_there_is_none(table: World, starts: list[Posture
     checker, way_out = find(world, start)
     assert checker.allow(start) == ""
     assert way_out is None
+
+
+def test_an_edge_of_the_way_out_is_checked_all_along_it(op3: Robot):
+    """A thin bar lies between two places, each of which is free."""
+    lying = sample_falls(World(op3), {"prone": 1}, np.random.default_rng(0))[0].posture
+    bar = make_capsule("bar", np.array([0.0, -1.0, 0.6]), np.array([0.0, 1.0, 0.6]), 0.01)
+    checker = CollisionChecker(op3, Scene(name="bar", obstacles=(bar,)))
+    before, behind = (np.array([x, 0.0, 0.6]) for x in (-0.6, 0.6))
+    problem = ShiftProblem(checker, lying, behind)
+    assert problem.is_free(before)
+    assert problem.is_free(behind)
+    assert problem.fails(before, behind)
+    assert problem.fails(behind, before)
+    assert not problem.fails(before, before - np.array([0.1, 0.0, 0.0]))

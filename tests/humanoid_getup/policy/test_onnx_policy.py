@@ -283,3 +283,24 @@ def test_the_guard_never_has_to_cut_a_policy(world: World, tmp_path: Path, start
     speed = np.abs(np.diff(moved, axis=0)).max(axis=0) / PERIOD
     knee = robot.joint_names.index("l_knee")
     assert speed[knee] > 0.9 * robot.max_velocity[knee]
+
+
+def test_a_policy_that_begins_again_remembers_nothing_of_its_first_run(tiny: Robot, tmp_path: Path):
+    """Its next action depends on its last ones; those of an earlier run are none of them."""
+    file = save_policy(
+        tmp_path / "p.onnx",
+        tiny,
+        weight=weights_of(tiny, last_action=0.5, joint_pos=0.3),
+        bias=0.2,
+        then=("Tanh",),
+    )
+    policy, cycles = OnnxPolicy.load(file, tiny, PERIOD), 60
+
+    def run_once() -> list[list[float]]:
+        policy.reset(state_of(tiny))
+        steps = [policy.step(state_of(tiny, time=k * PERIOD)) for k in range(cycles)]
+        return [command.joint_pos.tolist() for command in steps]
+
+    first = run_once()
+    assert first[0] != first[-1], "its memory changes what it does"
+    assert run_once() == first

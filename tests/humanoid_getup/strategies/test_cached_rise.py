@@ -189,6 +189,14 @@ def test_a_plan_serves_only_under_the_limit_and_settings_of_its_own(
     assert len(cache.read("op3").entries) == 2
 
 
+def _change_last(database: MotionDatabase, name: str) -> MotionDatabase:
+    """Change one number of the last motion by less than a tick."""
+    changed = getattr(database.motions[-1], name).copy()
+    changed[-1, 0] += 1e-4
+    last = replace(database.motions[-1], **{name: changed})
+    return MotionDatabase([*database.motions[:-1], last], database.metric)
+
+
 def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner, op3):
     scene = world.scene
     slippery = World(op3, replace(scene, surface=Surface(friction=0.5)))
@@ -198,10 +206,12 @@ def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner
         compute_fingerprint(PlannedRise(world, fewer)),
         compute_fingerprint(PlannedRise(world, database, planning=False)),
         compute_fingerprint(planner),
+        compute_fingerprint(PlannedRise(world, _change_last(database, "joint_target"))),
+        compute_fingerprint(PlannedRise(world, _change_last(database, "joint_pos"))),
         compute_fingerprint(PlannedRise(World(reshape(op3, Body(arms=1.6))), database)),
         compute_fingerprint(PlannedRise(World(reshape(op3, Body(arms=1.7))), database)),
     }
-    assert len(known) == 6
+    assert len(known) == 8
     assert compute_fingerprint(PlannedRise(World(op3))) == compute_fingerprint(planner)
 
 

@@ -7,9 +7,19 @@ import pytest
 
 from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
+from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies import crawl
-from humanoid_getup.strategies.crawl import MOVE, REST, Crawl, Move
+from humanoid_getup.strategies.crawl import (
+    MOST_SATURATION,
+    MOVE,
+    REST,
+    SAMPLES,
+    WORLDS,
+    Crawl,
+    Move,
+)
+from humanoid_getup.strategies.rise_motion import make_move
 from robots import FULL_TORQUE, Posture, Robot
 from robots.kinematics import read_posture
 from robots.quaternion import Array
@@ -69,3 +79,37 @@ def test_its_targets_keep_the_limits_and_end_at_rest(world: World, start: Postur
 
 def test_the_same_seed_finds_the_same_move(world: World, start: Posture, move: Move):
     np.testing.assert_array_equal(search(world, start).target, move.target)
+
+
+def test_a_move_that_overloads_a_servo_is_beaten_by_a_shorter_one(
+    world: World, start: Posture, monkeypatch: pytest.MonkeyPatch
+):
+    """Of the moves that get anywhere, every other one has all its torque for too long."""
+    crawl = Crawl(world, FULL_TORQUE, CHECK_DISTURBANCE)
+    reach = np.linspace(0.1, 0.5, SAMPLES)
+    overloads = np.arange(SAMPLES) % 2 == 1  # the one that gets farthest among them
+
+    def play(starts: Array, _parameters: object, targets: Array) -> tuple[Array, Array]:
+        qpos = np.tile(starts[None, :, None], (len(targets), 1, 2, 1))
+        root = world.robot.layout(world.model).root_position
+        qpos[:, :, -1, root] = start.position
+        qpos[:, :, -1, root.start if isinstance(root, slice) else root[0]] += reach[:, None]
+        saturation = np.where(overloads, MOST_SATURATION + 0.1, MOST_SATURATION - 0.1)
+        return qpos, np.repeat(saturation[:, None], WORLDS, axis=1)
+
+    monkeypatch.setattr(crawl, "_play", play)
+    move = crawl.search(start, ahead, np.random.default_rng(0))
+    assert move is not None
+    assert -move.cost == pytest.approx(start.position[0] + reach[~overloads].max())
+
+
+def test_a_move_that_is_played_has_the_place_and_heading_of_its_rollout(
+    world: World, start: Posture, move: Move
+):
+    motion = make_move(world, start, move)
+    truth = read_posture(world.robot, world.model, move.qpos[-2])
+    assert not motion.rises
+    assert motion.strategy == "crawl"
+    np.testing.assert_allclose(motion.position[-1], truth.position)
+    assert Placement.of(motion.posture(-1)) == Placement.of(truth)
+    np.testing.assert_array_equal(motion.joint_target, move.target)

@@ -51,7 +51,8 @@ def test_what_a_search_changed_is_read_back_within_the_rounding(
     path = tmp_path_factory.mktemp("keys") / "keys.toml"
     save_keyframes(path, [changed], op3)
     (read,) = load_keyframes(path, op3)
-    assert_same(read, changed)
+    # Left and right that differ by up to 0.05° are written as one, their mean.
+    assert_same(read, changed, degrees=0.0051 + 0.025)
 
 
 def test_a_posture_that_is_nearly_symmetric_is_written_for_both_sides(op3: Robot):

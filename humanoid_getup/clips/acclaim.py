@@ -15,6 +15,7 @@ from humanoid_getup.clips.clip import (
     Clip,
     ClipError,
     check_size,
+    explain,
     read_lines,
     read_numbers,
 )
@@ -22,6 +23,7 @@ from robots.quaternion import Array
 
 INCH = 0.0254  # m
 RATE = 120.0  # Hz of CMU's recordings; the files do not say it
+ORDER = "XYZ"  # of all turns
 ROOT = "root"
 ROOT_CHANNELS = ("tx", "ty", "tz", "rx", "ry", "rz")
 CHANNELS = ("rx", "ry", "rz")  # of all other bones
@@ -61,14 +63,14 @@ def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
     try:
         skeleton = _read_skeleton(read_lines(skeleton_file, MOST_OF_SKELETON))
     except READ_ERRORS as error:
-        reason = _say(error)
+        reason = explain(error)
         raise ClipError(f"skeleton {skeleton_file}: it is not an ASF file: {reason}") from error
     try:
         frames = _read_frames(read_lines(file), skeleton)
         still = {name: np.zeros((1, values.shape[1])) for name, values in frames.items()}
         joints, rest = _place(skeleton, frames), _place(skeleton, still)
     except READ_ERRORS as error:
-        reason = _say(error)
+        reason = explain(error)
         raise ClipError(f"clip {file}: it is no AMC file of {skeleton_file}: {reason}") from error
     return Clip(
         file=file,
@@ -77,11 +79,6 @@ def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
         rest={name: path[0] for name, path in rest.items()},
         unit=skeleton.unit,
     )
-
-
-def _say(error: Exception) -> str:
-    """Write an error in words; that of a missing key is the key alone."""
-    return f"{error} is missing" if isinstance(error, KeyError) else str(error)
 
 
 def _read_skeleton(lines: list[str]) -> AcclaimSkeleton:
@@ -123,6 +120,10 @@ def _read_bones(rows: list[list[str]]) -> Iterator[Bone]:
                 raise ValueError(
                     f"bone '{name}' has dof {' '.join(channels)}, expected different ones of "
                     f"{', '.join(CHANNELS)}"
+                )
+            if facts["axis"][3:] not in ([], [ORDER]):
+                raise ValueError(
+                    f"bone '{name}' has axis {' '.join(facts['axis'])}, expected {ORDER}"
                 )
             length = float(facts["length"][0])
             if not np.isfinite(length):
@@ -190,4 +191,4 @@ def _place(skeleton: AcclaimSkeleton, frames: dict[str, Array]) -> dict[str, Arr
 
 def _turn(angles: Array) -> Rotation:
     """Turn about x, then y, then z of the fixed frame, by angles in degrees, (..., 3)."""
-    return Rotation.from_euler("xyz", angles, degrees=True)
+    return Rotation.from_euler(ORDER.lower(), angles, degrees=True)

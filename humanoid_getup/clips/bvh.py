@@ -14,6 +14,7 @@ from humanoid_getup.clips.clip import (
     Clip,
     ClipError,
     check_size,
+    explain,
     read_lines,
     read_numbers,
 )
@@ -55,7 +56,7 @@ def read_bvh(file: Path) -> Clip:
         still = np.zeros((1, frames.shape[1]))
         rest = {name: path[0] for name, path in _place(joints, still).items()}
     except READ_ERRORS as error:
-        raise ClipError(f"clip {file}: it is not a BVH file: {error}") from error
+        raise ClipError(f"clip {file}: it is not a BVH file: {explain(error)}") from error
     return Clip(file=file, period=period, joints=places, rest=rest, unit=CENTIMETER)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.files import read_bounded
+from robots.files import describe, read_bounded
 from robots.quaternion import Array
 
 # What capture systems and editors call the joints that the features need.
@@ -59,6 +59,13 @@ def check_size(frames: int, joints: int) -> None:
         raise ValueError(
             f"{frames} frames of {joints} joints, expected at most {MOST_POSITIONS} positions"
         )
+
+
+def explain(error: Exception) -> str:
+    """Say what is wrong with the content of a file, given one of `READ_ERRORS`."""
+    if isinstance(error, KeyError):
+        return f"{error} is missing"
+    return "a word or number is missing" if isinstance(error, IndexError) else describe(error)
 
 
 class ClipError(ValueError):

@@ -71,6 +71,7 @@ def test_a_soak_accounts_for_all_its_time(world: World):
     assert (case["driver_lost"], case["driver_damaged"], case["holds"]) == (0, 0, 0)
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_table(tmp_path: Path):
     figures = tmp_path / "soak.json"
     assert main(["bench", "soak", "--duration", "5", "--json", str(figures)]) == 0

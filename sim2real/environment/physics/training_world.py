@@ -11,6 +11,7 @@ import numpy as np
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World, add_contact_sensor, add_stance_sensors
 from robots import Robot
+from robots.body.parts import list_head_joints
 from robots.kinematics import imu_in_torso
 from sim2real.environment.physics.model_variants import ModelVariant
 
@@ -47,7 +48,7 @@ def build_training_world(
     for element in (*spec.sensors, *spec.actuators):
         element.nsample = samples
     add_stance_sensors(spec, robot)
-    for name in _list_head_joints(robot)[-1:]:
+    for name in list_head_joints(robot)[-1:]:
         head = spec.joint(name).parent.name
         add_contact_sensor(spec, "head_contact", head, subtree=True)
         spec.add_sensor(
@@ -57,10 +58,6 @@ def build_training_world(
             objname=head,
         )
     return World(robot, scene, model=spec.compile())
-
-
-def _list_head_joints(robot: Robot) -> list[str]:
-    return [joint.name for joint in robot.joints if joint.segment == "head"]
 
 
 def fit_step(longest: float, step_time: float) -> float:
@@ -83,7 +80,7 @@ class SensorAddresses:
         self.gyro = at("imu_gyro") + np.arange(3)
         self.orientation = at("imu_orientation") + np.arange(4)
         self.imu_in_torso = np.array(imu_in_torso(robot, model))
-        has_head = bool(_list_head_joints(robot))
+        has_head = bool(list_head_joints(robot))
         self.head_contact = at("head_contact") + np.arange(1) if has_head else np.arange(0)
         self.head_velocity = at("head_velocity") + np.arange(3) if has_head else np.arange(0)
         self.is_delayed = model.sensor_history[:, 0] > 0

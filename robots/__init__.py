@@ -1,19 +1,13 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
 from robots import mujoco_log
+from robots.bus_settings import BoardSettings, BusSettings
 from robots.imu import ImuSettings
 from robots.loading import load_robot, reshape
 from robots.posture import Posture
 from robots.posture_file import load_posture
 from robots.proportions import ORIGINAL, Body, BodyError
-from robots.robot import (
-    BoardSettings,
-    BusSettings,
-    Joint,
-    Robot,
-    RobotError,
-    list_robots,
-)
+from robots.robot import Joint, Robot, RobotError, list_robots
 from robots.servo import Servo, ServoModel
 from robots.torque_limit import FULL_TORQUE, TorqueLimit
 

@@ -4,77 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
 
 import mujoco
 import numpy as np
-from msgspec import Meta
 
 from robots import quaternion
 from robots.actuators import PositionActuator
-from robots.imu import AxesSetting, ImuKind, ImuSettings
+from robots.bus_settings import BusSettings
+from robots.imu import ImuKind, ImuSettings
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body
 from robots.quaternion import Array
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
 from robots.transmission import Coupling, Transmission
-from robots.validation import Names, positive, whole
-
-WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
-
-
-BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""What X-series servos can be set to [bit/s] (e-manual, Baud Rate)."""
-if TYPE_CHECKING:
-    BaudRate = int  # of which a type checker cannot see that it is one of these
-else:
-    BaudRate = Literal[BAUD_RATES]
-MAX_ADDRESS = 0xFFFF  # of a register (Protocol 2.0)
-MAX_WATCHDOG = 2.54  # s, 127 steps of 20 ms (e-manual, Bus Watchdog)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BoardSettings:
-    """A controller board on the servo bus that carries the IMU.
-
-    Its control table is known by the model's name, or the addresses and scales of its gyro and
-    its accelerometer are given: three axes each, x first, signed, two bytes, little endian.
-    """
-
-    model: str = ""
-    """Name of its control table; empty if its registers are given below."""
-    id: Annotated[int, whole(0, 252)]
-    imu_axes: AxesSetting
-    """What each axis of the robot's IMU site is of the IMU's raw axes."""
-    powers_servos: bool = False
-    """True when servos have no power until the board switches it on."""
-    port: str = ""
-    """Name of the port on which it replies; in a robot.toml the first if left out."""
-    gyro_address: Annotated[int, whole(0, MAX_ADDRESS)] = 0
-    accelerometer_address: Annotated[int, whole(0, MAX_ADDRESS)] = 0
-    gyro_scale: Annotated[float, positive(1.0, "rad/s")] = 0.0
-    """[rad/s] a count"""
-    accelerometer_scale: Annotated[float, positive(1.0, "m/s²")] = 0.0
-    """[m/s²] a count"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BusSettings:
-    """How a robot's servos are reached."""
-
-    baud: BaudRate
-    """[bit/s]"""
-    watchdog: Annotated[float, positive(MAX_WATCHDOG, "s")] = WATCHDOG
-    """Silence after which servos under torque stop by themselves [s]."""
-    ports: Annotated[
-        dict[str, Names], Meta(description="a table of port names and joints", min_length=1)
-    ] = field(default_factory=dict)
-    """Names of the joints on each serial port; in a robot.toml one for all if left out."""
-    board: BoardSettings | None = None
-
 
 LONGEST_TIMESTEP = 0.002  # s; contacts and servos need no shorter step, and bear no longer one
 ROBOTS_FOLDER = Path(__file__).parent

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
+from robots.bus_settings import BoardSettings, BusSettings
 from robots.imu import IMU_PORT, ImuSettings, find_axes_problems, find_imu_problems
-from robots.robot import BoardSettings, BusSettings
 from robots.servo import MAX_TICKS, PGain, ServoModel
 from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole, within
 

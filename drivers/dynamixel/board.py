@@ -11,8 +11,8 @@ from drivers.dynamixel.protocol2 import Span
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
+from robots.bus_settings import BoardSettings
 from robots.imu import SensorAxes
-from robots.robot import BoardSettings
 
 AXES_BYTES = 6  # three axes, two bytes each
 REMEDY = "check its power, its cable and bus.board"

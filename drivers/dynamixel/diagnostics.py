@@ -20,7 +20,7 @@ from drivers.errors import DriverError
 from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import HardwareError
 from robots import Joint, Robot
-from robots.robot import BAUD_RATES
+from robots.bus_settings import BAUD_RATES
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)

@@ -14,7 +14,7 @@ from drivers.dynamixel.diagnostics import read_items
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status
 from drivers.errors import DriverError
 from drivers.serial_port import PortError, PortLostError, SerialPort, read_latency_timer
-from robots.robot import BAUD_RATES
+from robots.bus_settings import BAUD_RATES
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """Baud rates of most robots, and the one as shipped [bit/s]."""

@@ -24,7 +24,7 @@ from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.options.hardware import Scan
 from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
-from robots.robot import BAUD_RATES
+from robots.bus_settings import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
 NO_DEVICE = (

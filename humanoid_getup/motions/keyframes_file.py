@@ -14,8 +14,8 @@ from msgspec import Meta
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import NAME, STANDING, EndClass, StartClass
 from robots import Robot
+from robots.body.sides import JointSides
 from robots.quaternion import Array
-from robots.sides import JointSides
 from robots.validation import (
     find_unknown_keys,
     load_toml,

@@ -14,9 +14,9 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import TABLES, KeyframesError, load_keyframes
 from humanoid_getup.motions.motion import STANDING
 from robots import Robot
+from robots.body.sides import JointSides
 from robots.files import atomic_path, read_bounded
 from robots.quaternion import Array
-from robots.sides import JointSides
 from robots.toml_document import Value, one_a_line, plain, rounded, table_of, tables_of
 from robots.validation import MAX_TEXT
 

@@ -10,6 +10,7 @@ import numpy as np
 from robots.body.ends import locate_end
 from robots.passive_joints import couple_passive_joints, rest_passive_joints
 from robots.quaternion import Array
+from robots.robot import Robot
 
 TWIST = 0.8  # cosine between an axis and a direction from which a joint only twists about it
 SMALL = 1e-9
@@ -38,6 +39,13 @@ class JointView:
         self._rest = model.qpos0.copy()
         self._rest[at : at + 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         rest_passive_joints(model, self._passive, self._rest)
+
+    @classmethod
+    def of(cls, robot: Robot) -> JointView:
+        """View the joints of a robot, in its order."""
+        model = robot.spec().compile()
+        ids = [model.joint(name).id for name in robot.joint_names]
+        return cls(model, ids, robot.passive_joints)
 
     def look(self, angles: Array) -> None:
         """Bring `data` to joint angles (n,) [rad]; passive joints follow."""

@@ -29,9 +29,8 @@ class Limbs(JointView):
         Raises:
             ValueError: if it does not have two legs of at least two joints.
         """
-        model = robot.spec().compile()
-        ids = [model.joint(name).id for name in robot.joint_names]
-        super().__init__(model, ids, robot.passive_joints)
+        view = JointView.of(robot)
+        super().__init__(view.model, view.ids, robot.passive_joints)
         self.robot = robot
         self.look(robot.standing.joint_pos)
         self.all: dict[LimbName, Limb] = find_limbs(robot, self)

@@ -145,19 +145,11 @@ def measure_tilt(points: Array) -> float:
 
     It is 0 for a round foot, which has no such face.
     """
-    try:
-        hull, outline = ConvexHull(points), ConvexHull(points[:, :2]).volume
-    except QhullError:
+    faces = _list_faces(points, np.array([0.0, 0.0, -1.0]))
+    largest = max(faces, key=_measure_area, default=None)
+    if largest is None or _measure_area(largest) < LARGE * ConvexHull(points[:, :2]).volume:
         return 0.0
-    corners = points[hull.simplices]  # (f, 3, 3)
-    edges = corners[:, 1:] - corners[:, :1]
-    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2.0
-    normals, of = np.unique(hull.equations[:, :3].round(3), axis=0, return_inverse=True)
-    areas = np.bincount(of.ravel(), weights=area) * (normals[:, 2] < -STEEP)
-    largest = int(np.argmax(areas))
-    if areas[largest] < LARGE * outline:
-        return 0.0
-    return float(np.arccos(np.clip(-normals[largest, 2], -1.0, 1.0)))
+    return float(np.arccos(np.clip(-largest.normal[2], -1.0, 1.0)))
 
 
 def measure_support_margin(robot: Robot, model: mujoco.MjModel) -> float:

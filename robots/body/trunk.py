@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from scipy.optimize import least_squares
 
+from robots.body.joint_view import JointView
 from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
 from robots.robot import Robot
@@ -18,14 +18,11 @@ class Trunk:
 
     def __init__(self, robot: Robot) -> None:
         """Find the joints."""
-        self._model = robot.spec().compile()
-        self._data = mujoco.MjData(self._model)
-        self._layout = robot.layout(self._model)
-        self._chest = int(self._model.site(robot.neck_site).bodyid[0])
-        spine = find_robot_parts(robot, self._model).find_spine(self._chest)
+        self._view = JointView.of(robot)
+        self._chest = int(self._view.model.site(robot.neck_site).bodyid[0])
+        spine = find_robot_parts(robot, self._view.model).find_spine(self._chest)
         above = {joint for link in spine for joint in link.joints}
-        ids = [self._model.joint(name).id for name in robot.joint_names]
-        self.joints = [k for k, joint in enumerate(ids) if joint in above]
+        self.joints = [k for k, joint in enumerate(self._view.ids) if joint in above]
         """Places in the robot's order."""
         self._bounds = (robot.lower[self.joints], robot.upper[self.joints])
         self._rest = self.measure(robot.standing.joint_pos)
@@ -37,12 +34,8 @@ class Trunk:
 
     def measure(self, joint_pos: Array) -> Array:
         """Measure the axes of the body that carries the neck in the torso's frame, (3, 3)."""
-        data, layout = self._data, self._layout
-        data.qpos[:] = self._model.qpos0
-        data.qpos[layout.root_orientation] = [1.0, 0.0, 0.0, 0.0]
-        data.qpos[layout.qpos] = joint_pos
-        mujoco.mj_kinematics(self._model, data)
-        return data.xmat[self._chest].reshape(3, 3).copy()
+        self._view.look(joint_pos)
+        return self._view.data.xmat[self._chest].reshape(3, 3).copy()
 
     def solve(self, chest: Array, before: Array) -> Array:
         """Find the joint angles (n,) that turn the chest nearest to axes (3, 3).

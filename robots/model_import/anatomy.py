@@ -150,18 +150,23 @@ def _pair(tree: KinematicTree, axes: Array, middle: Array, height: float) -> Mir
 
 def _measure_ends(tree: KinematicTree) -> tuple[Array, Array]:
     """Measure the lowest and highest point of what each hinge's link is made of [m], (n,) each."""
+    ends = [_measure_link(tree, k, UP) for k in range(len(tree.hinges))]
+    heights = [hinge.anchor[2] for hinge in tree.hinges]
+    rows = [(z, z) if end is None else end for end, z in zip(ends, heights, strict=True)]
+    return np.array(rows)[:, 0], np.array(rows)[:, 1]
+
+
+def _measure_link(tree: KinematicTree, hinge: int, way: Array) -> tuple[float, float] | None:
+    """Measure where a hinge's link begins and ends along a unit vector (3,), in the world [m]."""
     model, data = tree.model, tree.data
-    low, high = np.full((2, len(tree.hinges)), np.nan)
-    for k in range(len(tree.hinges)):
-        geoms = np.flatnonzero(np.isin(model.geom_bodyid, tree.link(k)))
-        if len(geoms):
-            up = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]  # (g, 3): z in the geom's frame
-            center = data.geom_xpos[geoms, 2] + np.sum(up * model.geom_aabb[geoms, :3], axis=1)
-            reach = np.sum(np.abs(up) * model.geom_aabb[geoms, 3:], axis=1)
-            low[k], high[k] = np.min(center - reach), np.max(center + reach)
-        else:
-            low[k] = high[k] = tree.hinges[k].anchor[2]
-    return low, high
+    geoms = np.flatnonzero(np.isin(model.geom_bodyid, tree.link(hinge)))
+    if not len(geoms):
+        return None
+    rotation = data.geom_xmat[geoms].reshape(-1, 3, 3)
+    center = data.geom_xpos[geoms] + np.einsum("gij,gj->gi", rotation, model.geom_aabb[geoms, :3])
+    reach = np.sum(np.abs(way @ rotation) * model.geom_aabb[geoms, 3:], axis=1)
+    along = center @ way
+    return float(np.min(along - reach)), float(np.max(along + reach))
 
 
 def _find_feet(tree: KinematicTree, low: Array, height: float, path: Path) -> tuple[int, int]:
@@ -270,15 +275,10 @@ def _measure_bend(tree: KinematicTree, leg: tuple[int, ...], lateral: Array) -> 
 
 def _measure_toe(tree: KinematicTree, hinge: int, forward: Array) -> float:
     """Measure how much longer a foot is in front of its ankle than behind [m]."""
-    model, data = tree.model, tree.data
-    geoms = np.flatnonzero(np.isin(model.geom_bodyid, tree.link(hinge)))
-    if not len(geoms):
+    ends = _measure_link(tree, hinge, forward)
+    if ends is None:
         return 0.0
-    rotation = data.geom_xmat[geoms].reshape(-1, 3, 3)
-    center = data.geom_xpos[geoms] + np.einsum("gij,gj->gi", rotation, model.geom_aabb[geoms, :3])
-    reach = np.abs(np.einsum("i,gij->gj", forward, rotation)) * model.geom_aabb[geoms, 3:]
     # A point on an axis that points forward may be anywhere along it.
     across = [k for k in tree.chain(hinge) if abs(tree.hinges[k].axis @ forward) < ALONG]
-    ankle = tree.hinges[across[-1] if across else hinge].anchor
-    along = (center - ankle) @ forward
-    return float(np.max(along + reach.sum(axis=1)) + np.min(along - reach.sum(axis=1)))
+    ankle = tree.hinges[across[-1] if across else hinge].anchor @ forward
+    return ends[0] + ends[1] - 2.0 * float(ankle)

@@ -13,9 +13,9 @@ from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.maintenance import reset_ram
 from drivers.virtual_bus.devices.quirks import Quirks
+from robots.bus_settings import BoardSettings
 from robots.imu import SensorAxes
 from robots.quaternion import Array
-from robots.robot import BoardSettings
 
 AXES = ("x", "y", "z")
 

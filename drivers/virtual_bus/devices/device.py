@@ -10,7 +10,7 @@ from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Status
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers, WritePlan
-from robots.robot import BAUD_RATES
+from robots.bus_settings import BAUD_RATES
 
 READ_LEVEL = 1  # status return level from which reads are answered; from 2 on, everything
 Handler = Callable[[bytes, "Addressing"], int]

@@ -22,8 +22,8 @@ from humanoid_getup.motions.motion import NAME, STANDING, EndClass, StartClass
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.world import World
 from robots import Robot
+from robots.body.sides import JointSides
 from robots.quaternion import Array
-from robots.sides import JointSides
 from robots.validation import shown
 
 TRAVEL_SPEED = 1.5  # rad/s of the joint that moves farthest, where no time is given

@@ -21,7 +21,7 @@ from drivers.dynamixel.control_table import (
 )
 from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
-from robots.robot import BAUD_RATES
+from robots.bus_settings import BAUD_RATES
 
 SERVOS = [name for name in known_models() if name != "OpenCR"]
 TABLES = [table_named(name, firmware) for name in known_models() for firmware in (None, 38, 46, 52)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robots import Robot, load_robot
-from robots.sides import JointSides, remove_side
+from robots.body.sides import JointSides, remove_side
 
 
 def rename(robot: Robot, *names: str) -> Robot:

@@ -6,10 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
-import mujoco
-import numpy as np
-
-from robots.kinematics import place
+from robots.body.joint_view import JointView
 from robots.quaternion import Array
 from robots.robot import Robot
 from robots.side_names import LEFT, find_side, remove_side
@@ -69,10 +66,7 @@ class JointSides:
     @cached_property
     def _sideways(self) -> tuple[Array, Array]:
         """Return the y of each joint's anchor, and of its limb's center of mass, standing [m]."""
-        model = self.robot.spec().compile()
-        data = mujoco.MjData(model)
-        data.qpos[:] = place(self.robot, model, self.robot.standing)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        ids = np.array([model.joint(name).id for name in self.robot.joint_names])
-        return data.xanchor[ids, 1].copy(), data.subtree_com[model.jnt_bodyid[ids], 1].copy()
+        view = JointView.of(self.robot)
+        view.look(self.robot.standing.joint_pos)
+        bodies = view.model.jnt_bodyid[view.ids]
+        return view.data.xanchor[view.ids, 1], view.data.subtree_com[bodies, 1]

@@ -1,12 +1,14 @@
 """A search that was interrupted goes on as if it had not been."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from humanoid_getup.motions import optimization
 from humanoid_getup.motions.build import make_task, settle
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import TrajectoryOptimizer, count_work
@@ -39,6 +41,14 @@ def keyframes() -> Keyframes:
     )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_scenarios() -> Iterator[None]:
+    """Judge the finalists in few disturbed worlds: which of them wins is not tested."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(optimization, "FINAL_SCENARIOS", 4)
+        yield
+
+
 class Interrupted(Exception):
     """Stands for a key or a kill signal."""
 
@@ -56,11 +66,17 @@ def search(world: World, keyframes: Keyframes, log: SearchLog | None, stop: int 
     return *optimizer.optimize(keyframes, GENERATIONS, 7, report, log), reports
 
 
+@pytest.fixture(scope="module")
+def uninterrupted(world: World, keyframes: Keyframes):
+    """Result, share and reports of a search that nothing interrupts."""
+    return search(world, keyframes, None)
+
+
 @pytest.mark.parametrize("stop", [1, 2])
 def test_an_interrupted_search_finds_what_another_one_finds(
-    stop: int, world: World, keyframes: Keyframes, tiny: Robot, tmp_path: Path
+    stop: int, uninterrupted, world: World, keyframes: Keyframes, tiny: Robot, tmp_path: Path
 ):
-    whole, share, reports = search(world, keyframes, None)
+    whole, share, reports = uninterrupted
     path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
     with pytest.raises(Interrupted):
         search(world, keyframes, SearchLog(path, task), stop)

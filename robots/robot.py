@@ -11,7 +11,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots import quaternion
 from robots.actuators import PositionActuator
 from robots.bus_settings import BusSettings
 from robots.imu import ImuKind, ImuSettings
@@ -261,14 +260,6 @@ class Robot:
         """
         lag = self.torque_speed_slope / self.position_gain
         return self.transmission.to_joint(lag * self.transmission.to_actuator(speed))
-
-    def mirror_posture(self, posture: Posture) -> Posture:
-        """Exchange left and right in a posture."""
-        return Posture(
-            position=posture.position * np.array([1.0, -1.0, 1.0]),
-            orientation=quaternion.mirror(posture.orientation),
-            joint_pos=self.mirror_joints(posture.joint_pos),
-        )
 
     def mirror_joints(self, joint_pos: Array) -> Array:
         """Exchange left and right in joint angles, (..., n)."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mirror_images import mirror_posture
 from nonempty import nonempty
 from paths import SHARED
 
@@ -108,7 +109,7 @@ def test_each_joint_has_its_servo_in_joint_order():
 
 @given(posture=postures())
 def test_mirroring_twice_changes_nothing(posture):
-    twice = OP3.mirror_posture(OP3.mirror_posture(posture))
+    twice = mirror_posture(OP3, mirror_posture(OP3, posture))
     assert np.array_equal(twice.joint_pos, posture.joint_pos)
     assert np.array_equal(twice.orientation, posture.orientation)
     assert np.array_equal(twice.position, posture.position)
@@ -116,7 +117,7 @@ def test_mirroring_twice_changes_nothing(posture):
 
 @given(posture=postures())
 def test_a_mirrored_posture_is_the_mirror_image_in_space(posture):
-    here, there = configured(posture), configured(OP3.mirror_posture(posture))
+    here, there = configured(posture), configured(mirror_posture(OP3, posture))
     checked = 0
     for site in range(MODEL.nsite):
         name = MODEL.site(site).name
@@ -143,7 +144,7 @@ def test_standing_has_level_soles_on_the_ground():
 
 
 def test_standing_is_its_own_mirror_image_within_the_joint_ranges():
-    assert OP3.mirror_posture(OP3.standing).joint_pos == pytest.approx(OP3.standing.joint_pos)
+    assert mirror_posture(OP3, OP3.standing).joint_pos == pytest.approx(OP3.standing.joint_pos)
     assert np.all((OP3.standing.joint_pos >= OP3.lower) & (OP3.standing.joint_pos <= OP3.upper))
 
 

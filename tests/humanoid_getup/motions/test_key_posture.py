@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mirror_images import mirror_posture
 
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion_database import find_motion
@@ -23,7 +24,7 @@ def test_a_mirrored_motion_has_key_postures_too(op3: Robot):
     left, right = (
         load_key(f"motions:lateral_side_sit{side}@1", op3).posture for side in ("", "_mirrored")
     )
-    np.testing.assert_array_equal(op3.mirror_posture(left).joint_pos, right.joint_pos)
+    np.testing.assert_array_equal(mirror_posture(op3, left).joint_pos, right.joint_pos)
 
 
 def test_a_posture_file_is_a_key(op3: Robot, tmp_path: Path):

@@ -424,6 +424,17 @@ def test_a_tripped_watchdog_is_cleared_and_the_goal_begins_at_the_present(rig):
     assert rig.peek("torque_enable") == [1, 1]
 
 
+def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
+    """Goals would begin where the joint was: two cycles without a reply are bridged, four not."""
+    for cycles, torque in ((2, 1), (4, 0)):
+        with Rig(tiny) as rig:
+            state = rig.turn(Command.limp(tiny.n), 3)
+            rig.port.spoil = lambda *_: []
+            rig.turn(Command.limp(tiny.n), cycles - 1)
+            rig.turn(rig.hold(state))
+            assert rig.peek("torque_enable") == [torque] * 2
+
+
 def test_after_a_pause_longer_than_the_watchdog_goals_begin_anew_at_once(rig):
     rig.turn(cycles=3)
     rig.virtual.physics.advance(rig.virtual.physics.time + 0.2)

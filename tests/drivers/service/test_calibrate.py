@@ -1,0 +1,183 @@
+"""Zeros and signs of servos, measured while a person holds and turns the robot."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from service_bench import ServiceBench
+
+from drivers.service import calibrate
+from drivers.service.calibrate import (
+    Calibrator,
+    JointMeasurement,
+    MovingError,
+    PositionRangeError,
+    SilentError,
+    check_ranges,
+    describe_direction,
+    measure_ticks,
+    read_ticks,
+    save,
+)
+from drivers.virtual_bus.devices.sensors import Measured
+from robots import Joint, Robot
+from robots.calibration import Calibration
+
+
+@pytest.fixture(autouse=True)
+def _without_pauses(monkeypatch):
+    monkeypatch.setattr(calibrate, "PAUSE", 0.0)
+
+
+@pytest.fixture
+def bench(tiny: Robot) -> ServiceBench:
+    return ServiceBench(tiny)
+
+
+def turn(bench: ServiceBench, joint: str, ticks: float) -> None:
+    bench.servo(joint).sense(Measured(ticks=ticks))
+
+
+def test_positions_are_those_of_the_registers(bench: ServiceBench):
+    with bench.open() as bus:
+        turn(bench, "l_hip", 1234.0)
+        turn(bench, "r_hip", 3000.0)
+        assert read_ticks(bus, bus.robot.actuators) == {"l_hip": 1234, "r_hip": 3000}
+        assert read_ticks(bus, bus.robot.actuators[1:]) == {"r_hip": 3000}
+
+
+def test_a_silent_servo_is_named_after_three_tries(bench: ServiceBench):
+    with bench.open() as bus:
+        bench.servo("r_hip").alive = False
+        bench.port.sent.clear()
+        with pytest.raises(SilentError, match=r"joint 'r_hip' \(id 2\): silent"):
+            read_ticks(bus, bus.robot.actuators)
+        assert len(bench.port.sent) == 3
+
+
+def shaking(bench: ServiceBench, ticks: list[int]) -> Callable:
+    """Give the left hip another position before every reply."""
+    coming = iter(ticks * 20)
+
+    def spoil(_packet, replies):
+        turn(bench, "l_hip", next(coming))
+        return replies
+
+    return spoil
+
+
+def test_of_small_movements_the_median_counts(bench: ServiceBench):
+    with bench.open() as bus:
+        turn(bench, "l_hip", 2000)
+        bench.port.spoil = shaking(bench, [2000, 2001, 2004, 2000])
+        assert measure_ticks(bus, bus.robot.actuators[:1]) == {"l_hip": 2000}
+
+
+def test_a_robot_that_moves_is_not_measured(bench: ServiceBench):
+    with bench.open() as bus:
+        turn(bench, "l_hip", 2000)
+        bench.port.spoil = shaking(bench, [2000, 2005])
+        with pytest.raises(MovingError, match=r"joint 'l_hip' by 0\.4°, expected at most 0\.4°"):
+            measure_ticks(bus, bus.robot.actuators)
+
+
+def test_zeros_follow_from_known_angles(bench: ServiceBench):
+    """A quarter turn is 1024 ticks, in the direction of the sign."""
+    with bench.open() as bus:
+        turn(bench, "l_hip", 2100.0)
+        turn(bench, "r_hip", 2100.0)
+        calibrator = Calibrator(bus, bus.robot.actuators)
+        calibrator.measure_zeros(np.array([np.pi / 2, np.pi / 2]))
+        zeros = {m.joint.name: m.zero_ticks for m in calibrator.measured}
+        signs = {joint.name: joint.servo.sign for joint in bus.robot.actuators}
+        assert zeros == {name: 2100 - sign * 1024 for name, sign in signs.items()}
+
+
+class Person:
+    """Turns a joint by some ticks when asked to, then gives answers."""
+
+    def __init__(self, bench: ServiceBench, turns: list[tuple[str, float]], *answers: str) -> None:
+        self._bench, self._turns, self._answers = bench, turns, list(answers)
+        self.shown: list[str] = []
+
+    def tell(self, text: str) -> None:
+        self.shown.append(text)
+
+    def ask(self, question: str) -> str:
+        if "Enter" in question and self._turns:
+            name, ticks = self._turns.pop(0)
+            now = self._bench.servo(name).peek("present_position")
+            turn(self._bench, name, now + ticks)
+        return self._answers.pop(0) if self._answers else ""
+
+
+@pytest.mark.parametrize("start", [2048.0, 4000.0])
+def test_a_sign_is_the_direction_of_the_turn_also_through_the_end_of_it(bench, start: float):
+    with bench.open() as bus:
+        joint = bus.robot.actuators[0]
+        turn(bench, "l_hip", start)
+        person = Person(bench, [("l_hip", joint.servo.sign * 230.0)])
+        calibrator = Calibrator(bus, [joint])
+        calibrator.check_signs(person)
+        assert calibrator.measured[0].sign == joint.servo.sign
+        assert not calibrator.measured[0].is_reversed
+
+
+def test_a_sign_that_contradicts_is_accepted_by_a_person_alone(bench: ServiceBench):
+    with bench.open() as bus:
+        joint = bus.robot.actuators[0]
+        against = ("l_hip", -joint.servo.sign * 230.0)
+        person = Person(bench, [against, against], "", "no", "", "yes")
+        calibrator = Calibrator(bus, [joint])
+        calibrator.check_signs(person)
+        assert calibrator.measured[0].sign == -joint.servo.sign
+        assert calibrator.measured[0].warnings[-1].startswith("it turns the other way")
+
+
+def test_a_turn_of_the_wrong_joint_is_pointed_out(bench: ServiceBench):
+    with bench.open() as bus:
+        person = Person(bench, [("r_hip", 230.0)], "", "s")
+        Calibrator(bus, bus.robot.actuators[:1]).check_signs(person)
+        assert any("r_hip turned by +20.2°: are their ids swapped" in text for text in person.shown)
+
+
+def measured(joint: Joint, zero: int) -> JointMeasurement:
+    return JointMeasurement(joint, zero, joint.servo.sign)
+
+
+def test_a_range_beyond_one_turn_is_refused_and_nothing_is_saved(tiny: Robot, tmp_path):
+    good, bad = measured(tiny.joints[0], 2048), measured(tiny.joints[1], 100)
+    check_ranges([good])
+    with pytest.raises(PositionRangeError, match=r"joint 'r_hip' .*: zero 100 needs ticks -"):
+        save(tiny, [good, bad], tmp_path / "calibration.toml")
+    assert not (tmp_path / "calibration.toml").exists()
+
+
+def test_joints_that_were_not_measured_keep_their_calibration(tiny: Robot, tmp_path):
+    file = tmp_path / "calibration.toml"
+    save(tiny, [measured(joint, 2040 + i) for i, joint in enumerate(tiny.joints)], file)
+    save(tiny, [measured(tiny.joints[1], 2060)], file)
+    zeros = {name: j.zero_ticks for name, j in Calibration.load(file, tiny).joints.items()}
+    assert zeros == {"l_hip": 2040, "r_hip": 2060}
+
+
+def test_a_large_shift_is_a_warning(tiny: Robot):
+    joint = replace(tiny.joints[0], servo=replace(tiny.joints[0].servo, zero_ticks=2048))
+    assert measured(joint, 2048 + 113).warnings == []  # 9.9 degrees
+    (warning,) = measured(joint, 2048 + 115).warnings
+    assert warning.startswith("its zero moves by +10.1°, more than 10°")
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        ("head_pan", "seen from above, its limb turns counter-clockwise"),  # about z
+        ("l_knee", "the far end of its limb goes backward"),  # y x -z
+        ("r_knee", "the far end of its limb goes forward"),  # -y x -z
+        ("l_el", "the far end of its limb goes to its left"),  # x x -z
+    ],
+)
+def test_the_direction_of_a_joint_is_described_for_a_standing_robot(op3: Robot, name, way):
+    joint = op3.joints[op3.joint_names.index(name)]
+    assert describe_direction(op3, joint) == way

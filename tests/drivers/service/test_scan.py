@@ -1,0 +1,98 @@
+"""Devices found on a port, whatever the robot."""
+
+import pytest
+from memory_port import MemoryPort
+
+from drivers.dynamixel.bus import DynamixelBus
+from drivers.serial_port import PortError
+from drivers.service.scan import FoundDevice, check_rate, find_devices, scan_port
+from drivers.virtual_bus.devices.board import VirtualBoard
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+BAUD = 1_000_000
+
+
+def servo(number: int, *, baud: int = BAUD, model: str = "XM430-W350") -> VirtualServo:
+    one = VirtualServo(number, model, firmware=45, baud=baud)
+    one.sense(Measured(ticks=2000.0 + number, voltage=11.9, temperature=31.0 + number))
+    return one
+
+
+def port_of(*devices, baud: int = BAUD) -> MemoryPort:
+    port = MemoryPort(Chain(list(devices)), baud)
+    port.open()
+    return port
+
+
+def test_devices_are_listed_by_id_with_what_they_measure():
+    board = VirtualBoard(baud=BAUD)
+    board.sense_voltage(12.1)
+    found = find_devices(DynamixelBus(port_of(servo(7), board, servo(3, model="XL430-W250"))))
+    assert found == [
+        FoundDevice(
+            id=3, baud=BAUD, number=1060, model="XL430-W250", firmware=45, voltage=11.9,
+            temperature=34.0,
+        ),
+        FoundDevice(
+            id=7, baud=BAUD, number=1020, model="XM430-W350", firmware=45, voltage=11.9,
+            temperature=38.0,
+        ),
+        FoundDevice(
+            id=200, baud=BAUD, number=0x7400, model="OpenCR", firmware=1, voltage=12.1,
+            is_board=True,
+        ),
+    ]  # fmt: skip
+
+
+def test_a_model_without_a_table_is_listed_by_its_number():
+    stranger = servo(5)
+    stranger.poke("model_number", 12345)
+    found = find_devices(DynamixelBus(port_of(stranger)))
+    assert found == [FoundDevice(id=5, baud=BAUD, number=12345, firmware=45)]
+
+
+def test_two_servos_of_one_id_are_one_doubled_device():
+    (found,) = find_devices(DynamixelBus(port_of(servo(4), servo(4, model="XM540-W270"))))
+    assert (found.id, found.doubled, found.model) == (4, True, None)
+
+
+def test_an_echo_of_the_adapter_is_no_device():
+    port = port_of()
+    port.spoil = lambda packet, _: [packet.encode()]
+    assert find_devices(DynamixelBus(port)) == []
+
+
+def test_every_rate_is_tried_and_the_port_is_closed():
+    port = port_of(servo(1), servo(2, baud=57_600))
+    scan = scan_port(port, (57_600, BAUD, 2_000_000))
+    assert [(device.id, device.baud) for device in scan.found] == [(2, 57_600), (1, BAUD)]
+    assert (scan.rates, scan.refused_rates) == ((57_600, BAUD, 2_000_000), ())
+    assert not port.is_open
+
+
+class PickyPort(MemoryPort):
+    """A port whose adapter has one rate only."""
+
+    def open(self) -> None:
+        if self.baud != BAUD:
+            raise PortError(self.path, "is refused")
+        super().open()
+
+    def set_baud(self, baud: int) -> None:
+        self.baud = baud
+
+
+def test_rates_that_the_adapter_refuses_are_listed():
+    scan = scan_port(PickyPort(Chain([servo(1)]), BAUD), (57_600, BAUD))
+    assert (scan.rates, scan.refused_rates) == ((BAUD,), (57_600,))
+    assert [device.id for device in scan.found] == [1]
+    with pytest.raises(PortError, match="is refused"):
+        scan_port(PickyPort(Chain([]), BAUD), (57_600,))
+
+
+def test_a_rate_that_no_servo_has_is_refused():
+    check_rate(57_600)
+    with pytest.raises(ValueError, match="baud is 1234 bit/s, expected 9600, 57600"):
+        check_rate(1234)

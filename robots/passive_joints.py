@@ -26,7 +26,7 @@ def rest_passive_joints(model: mujoco.MjModel, names: Sequence[str], qpos: Array
 
 
 def couple_passive_joints(model: mujoco.MjModel, names: Sequence[str], qpos: Array) -> None:
-    """Move the passive joints that follow others to where those take them, in place.
+    """Set passive joints from the joints that they are coupled to, in place.
 
     An equality of joints states the first one as a polynomial of the second. Where a joint follows
     one that follows another, the equalities stand in that order.

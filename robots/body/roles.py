@@ -40,8 +40,7 @@ def list_rising(body: BodyPlan, stance: Array) -> tuple[str, ...]:
     for left, _ in body.arms[:1]:
         end = view.end(left[-1])
         rising += [k for k in left if not view.twists(k, end - view.anchor(k))][:BENDING]
-    rising += body.left_leg.list_pitch()
-    return tuple(body.joint_names[k] for k in rising)
+    return _list_paired(body, [*rising, *body.left_leg.list_pitch()])
 
 
 def list_spreading(body: BodyPlan, stance: Array) -> tuple[str, ...]:
@@ -50,7 +49,12 @@ def list_spreading(body: BodyPlan, stance: Array) -> tuple[str, ...]:
     leg, across = body.legs[0], body.left_leg.list_pitch()
     knee = _middle(across) if across else leg[-1]
     hip = [k for k in leg if k < knee and k not in across] or [leg[0]]
-    return (body.joint_names[max(hip, key=lambda k: abs(body.view.axis(k)[0]))],)
+    return _list_paired(body, [max(hip, key=lambda k: abs(body.view.axis(k)[0]))])
+
+
+def _list_paired(body: BodyPlan, hinges: Sequence[int]) -> tuple[str, ...]:
+    """List hinges that have a mirror image: a robot's two sides may differ."""
+    return tuple(body.joint_names[k] for k in hinges if body.mirror.index[k] != k)
 
 
 def _middle(hinges: Sequence[int]) -> int:

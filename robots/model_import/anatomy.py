@@ -110,7 +110,7 @@ def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
     Args:
         tree: Robot.
         path: Its model file, for messages.
-        notes: Where is added what a user should know.
+        notes: Messages for the user are appended here.
 
     Raises:
         ModelImportError: if there are no two legs.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,75 +72,60 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     Raises:
         ModelImportError: if there is none, naming all that is wrong.
     """
-    if not _is_printable(options.name):
-        raise ModelImportError(
-            [f"--name is {shown(options.name)}, expected printable characters, one or more"]
-        )
     source = read_model(path)
-    notes = list(source.notes)
+    notes, guesses = list(source.notes), []
     tree = find_tree(source, notes)
-    if problems := [*_find_name_problems(tree)]:
-        raise ModelImportError(f"{path}: {problem}" for problem in problems)
+    if problems := [*_find_name_problems(tree, path, options)]:
+        raise ModelImportError(problems)
     anatomy = find_anatomy(tree, path, notes)
-    unknown = [name for name in options.fixed if name not in [h.name for h in tree.hinges]]
-    if unknown:
-        listed = ", ".join(hinge.name for hinge in tree.hinges)
-        raise ModelImportError(
-            [f"--fix is {shown(name)}, expected one of {listed}" for name in unknown]
-        )
     reduction = reduce_ties(source, tree, notes)
     fixed = {*options.fixed, *reduction.motors}
     builder = Rebuilder(anatomy, keep_hulls=options.keep_hulls, fixed=fixed, notes=notes)
     rebuilt = RebuiltModel(path, options.name, anatomy, builder, fixed)
-    guesses: list[str] = []
-    start = rebuilt.look(rebuilt.start_angles())
-    SitePlacer(path, anatomy, builder, guesses).add_sites(rebuilt.spec, start)
+    SitePlacer(path, anatomy, builder, guesses).add_sites(rebuilt.spec, rebuilt.look())
     rebuilt.compile()
     body = rebuilt.describe(SOLES)
     notes += body.find_contradictions()
     if source.stance:
         guesses.append("standing: begun from the model's keyframe, then balanced")
-    stance = find_stance(rebuilt, body, notes)
+    stance = find_stance(body, rebuilt.start_angles(), notes)
     _settle_contacts(rebuilt, stance.joint_pos, notes, guesses)
-    body.view.look(stance.joint_pos)
-    leg_length = body.left_leg.measure_stretched()
-    servos = _choose_servos(rebuilt, reduction.actuators, options, leg_length, guesses)
-    guesses += [fold.describe() for fold in source.folds]
+    servos = _choose_servos(body, stance, reduction.actuators, options, guesses)
     return ImportedRobot(
         options=options,
         spec=rebuilt.spec,
         torso=rebuilt.model.body(1).name,
-        joints=rebuilt.joint_names,
+        joints=body.joint_names,
         mirror=tuple(int(k) for k in body.mirror.index),
         mirror_sign=tuple(int(s) for s in body.mirror.sign),
         segments=list_segments(body, rebuilt.start_angles()),
         stance=stance,
         servos=servos,
-        rising_joints=_list_paired(list_rising(body, stance.joint_pos), rebuilt, body),
-        spreading_joints=_list_paired(list_spreading(body, stance.joint_pos), rebuilt, body),
+        rising_joints=list_rising(body, stance.joint_pos),
+        spreading_joints=list_spreading(body, stance.joint_pos),
         notes=tuple(notes),
         folds=source.folds,
-        guesses=(*guesses, *servos.guesses),
+        guesses=(*guesses, *(fold.describe() for fold in source.folds), *servos.guesses),
     )
 
 
-def _find_name_problems(tree: KinematicTree) -> Iterator[str]:
-    """Find names that a robot.toml cannot hold in a line."""
+def _find_name_problems(tree: KinematicTree, path: Path, options: ImportOptions) -> Iterator[str]:
+    """Find names that a robot.toml cannot hold in a line, or that are none of the model's."""
+    joints = [hinge.name for hinge in tree.hinges]
     bodies = [tree.model.body(body).name for body in tree.bodies]
-    for kind, names in (("joint", [hinge.name for hinge in tree.hinges]), ("body", bodies)):
+    if not _is_printable(options.name):
+        yield f"--name is {shown(options.name)}, expected printable characters, one or more"
+    for kind, names in (("joint", joints), ("body", bodies)):
         for name in names:
             if name and not _is_printable(name):
-                yield f"{kind} {shown(name)} is named so, expected printable characters"
+                yield f"{path}: {kind} {shown(name)} is named so, expected printable characters"
+    for name in options.fixed:
+        if name not in joints:
+            yield f"--fix is {shown(name)}, expected one of {', '.join(joints)}"
 
 
 def _is_printable(name: str) -> bool:
     return bool(name.strip()) and name.isprintable()
-
-
-def _list_paired(joints: Iterable[str], rebuilt: RebuiltModel, body: BodyPlan) -> tuple[str, ...]:
-    """Choose the joints that have a mirror image: a robot's two sides may differ."""
-    images = dict(zip(rebuilt.joint_names, body.mirror.index, strict=True))
-    return tuple(name for name in joints if rebuilt.joint_names[images[name]] != name)
 
 
 def _settle_contacts(
@@ -159,16 +144,22 @@ def _settle_contacts(
 
 
 def _choose_servos(
-    rebuilt: RebuiltModel,
+    body: BodyPlan,
+    stance: BalancedStance,
     actuators: Mapping[str, ActuatorFigures],
     options: ImportOptions,
-    leg_length: float,
     guesses: list[str],
 ) -> ServoChoice:
-    """Choose servos by what actuators can do, else by the robot's weight and leg length [m]."""
-    names = rebuilt.joint_names
-    weight = float(rebuilt.model.body_mass.sum())
-    servos = choose_servos(names, actuators, options.servos, weight=weight, leg_length=leg_length)
+    """Choose servos by what actuators can do, else by the robot's weight and leg length."""
+    names = body.joint_names
+    body.view.look(stance.joint_pos)
+    servos = choose_servos(
+        names,
+        actuators,
+        options.servos,
+        weight=float(body.model.body_mass.sum()),
+        leg_length=body.left_leg.measure_stretched(),
+    )
     silent = [name for name in names if actuators and name not in actuators]
     if silent:
         guesses.append(

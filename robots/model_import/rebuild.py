@@ -35,7 +35,7 @@ class Rebuilder:
             anatomy: Parts of the robot.
             keep_hulls: Whether meshes become convex hulls instead of boxes and capsules.
             fixed: Hinges that are fixed at the angle of the tree's pose.
-            notes: Where is added what a user should know.
+            notes: Messages for the user are appended here.
         """
         self._tree: KinematicTree = anatomy.tree
         self._model = anatomy.tree.model

@@ -74,10 +74,10 @@ class RebuiltModel:
         angles = np.array([tree.data.qpos[address] for address in addresses])
         return np.clip(angles, model.jnt_range[1:, 0], model.jnt_range[1:, 1])
 
-    def look(self, angles: Array) -> mujoco.MjData:
-        """Compute where everything is at joint angles [rad], (n,)."""
+    def look(self) -> mujoco.MjData:
+        """Compute where everything is in the tree's pose."""
         data = mujoco.MjData(self.model)
-        data.qpos[7:] = angles
+        data.qpos[7:] = self.start_angles()
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
         return data

@@ -112,7 +112,7 @@ def find_tree(source: ModelSource, notes: list[str]) -> KinematicTree:
 
     Args:
         source: Model.
-        notes: Where is added what a user should know.
+        notes: Messages for the user are appended here.
 
     Raises:
         ModelImportError: if it holds no robot that stands on hinges.

@@ -26,7 +26,6 @@ def small(anatomy: Anatomy) -> BodyPlan:
     """The small humanoid as rebuilt, with soles."""
     builder = Rebuilder(anatomy, keep_hulls=False, fixed=(), notes=[])
     rebuilt = RebuiltModel(Path("small.xml"), "small", anatomy, builder, ())
-    start = rebuilt.look(rebuilt.start_angles())
-    SitePlacer(Path("small.xml"), anatomy, builder, []).add_sites(rebuilt.spec, start)
+    SitePlacer(Path("small.xml"), anatomy, builder, []).add_sites(rebuilt.spec, rebuilt.look())
     rebuilt.compile()
     return rebuilt.describe(SOLES)

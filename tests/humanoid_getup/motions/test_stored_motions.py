@@ -32,7 +32,16 @@ def test_the_database_has_the_classes_and_strategies_it_claims():
         assert kind in strategies
 
 
-@pytest.mark.parametrize("name", MOTIONS)
+MIRRORED = [name for name in MOTIONS if name.endswith(MIRRORED_SUFFIX)]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in MIRRORED[1:] else ())
+        for name in MOTIONS
+    ],
+)
 def test_a_stored_motion_ends_in_a_held_stand(name, op3, world):
     motion = MOTIONS[name]
     start = read_posture(op3, world.model, settle_posture(world, motion.posture(0)))

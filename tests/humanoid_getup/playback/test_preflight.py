@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from stored_motions import MOTIONS, OWN, one_of_each_kind
 
 from drivers import SafetyGuard, Twin
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
@@ -16,17 +17,14 @@ from humanoid_getup.cli import preflight as command
 from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.options.motions import Preflight
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
-from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.estimation import estimate_posture, settle
 from humanoid_getup.playback.preflight import Severity, Verdict, preflight
 from humanoid_getup.playback.preflight_rollout import predict_heat
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, TorqueLimit, load_robot
+from robots import Posture, Robot, TorqueLimit
 from robots.body.overlap import overlaps_at
 from robots.kinematics import place
 
-MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
-OWN = [name for name in MOTIONS if not name.endswith(MIRRORED_SUFFIX)]
 QUICK = "prone_wide_push_up"
 KNEE = "l_knee"
 
@@ -54,7 +52,7 @@ def refusals(verdict: Verdict) -> list[str]:
     return [str(reason) for reason in verdict.refusals]
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", one_of_each_kind(OWN))
 def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
     verdict = preflight(world, MOTIONS[name], voltage=11.1)
     assert verdict.passed, str(verdict)

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stored_motions import MOTIONS, OWN, one_of_each_kind
 
 from drivers import SafetyGuard, State, Twin
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.judge import GroundTruthJudge
 from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.experiments.starts import sample_falls, settle_posture
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.balance import make_balance
 from humanoid_getup.playback.monitors import AbortKind, vector_angle
@@ -20,12 +21,11 @@ from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import Robot, load_robot, quaternion
+from robots import Robot, quaternion
 from robots.kinematics import read_posture
 
 PERIOD = 0.008
-MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
-OWN = [n for n, m in MOTIONS.items() if m.rises and not n.endswith(MIRRORED_SUFFIX)]
+RISES = [name for name in OWN if MOTIONS[name].rises]
 KNEE = 13  # l_knee
 
 
@@ -242,7 +242,7 @@ def place_at_start(world: World, motion: Motion) -> Twin:
     return twin
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", one_of_each_kind(RISES))
 def test_a_stored_motion_is_let_stand_up(name: str, world: World):
     motion = MOTIONS[name]
     supervisor, stood = play_supervised(place_at_start(world, motion), world, motion)

@@ -54,6 +54,10 @@ class Link:
         for link in self.children:
             yield from link.walk()
 
+    def list_bodies(self) -> list[int]:
+        """List all bodies of this link and those below it, by their ids."""
+        return sorted(body for link in self.walk() for body in link.bodies)
+
     def anchor(self) -> Array:
         """Return where its first joint is, in its frame [m], (3,)."""
         joint = self.model.body_jntadr[self.root]

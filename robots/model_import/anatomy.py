@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.body.links import Link, gather_links
+from robots.body.links import Link
 from robots.body.mirror_pairs import MirrorPairs, find_mirror
 from robots.body.parts import BodyParts, sort_parts
 from robots.model_import.source import ModelImportError
@@ -60,7 +60,7 @@ class Anatomy:
         places = {hinge.id: k for k, hinge in enumerate(self.tree.hinges)}
         feet = {self.tree.hinges[leg[-1]].body for leg in self.legs}
         return sort_parts(
-            gather_links(self.tree.model, self.tree.root),
+            self.tree.torso,
             is_foot=lambda link: link.root in feet,
             is_head=lambda link: all(
                 self.mirror.index[places[joint]] == places[joint]

@@ -9,6 +9,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
+from robots.body.links import gather_links
 from robots.model_import.source import ModelImportError, ModelSource
 from robots.quaternion import Array
 from robots.validation import shown
@@ -46,32 +47,37 @@ class KinematicTree:
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
-        self.bodies = _list_below(model, root)
+        self.torso = gather_links(model, root)
+        self.bodies = self.torso.list_bodies()
 
     @cached_property
     def hinges(self) -> list[Hinge]:
         """Return the hinges, parents before children."""
-        model, hinges = self.model, []
-        last: dict[int, int] = {}  # the last hinge at or above each body
-        for body in self.bodies:
-            parent = last.get(int(model.body_parentid[body]), -1) if body != self.root else -1
-            first = int(model.body_jntadr[body])
-            for joint in range(first, first + int(model.body_jntnum[body])):
-                if model.jnt_type[joint] != HINGE:
-                    continue
-                hinges.append(
-                    Hinge(
-                        id=joint,
-                        name=name_joint(model, joint),
-                        body=body,
-                        anchor=self.data.xanchor[joint].copy(),
-                        axis=self.data.xaxis[joint].copy(),
-                        parent=parent,
-                    )
-                )
-                parent = len(hinges) - 1
-            last[body] = parent
-        return hinges
+        model, data = self.model, self.data
+        ids = [j for link in self.torso.walk() for j in link.joints if model.jnt_type[j] == HINGE]
+        places = {joint: k for k, joint in enumerate(sorted(ids))}
+        return [
+            Hinge(
+                id=joint,
+                name=name_joint(model, joint),
+                body=int(model.jnt_bodyid[joint]),
+                anchor=data.xanchor[joint].copy(),
+                axis=data.xaxis[joint].copy(),
+                parent=places.get(self._find_above(joint), -1),
+            )
+            for joint in places
+        ]
+
+    def _find_above(self, joint: int) -> int:
+        """Find the joint above another one; -1: none in the tree."""
+        body = int(self.model.jnt_bodyid[joint])
+        if joint > self.model.body_jntadr[body]:
+            return joint - 1
+        while body != self.root:
+            body = int(self.model.body_parentid[body])
+            if count := int(self.model.body_jntnum[body]):
+                return int(self.model.body_jntadr[body]) + count - 1
+        return -1
 
     def chain(self, hinge: int) -> list[int]:
         """Return the places of the hinges from the root down to one of them."""
@@ -89,12 +95,7 @@ class KinematicTree:
     def link(self, hinge: int) -> list[int]:
         """Return the bodies that one hinge moves and no hinge below it."""
         own = self.hinges[hinge].body
-        others = {h.body for h in self.hinges} - {own}
-        link = {own}
-        for body in _list_below(self.model, own):
-            if int(self.model.body_parentid[body]) in link and body not in others:
-                link.add(body)
-        return sorted(link)
+        return next(link.bodies for link in self.torso.walk() if link.root == own)
 
 
 def name_joint(model: mujoco.MjModel, joint: int) -> str:
@@ -135,16 +136,8 @@ def find_tree(source: ModelSource, notes: list[str]) -> KinematicTree:
     return KinematicTree(model, root, qpos)
 
 
-def _list_below(model: mujoco.MjModel, root: int) -> list[int]:
-    inside = {root}
-    for body in range(root + 1, model.nbody):
-        if int(model.body_parentid[body]) in inside:
-            inside.add(body)
-    return sorted(inside)
-
-
 def _count_hinges(model: mujoco.MjModel, root: int) -> int:
-    below = _list_below(model, root)
+    below = gather_links(model, root).list_bodies()
     return int(np.sum((model.jnt_type == HINGE) & np.isin(model.jnt_bodyid, below)))
 
 
@@ -173,7 +166,7 @@ def _find_joint_problems(source: ModelSource, root: int, notes: list[str]) -> It
             f"{source.path}: torso {shown(model.body(root).name)} hangs on the world by {held}, "
             "expected a free joint or none"
         )
-    for body in _list_below(model, root)[1:]:
+    for body in gather_links(model, root).list_bodies()[1:]:
         for joint in range(model.njnt):
             if model.jnt_bodyid[joint] == body and model.jnt_type[joint] != HINGE:
                 yield (
@@ -187,7 +180,7 @@ def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
     model = source.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    bodies = _list_below(model, root)
+    bodies = gather_links(model, root).list_bodies()
     span = float(np.ptp(data.xpos[bodies, 2]))
     mass = float(model.body_mass[bodies].sum())
     if not SPANS[0] <= span <= SPANS[1]:

@@ -1,5 +1,6 @@
 """The examples and the notebook run as they are, and the robot stands at their end."""
 
+import ast
 import json
 import os
 import re
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 from paths import REPOSITORY
 
+import humanoid_getup as hg
+
 EXAMPLES = sorted((REPOSITORY / "examples").glob("[0-9]*.py"))
 NOTEBOOK = REPOSITORY / "examples" / "rise.ipynb"
 # Stands in for IPython, which a notebook always has and the tests have not.
@@ -21,7 +24,11 @@ def test_there_are_four_examples_and_they_are_numbered():
     assert [path.name[:3] for path in EXAMPLES] == ["01_", "02_", "03_", "04_"]
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [EXAMPLES[0], *(pytest.param(path, marks=pytest.mark.slow) for path in EXAMPLES[1:])],
+    ids=lambda path: path.stem,
+)
 def test_an_example_ends_standing(path, capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", [str(path)])
     runpy.run_path(str(path))
@@ -29,6 +36,30 @@ def test_an_example_ends_standing(path, capsys, monkeypatch):
     rises = [line for line in lines if "op3, " in line or "heavy_head, " in line]
     assert rises
     assert all("stands after" in line for line in rises), lines
+
+
+@pytest.mark.parametrize("path", [*EXAMPLES, NOTEBOOK], ids=lambda path: path.stem)
+def test_what_an_example_takes_from_the_library_is_there(path: Path):
+    code = "\n".join(read_cells()) if path == NOTEBOOK else path.read_text("utf-8")
+    nodes = list(ast.walk(ast.parse(code)))
+    used = {
+        node.attr
+        for node in nodes
+        if isinstance(node, ast.Attribute)
+        if isinstance(node.value, ast.Name) and node.value.id == "hg"
+    }
+    assert {"load_robot", "World"} <= used
+    assert [name for name in used if not hasattr(hg, name)] == []
+    for node in nodes:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            exec(ast.unparse(node), {})
+
+
+def read_cells() -> list[str]:
+    """Return the code of the notebook's cells, but for what IPython alone has."""
+    cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    return [cell.replace("from IPython.display import Image\n", "") for cell in code]
 
 
 def test_the_first_example_is_short_and_is_that_of_the_readme():
@@ -39,6 +70,7 @@ def test_the_first_example_is_short_and_is_that_of_the_readme():
         assert code in shown, page
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_and_holds_no_output(tmp_path: Path):
     cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]

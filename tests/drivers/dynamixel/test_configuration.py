@@ -1,0 +1,142 @@
+"""Registers that a servo needs before it may move, set one instruction a step."""
+
+import pytest
+from memory_port import MemoryPort
+
+from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.configuration import ServoSetup, list_eeprom_settings
+from drivers.dynamixel.diagnostics import DIAGNOSED, ServoFacts, read_items
+from drivers.dynamixel.protocol2 import Instruction
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.devices.servo import VirtualServo
+from robots import Robot
+from robots.servo import LimitMode
+
+BAUD = 1_000_000
+RAM = {
+    "torque_enable": 0,
+    "status_return_level": 2,
+    "bus_watchdog": 0,
+    "position_i_gain": 0,
+    "position_p_gain": 800,
+    "feedforward_2nd_gain": 0,
+    "feedforward_1st_gain": 0,
+    "profile_acceleration": 0,
+    "profile_velocity": 0,
+}
+EEPROM = {
+    "return_delay_time": 0,
+    "drive_mode": 0,
+    "operating_mode": 5,
+    "max_position_limit": 4095,
+    "min_position_limit": 0,
+}
+
+
+class Bench:
+    """A servo as it left the factory, and the bus that it is on."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.joint = robot.joints[0]
+        self.servo = VirtualServo(self.joint.servo.id, firmware=46, baud=BAUD)
+        self.port = MemoryPort(Chain([self.servo]), BAUD)
+        self.port.open()
+        self.bus = DynamixelBus(self.port, sleeps=False)
+
+    def facts(self) -> ServoFacts:
+        registers = read_items(self.bus, self.servo.id, self.servo.table, DIAGNOSED)
+        assert registers is not None
+        return ServoFacts(
+            joint=self.joint, table=self.servo.table, firmware=46, registers=registers
+        )
+
+    def setup(self, by: LimitMode = "current", *, recheck: bool = False) -> ServoSetup:
+        return ServoSetup(self.facts(), by, recheck=recheck)
+
+
+@pytest.fixture
+def bench(tiny: Robot) -> Bench:
+    return Bench(tiny)
+
+
+def test_whatever_was_written_before_all_registers_are_set(bench: Bench):
+    for name in RAM.keys() - {"status_return_level"}:  # a lower one confirms no write
+        bench.servo.poke(name, 1)
+    bench.servo.poke("drive_mode", 4)
+    bench.servo.poke("max_position_limit", 3000)
+    setup = bench.setup()
+    assert setup.run(bench.bus) and setup.done and setup.failed == ""
+    found = {name: bench.servo.peek(name) for name in RAM | EEPROM}
+    assert found == RAM | EEPROM
+    assert setup.eeprom_writes == 4, "the lower limit was right"
+
+
+def test_the_mode_follows_from_what_limits_torque(bench: Bench):
+    assert bench.setup("pwm").run(bench.bus)
+    assert bench.servo.peek("operating_mode") == 3
+    assert bench.servo.peek("position_d_gain") == 0
+    assert bench.setup("current").run(bench.bus)
+    assert bench.servo.peek("operating_mode") == 5
+    assert bench.servo.peek("position_d_gain") == bench.joint.servo.model.d_gain
+
+
+def test_a_servo_that_is_set_up_needs_no_more_writes_to_its_eeprom(bench: Bench):
+    bench.setup().run(bench.bus)
+    assert list_eeprom_settings(bench.facts(), "current") == {}
+    again = bench.setup()
+    assert again.run(bench.bus) and again.eeprom_writes == 0
+
+
+def test_a_reversed_servo_stays_reversed(bench: Bench):
+    bench.servo.poke("drive_mode", 5)
+    assert list_eeprom_settings(bench.facts(), "current")["drive_mode"] == 1
+
+
+@pytest.mark.parametrize(
+    ("item", "changed"), [("return_delay_time", 250), ("drive_mode", 4), ("operating_mode", 3)]
+)
+def test_a_servo_that_may_have_restarted_is_read_again_before_it_is_set_up(
+    bench: Bench, item: str, changed: int
+):
+    """What was known of it may be of another servo, that was changed meanwhile."""
+    bench.setup().run(bench.bus)
+    setup = bench.setup(recheck=True)
+    bench.servo.poke(item, changed)
+    assert setup.run(bench.bus) and setup.eeprom_writes == 1
+    assert bench.servo.peek(item) == EEPROM[item]
+
+
+@pytest.mark.parametrize(("item", "value"), [("model_number", 1060), ("firmware_version", 44)])
+def test_another_servo_in_its_place_is_refused(bench: Bench, item: str, value: int):
+    setup = bench.setup(recheck=True)
+    bench.servo.poke(item, value)
+    bench.port.sent.clear()
+    assert not setup.run(bench.bus) and not setup.done
+    assert "now, not the XM430-W350 of the start" in setup.failed
+    assert bench.port.frames(Instruction.WRITE) == []
+
+
+def test_what_is_not_confirmed_is_named_and_tried_again(bench: Bench):
+    setup = bench.setup()
+    bench.servo.alive = False
+    assert not setup.step(bench.bus)
+    assert setup.failed == "torque_enable = 0 is not confirmed (silent)"
+    bench.servo.alive = True
+    assert setup.run(bench.bus) and setup.failed == ""
+
+
+def test_an_error_of_the_servo_is_named_by_its_number(bench: Bench):
+    setup = bench.setup()
+    assert setup.step(bench.bus)
+    bench.servo.write(64, b"\x01")  # torque is on again: the EEPROM is locked
+    assert not setup.run(bench.bus)
+    assert setup.failed == "return_delay_time = 0 is not confirmed (error 7)"
+
+
+def test_a_position_beyond_one_turn_is_brought_back_before_the_mode_that_keeps_turns(bench: Bench):
+    bench.servo.poke("operating_mode", 4)
+    bench.servo.sense(Measured(ticks=3.0 * 4096.0 + 100.0))
+    assert bench.servo.peek("present_position") == 3 * 4096 + 100
+    assert bench.setup("current").run(bench.bus)
+    assert bench.servo.peek("present_position") == 100

@@ -5,6 +5,9 @@ from pathlib import Path
 import mujoco
 
 from robots import Robot, load_robot
+from robots.body.parts import list_head_joints
+from robots.reshaping.skeleton import Skeleton
+from robots.reshaping.stretching import make_explicit
 
 ROW = (
     '  {{ name = "{name}", id = {id}, servo = "XM430-W350", sign = 1, zero_ticks = 2048, '
@@ -59,6 +62,18 @@ def write_robot(folder: Path, bodies: str, *, head: tuple[str, ...] = ()) -> Pat
 def make_robot(folder: Path, bodies: str, *, head: tuple[str, ...] = ()) -> Robot:
     """Write and load such a robot."""
     return load_robot(write_robot(folder, bodies, head=head))
+
+
+def build_skeleton(robot: Robot) -> Skeleton:
+    """Build the skeleton of a robot, without servos."""
+    spec = robot.read_model()
+    make_explicit(spec)
+    return Skeleton(
+        spec,
+        torso=robot.torso,
+        sole_sites=robot.sole_sites,
+        head_joints=list_head_joints(robot),
+    )
 
 
 def limb(name: str, at: str, axis: str = "0 1 0", inside: str = "") -> str:

@@ -1,0 +1,93 @@
+"""The tree of a model: which part of it is the robot, and where its hinges are."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from robots.model_import.source import ModelImportError, ModelSource
+from robots.model_import.tree import KinematicTree, find_tree
+
+BODY = '<geom size="0.05" mass="0.5"/>'
+ROBOT = f"""<body name="torso" pos="0 0 0.5">JOINT{BODY}
+  <body name="arm" pos="0 0.1 0.1"><joint name="lift" axis="1 0 0"/><joint axis="0 1 0"/>{BODY}
+    <body name="glove" pos="0 0 -0.1">{BODY}
+      <body name="finger" pos="0 0 -0.1"><joint name="grip" axis="0 0 1"/>{BODY}</body>
+  </body></body>
+  <body name="leg" pos="0 0 -0.3"><joint name="hip" axis="0 1 0"/>{BODY}</body></body>"""
+FREE = "<freejoint/>"
+SCENE = '<body name="door"><joint name="door" axis="0 0 1"/><geom size="0.1"/></body>'
+
+
+def find(body: str = ROBOT, joint: str = FREE, **stance: float) -> tuple[KinematicTree, list[str]]:
+    text = f"<mujoco><worldbody>{SCENE}{body.replace('JOINT', joint)}</worldbody></mujoco>"
+    model, notes = mujoco.MjModel.from_xml_string(text), []
+    source = ModelSource(path=Path("own.xml"), model=model, actuators={}, stance=stance)
+    return find_tree(source, notes), notes
+
+
+def names(tree: KinematicTree, hinges: list[int]) -> list[str]:
+    return [tree.hinges[k].name for k in hinges]
+
+
+def test_the_robot_is_what_has_most_hinges():
+    tree, notes = find()
+    assert tree.model.body(tree.bodies[0]).name == "torso"
+    assert [hinge.name for hinge in tree.hinges] == ["lift", "arm_1", "grip", "hip"]
+    assert notes == []
+
+
+def test_hinges_know_what_is_above_them():
+    tree, _ = find()
+    assert [hinge.parent for hinge in tree.hinges] == [-1, 0, 1, -1]
+    assert names(tree, tree.chain(2)) == ["lift", "arm_1", "grip"]
+    assert names(tree, tree.leaves) == ["grip", "hip"]
+
+
+def test_what_is_welded_to_a_link_is_part_of_it():
+    tree, _ = find()
+    assert [tree.model.body(body).name for body in tree.link(0)] == ["arm", "glove"]
+    assert [tree.model.body(body).name for body in tree.link(2)] == ["finger"]
+
+
+def test_hinges_are_where_they_are_in_the_stance():
+    """By hand: the arm is lifted by a right angle to the left, the finger 20 cm out."""
+    tree, _ = find(lift=np.pi / 2.0)
+    assert tree.hinges[2].anchor == pytest.approx([0.0, 0.3, 0.6])
+    assert tree.hinges[2].axis == pytest.approx([0.0, -1.0, 0.0], abs=1e-9)
+
+
+def test_a_frame_that_only_holds_the_robot_is_no_part_of_it():
+    tree, _ = find(f'<body name="frame" pos="0 0 1">{ROBOT}</body>'.replace("JOINT", ""))
+    assert tree.model.body(tree.root).name == "torso"
+
+
+def test_a_torso_without_joint_floats_and_that_is_said():
+    _, notes = find(joint="")
+    assert notes == ["body 'torso' was fixed to the world: it floats now"]
+
+
+@pytest.mark.parametrize(
+    ("joint", "told"),
+    [
+        ('<joint name="pole" axis="0 0 1"/>', "hangs on the world by hinge 'pole', expected a"),
+        ('<joint type="slide" name="rail"/>', "hangs on the world by slide 'rail', expected a"),
+    ],
+)
+def test_a_torso_that_hangs_on_the_world_is_refused(joint: str, told: str):
+    with pytest.raises(ModelImportError, match=told):
+        find(joint=joint)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('name="hip" axis', 'name="hip" type="slide" axis', "'hip' of body 'leg' is a slide joint"),
+        ('pos="0 0 -0.3"', 'pos="0 0 -300"', "expected 0.1 to 3 m: lengths are in m"),
+        ('mass="0.5"', 'mass="500"', "expected 0.1 to 500 kg: masses are in kg"),
+    ],
+)
+def test_what_no_servo_humanoid_has_is_named(old: str, new: str, told: str):
+    with pytest.raises(ModelImportError, match=told):
+        find(ROBOT.replace(old, new))

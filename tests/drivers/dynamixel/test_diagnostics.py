@@ -6,10 +6,20 @@ import pytest
 from memory_rig import Rig
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.diagnostics import DiagnosticsError, Severity, diagnose, find_duplicate_ids
+from drivers.dynamixel.control_table import table_named
+from drivers.dynamixel.diagnostics import (
+    DiagnosticsError,
+    ServoFacts,
+    Severity,
+    check_cycle_time,
+    check_servo,
+    diagnose,
+    find_duplicate_ids,
+)
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
+from robots import Joint
 
 READING = (Instruction.PING, Instruction.READ)
 
@@ -152,3 +162,82 @@ def test_the_error_tells_everything_in_one_line(rig):
     error = DiagnosticsError(look(rig).errors)
     assert len(error.findings) == 2
     assert "l_hip" in str(error) and "r_hip" in str(error) and "\n" not in str(error)
+
+
+SOUND = {
+    "drive_mode": 0,
+    "secondary_id": 255,
+    "homing_offset": 0,
+    "pwm_limit": 885,
+    "current_limit": 1193,
+    "startup_configuration": 0,
+    "shutdown": 52,
+    "hardware_error_status": 0,
+    "present_position": 2048,
+    "present_input_voltage": 120,
+}
+
+
+def check(joint: Joint, firmware: int = 46, **registers: int) -> list[tuple[Severity, str]]:
+    """Check an XM430 with these registers; return severities and texts."""
+    servo = ServoFacts(
+        joint=joint,
+        table=table_named("XM430-W350", firmware),
+        firmware=firmware,
+        registers=SOUND | registers,
+    )
+    return [(finding.severity, finding.text) for finding in check_servo(servo)]
+
+
+@pytest.mark.parametrize(
+    ("registers", "words"),
+    [
+        ({}, None),
+        ({"firmware": 38}, None),  # the first with a bus watchdog (e-manual)
+        ({"firmware": 37}, "firmware 37 has no bus watchdog, expected 38 or newer"),
+        ({"secondary_id": 253}, None),  # from 253 on it is off (e-manual)
+        ({"secondary_id": 252}, "also responds to the secondary id 252"),
+        ({"present_input_voltage": 148}, None),  # 10.0 to 14.8 V (e-manual)
+        ({"present_input_voltage": 149}, "supply is 14.9 V, expected 10.0 to 14.8 V"),
+        ({"present_input_voltage": 100}, None),
+        ({"present_input_voltage": 99}, "supply is 9.9 V, expected 10.0 to 14.8 V"),
+        ({"current_limit": 856}, None),  # 2.3 A at stall are 855.02 counts of 2.69 mA
+        ({"current_limit": 855}, "current limit is 855, 856 is its stall current"),
+        ({"pwm_limit": 884}, "PWM limit is 884 of 885: it has less torque"),
+        ({"homing_offset": 1}, "homing offset is 1 ticks"),
+        ({"shutdown": 36}, None),  # overheating and overload
+        ({"shutdown": 32}, "shutdown is 32: overheating or overload would not stop it"),
+        ({"startup_configuration": 2}, None),  # restores the backup, without torque
+        ({"startup_configuration": 3}, "switches torque on by itself at power-up"),
+        ({"drive_mode": 4}, None),  # the setup corrects it
+        ({"drive_mode": 5}, "drive mode is 5, reversed: it would turn the wrong way"),
+    ],
+)
+def test_each_limit_is_where_the_manual_puts_it(tiny, registers: dict, words: str | None):
+    found = check(tiny.joints[0], **registers)
+    assert len(found) == (words is not None)
+    assert words is None or found[0][1].startswith(words)
+
+
+@pytest.mark.parametrize(("beyond", "count"), [(0.09, 0), (0.12, 1)])
+@pytest.mark.parametrize("end", [-1, 1])
+def test_a_tenth_of_a_radian_outside_the_range_is_no_finding(tiny, end: int, beyond, count):
+    joint = replace(tiny.joints[0], lower=-0.5, upper=0.5)
+    ticks = joint.servo.to_ticks(end * (0.5 + beyond))
+    found = check(joint, present_position=ticks)
+    assert [severity for severity, _ in found] == [Severity.WARNING] * count
+
+
+def test_a_range_that_leaves_the_turn_is_a_warning(tiny):
+    joint = tiny.joints[0]
+    shifted = replace(joint, servo=replace(joint.servo, zero_ticks=100))
+    (found,) = check(shifted, present_position=100)
+    assert found[1].startswith("its range needs ticks -") and "expected 0 to 4095" in found[1]
+
+
+@pytest.mark.parametrize(("duration", "count"), [(0.008, 0), (0.0081, 1)])
+def test_a_cycle_must_fit_the_period(duration: float, count: int):
+    found = check_cycle_time("main", 57_600, duration, 0.008)
+    assert [finding.text for finding in found] == [
+        "at 57600 bit/s a cycle takes 8.1 ms on the wire, expected 8.0 ms"
+    ] * count

@@ -64,8 +64,15 @@ def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureF
     assert sorted(f"{group} {name}".strip() for name in listed) == sorted(own)
 
 
-@pytest.mark.parametrize("times", [1, 2])
-@pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("told", "times"),
+    [
+        (signal.SIGINT, 2),
+        (signal.SIGTERM, 1),
+        pytest.param(signal.SIGINT, 1, marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, 2, marks=pytest.mark.slow),
+    ],
+)
 def test_a_program_told_to_stop_leaves_with_130_and_the_flight_log_alone(
     told: int, times: int, tmp_path: Path
 ):

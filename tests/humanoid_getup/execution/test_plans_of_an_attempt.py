@@ -17,6 +17,7 @@ from humanoid_getup.execution.phase import Phase
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.motions.motion import NO_END, Motion
+from humanoid_getup.playback.preflight import Reason, Severity, Verdict
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
@@ -42,6 +43,26 @@ class Kept(MotionPlan):
 
     def forget(self) -> None:
         self.motion.provenance["forgotten"] = 1
+
+
+class Passed(MotionPlan):
+    """A plan that the preflight lets pass, without a rollout."""
+
+    def preflight(self, *_) -> Verdict:
+        return Verdict()
+
+
+class Falls(Verdict):
+    """Another plan may pass where this one falls."""
+
+    another_may_pass = True
+
+
+class Refused(MotionPlan):
+    """A plan that the preflight refuses, without a rollout."""
+
+    def preflight(self, *_) -> Verdict:
+        return Falls((Reason(Severity.REFUSE, None, "it falls"),))
 
 
 @pytest.fixture
@@ -139,14 +160,14 @@ def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, m
 def test_the_start_class_is_that_before_any_move(world, prone, motions, move, monkeypatch):
     sides = iter(["left", "prone"])
     monkeypatch.setattr(attempt_manager, "classify", lambda _: next(sides))
-    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
     result, _ = get_up(world, prone, [move, rise])
     assert (result.stood, result.start_class) == (True, "left")
 
 
 def test_plans_that_were_refused_before_a_move_count(world, prone, motions, move):
-    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=4.0)
-    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
+    wrong = Refused(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=4.0)
+    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
     result, _ = get_up(world, prone, [wrong, move, rise])
     record = result.record()
     assert (record["stood"], record["refused_plans"], record["moves"]) == (True, 1, 1)
@@ -168,8 +189,8 @@ def test_a_robot_that_only_moves_is_given_up(world, prone, move):
 
 
 def test_what_is_planned_for_says_why_it_is_planned_for_again(world, prone, motions, move):
-    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG])
-    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    wrong = Refused(status=RiseStatus.STOOD, motion=motions[WRONG])
+    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
     phases = []
     get_up(world, prone, [move, wrong, rise], on_phase=phases.append)
     planning = [change.detail for change in phases if change.phase is Phase.PLANNING]
@@ -187,7 +208,7 @@ def test_after_a_move_that_turns_the_robot_it_is_looked_for_in_that_heading(
     end = move.motion.orientation.copy()
     end[-1] = quaternion.multiply(quaternion.from_yaw(0.7), end[-1])
     turning = replace(move, motion=replace(move.motion, orientation=end))
-    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
     reckoning = DeadReckoning(Placement(x=1.0, y=-2.0, heading=0.4))
     _, strategy = get_up(
         world,

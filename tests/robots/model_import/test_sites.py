@@ -1,0 +1,65 @@
+"""Sites of an imported model: soles, neck and IMU, where the model has them or they belong."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from small_humanoid import small_humanoid
+
+from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
+
+
+def found(tmp_path: Path, change: Callable[[mujoco.MjSpec], object] = lambda _: None, **how):
+    (tmp_path / "model.xml").write_text(small_humanoid(change=change, **how))
+    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    return robot, robot.spec.compile()
+
+
+def list_guesses(robot: ImportedRobot, site: str) -> list[str]:
+    return [guess for guess in robot.guesses if guess.startswith(f"site {site}")]
+
+
+def test_soles_are_under_the_feet(tmp_path: Path):
+    _, model = found(tmp_path)
+    left, right = model.site("l_sole"), model.site("r_sole")
+    assert model.body(int(left.bodyid[0])).name == "left_foot"
+    assert left.pos == pytest.approx([0.015, 0.0, -0.03], abs=1e-6)
+    assert right.pos == pytest.approx(left.pos, abs=1e-6)
+
+
+def test_the_neck_is_where_the_head_begins(tmp_path: Path):
+    robot, model = found(tmp_path)
+    assert model.site("neck").pos == pytest.approx([0.0, 0.0, 0.24])
+    assert list_guesses(robot, "neck")[0].startswith("site neck: at joint head_joint;")
+
+
+def test_without_a_head_it_is_between_the_shoulders(tmp_path: Path):
+    robot, model = found(tmp_path, lambda spec: spec.delete(spec.body("head")))
+    assert model.site("neck").pos == pytest.approx([0.0, 0.0, 0.2])
+    assert "the middle of the shoulders" in list_guesses(robot, "neck")[0]
+
+
+def add_imu(spec: mujoco.MjSpec) -> None:
+    spec.body("torso").add_site(name="gyro_mount", pos=[0.01, 0.02, 0.1])
+
+
+def test_the_imu_is_where_the_model_names_one(tmp_path: Path):
+    robot, model = found(tmp_path, add_imu)
+    assert model.site("imu").pos == pytest.approx([0.01, 0.02, 0.1])
+    assert list_guesses(robot, "imu") == ["site imu: the model's site gyro_mount"]
+
+
+def test_without_one_it_is_at_the_torsos_origin(tmp_path: Path):
+    robot, model = found(tmp_path)
+    assert model.site("imu").pos == pytest.approx([0.0, 0.0, 0.0])
+    assert "place it in model.xml" in list_guesses(robot, "imu")[0]
+
+
+def test_the_imu_of_a_turned_torso_turns_back(tmp_path: Path):
+    """A torso whose own frame is turned by a right angle about z: x of the IMU stays its own."""
+    frame = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
+    _, model = found(tmp_path, add_imu, frame=frame)
+    assert model.site("imu").pos == pytest.approx([-0.02, 0.01, 0.1], abs=1e-6)
+    assert np.abs(model.site("imu").quat @ frame) == pytest.approx(1.0)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import tyro
 
-from humanoid_getup.cli.output import to_json
+from robots.encoding import to_json
 from robots.files import write_atomically
 
 HERE = Path(__file__).parents[1]

@@ -24,13 +24,14 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.output import counting, to_json
+from humanoid_getup.cli.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.servo import LimitMode
 

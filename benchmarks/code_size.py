@@ -29,7 +29,7 @@ import numpy as np
 import tyro
 
 import humanoid_getup
-from humanoid_getup.cli.output import to_json
+from robots.encoding import to_json
 from robots.files import write_atomically
 
 HERE = Path(humanoid_getup.__file__).parents[1]

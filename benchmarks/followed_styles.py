@@ -22,7 +22,6 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from humanoid_getup.cli.output import to_json
 from humanoid_getup.experiments.starts import CLASSES, FallSet, sample_fall_set
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.reporting.style_plot import save_styles
@@ -33,6 +32,7 @@ from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import list_styles, load_any_style, load_style
 from robots import Posture, Robot, load_robot
 from robots.body.lengths import leg_length
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array

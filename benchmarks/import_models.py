@@ -24,9 +24,10 @@ import numpy as np
 import tyro
 
 import humanoid_getup as hg
-from humanoid_getup.cli.options.robots import ImportRobot
+from humanoid_getup.cli.parsing import registry
 from humanoid_getup.experiments.play import Rollout, Trace
 from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.reporting.film_strip import render_frames, save_sheet
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.kinematics import place
@@ -50,7 +51,7 @@ class Options:
     """Folder for a picture of each robot: placed in its stance, and at the end of the hold."""
 
 
-def list_models(folder: Path) -> list[ImportRobot]:
+def list_models(folder: Path) -> list[ImportRequest]:
     """List what to import: the lines of models.txt, else the model files of the folder."""
     if (folder / LIST).is_file():
         lines = (folder / LIST).read_text("utf-8").splitlines()
@@ -58,7 +59,11 @@ def list_models(folder: Path) -> list[ImportRobot]:
     else:
         calls = [[f.name] for f in sorted(folder.iterdir()) if f.suffix.lower() in KINDS]
     return [
-        tyro.cli(ImportRobot, args=[str(folder / call[0]), "--out", "unused", *call[1:]])
+        tyro.cli(
+            ImportRequest,
+            args=[str(folder / call[0]), "--out", "unused", *call[1:]],
+            registry=registry,
+        )
         for call in calls
         if call
     ]
@@ -91,7 +96,7 @@ def save_pictures(world: hg.World, trace: Trace, path: Path) -> None:
     save_sheet(np.concatenate([*sides, end]), ["front", "oblique", "left", "end"], path)
 
 
-def try_model(call: ImportRobot, folder: Path, pictures: Path | None) -> list[str]:
+def try_model(call: ImportRequest, folder: Path, pictures: Path | None) -> list[str]:
     """Import a model, hold its stance; return its row of the table."""
     said = " ".join([*(f"--servo {s}" for s in call.servo), *(f"--fix {j}" for j in call.fix)])
     title = call.model.relative_to(folder).as_posix()

@@ -20,7 +20,7 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
+from humanoid_getup.cli.console import counting, format_figure, make_table
 from humanoid_getup.experiments.starts import CLASSES, sample_falls
 from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.motions.key_posture import KeyPosture
@@ -30,6 +30,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, load_robot, quaternion
+from robots.encoding import to_json
 from robots.files import write_atomically
 
 SPREAD = 0.1  # rad, standard deviation of a perturbed key's joints

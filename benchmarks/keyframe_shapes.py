@@ -24,13 +24,13 @@ from peer_keyframes import PAGES_FILE, Page
 from rich.console import Console
 from rich.table import Table
 
-from humanoid_getup.cli.output import to_json
 from humanoid_getup.experiments.play import Rollout
 from humanoid_getup.experiments.standing import HOLD, is_upright, judge, measure_stance
 from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array

@@ -37,7 +37,7 @@ from scipy.interpolate import PchipInterpolator
 
 from drivers import Command, State
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, bench_methods
-from humanoid_getup.cli.output import counting, to_json
+from humanoid_getup.cli.console import counting
 from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database
@@ -48,6 +48,7 @@ from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, TorqueLimit, load_robot
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array

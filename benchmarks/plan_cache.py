@@ -24,7 +24,7 @@ import tyro
 from rich.console import Console
 
 from drivers import Twin
-from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
+from humanoid_getup.cli.console import counting, format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
@@ -36,6 +36,7 @@ from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.plan_cache import PlanCache
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, TorqueLimit, load_robot, quaternion
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.servo import LimitMode

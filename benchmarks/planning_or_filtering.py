@@ -21,7 +21,7 @@ from rich.console import Console
 
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.output import counting, format_figure, make_table, to_json
+from humanoid_getup.cli.console import counting, format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judge import APART, count_episodes
@@ -33,6 +33,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import load_robot
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.ground import GROUND
 from robots.kinematics import place_postures

@@ -22,13 +22,13 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from humanoid_getup.cli.output import to_json
 from humanoid_getup.experiments.starts import CLASSES, Fall, FallSet
 from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Posture, Robot, load_robot
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.output import counting, to_json
+from humanoid_getup.cli.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.play import randomize_rollouts
 from humanoid_getup.experiments.starts import Fall, sample_falls
@@ -40,6 +40,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.kinematics import place
 from robots.servo import LimitMode

@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers import State, Twin
-from humanoid_getup.cli.output import counting, to_json
+from humanoid_getup.cli.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
 from humanoid_getup.experiments.summary import wilson_interval
@@ -36,6 +36,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, TorqueLimit, load_robot
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.servo import LimitMode
 

@@ -49,7 +49,7 @@ from sim2real.training.iteration_log import TrainReport
 from sim2real.training.networks.symmetric_model import split
 from sim2real.training.runner import TrainingRunner
 from sim2real.training.styled_training import PRIOR, RISES
-from sim2real.training.train import POOL, PROGRESS, train
+from sim2real.training.train import POOL, PROGRESS, TrainingInputs, train
 
 NEARLY_LINEAR = 1e-2  # input of a hyperbolic tangent, which it changes by 3e-5 of it
 ROUNDS = 6  # of imitation; the recipe has more
@@ -196,9 +196,8 @@ def run(
             recipe,
             options.seed,
             folder,
-            parent=options.parent if recipe.terrain else None,
-            prior=prior,
-            report=report,
+            TrainingInputs(parent=options.parent if recipe.terrain else None, prior=prior),
+            report,
         )
     write_atomically(pool, (folder / POOL).read_bytes())
 

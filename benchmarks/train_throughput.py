@@ -39,7 +39,7 @@ from sim2real.training.config import RECIPES, STEPS, Recipe
 from sim2real.training.iteration_log import TrainReport
 from sim2real.training.library_threads import numpy_threads
 from sim2real.training.styled_training import keep_prior
-from sim2real.training.train import POOL, build_env, build_options, load_pool, train
+from sim2real.training.train import POOL, TrainingInputs, build_env, build_options, load_pool, train
 
 ROUNDS = 5  # of bare physics and of the environment, in turn
 PROCESSES = 2
@@ -126,10 +126,8 @@ def measure_training(task: Task, iterations: int) -> float:
             recipe,
             0,
             Path(folder),
-            threads=task.threads,
-            parent=task.parent,
-            prior=task.prior,
-            report=note,
+            TrainingInputs(parent=task.parent, prior=task.prior, threads=task.threads),
+            note,
         )
     (began, before), (ended, after) = seen[0], seen[-1]
     return (after - before) / (ended - began)

@@ -17,10 +17,17 @@ from humanoid_getup.benchmarks import (
     soak,
     speed,
 )
-from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.console import console_for, counting, format_figure, phase, showing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import find_motion, load_robot, load_world, make_torque_limit
-from humanoid_getup.cli.options.bench import (
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.cli.repeat import hinting
+from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
+from humanoid_getup.jobs.measure_robot import NEAREST, measure_robot
+from humanoid_getup.jobs.policies import load_policy
+from humanoid_getup.jobs.requests.bench import (
+    PAGE,
+    BenchAll,
     BenchDisturbed,
     BenchFaults,
     BenchFilter,
@@ -32,16 +39,7 @@ from humanoid_getup.cli.options.bench import (
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.cli.options.shared import BodyOption, JsonOption, WorldOptions
-from humanoid_getup.cli.output import (
-    console_for,
-    counting,
-    format_figure,
-    phase,
-    to_json,
-    write_json,
-)
-from humanoid_getup.cli.policies import load_policy
+from humanoid_getup.jobs.requests.shared import BodyOption, Request, SceneOptions
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
 from humanoid_getup.playback.stand_holder import make_stand
@@ -54,7 +52,7 @@ from humanoid_getup.strategies.stored_motion import NearestMotion
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Body, Robot
 
-NEAREST, STRAIGHT = "nearest", "straight"
+STRAIGHT = "straight"
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 FIGURES = {
@@ -108,6 +106,15 @@ HEADINGS = {
     "memory_mib": "memory [MiB]",
 }
 """Headings of the figures in tables."""
+
+
+def bench_all(command: BenchAll) -> int:
+    """Run the whole benchmark, or go on with it; say where its page is."""
+    with hinting("bench all", command), showing(command) as report:
+        result = measure_robot(command, report)
+    code = hand_over(result, command)
+    console_for(command).print(f"written to {command.out / PAGE}", markup=False)
+    return code
 
 
 def bench_rise(command: BenchRise) -> int:
@@ -276,27 +283,27 @@ def run_benchmark(
     return hand_over(result, command)
 
 
-def _load(command: WorldOptions) -> tuple[World, MotionDatabase]:
+def _load(command: SceneOptions) -> tuple[World, MotionDatabase]:
     world = load_world(command)
     with phase("loading"), refusing():
         return world, load_database(world.robot)
 
 
-def hand_over(result: dict[str, Any], command: JsonOption) -> int:
+def hand_over(result: dict[str, Any], command: Request) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.
     """
     if isinstance(command, BodyOption):
         result |= {"body": str(Body.parse(command.body))}
-    write_json(to_json(result), command.json)
+    write_json(result, command)
     cases = result.get("classes") or result["cases"]
     figures = FIGURES[result["name"]]
     headings = [HEADINGS[figure] for figure in figures]
     table = Table(result["name"], *headings, box=None, header_style="bold")
     for name, case in cases.items():
         table.add_row(name, *(format_figure(case.get(figure)) for figure in figures))
-    console_for(command.json).print(table)
+    console_for(command).print(table)
     harms = ("beyond_limits", "believed_wrong", "never_safe")
     harmed = any(case.get(harm) for case in cases.values() for harm in harms)
     return DID_NOT_STAND if harmed else DID_IT

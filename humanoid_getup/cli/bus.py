@@ -11,10 +11,10 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.inputs import find_start, load_world
 from humanoid_getup.cli.options.hardware import ServeBus
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.inputs import find_start, load_world
 
 CHECK_PERIOD = 0.2  # s between two checks that the buses still run
 

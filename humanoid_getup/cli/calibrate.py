@@ -27,11 +27,12 @@ from drivers.service.calibrate import (
     save,
 )
 from drivers.service.session import RobotBus, open_robot_bus
-from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.console import console_for, make_table
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import name_ports
 from humanoid_getup.cli.options.hardware import Calibrate
-from humanoid_getup.cli.output import console_for, make_table, to_json, write_json
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import name_ports
 from robots import Joint, Robot, load_posture, load_robot
 from robots.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
@@ -50,7 +51,7 @@ def calibrate(command: Calibrate) -> int:
     is_rehearsal = any(map(is_pseudo_terminal, ports.values()))
     path = command.out or robot.folder / (REHEARSAL_FILE if is_rehearsal else CALIBRATION_FILE)
     check_folder(path.parent)
-    console = console_for(command.json)
+    console = console_for(command)
     prompt = open_prompt(console)
     if prompt is None and (command.signs or not command.yes):
         needed = "--signs needs a person" if command.signs else "it cannot ask (or use --yes)"
@@ -72,7 +73,7 @@ def calibrate(command: Calibrate) -> int:
     saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
     if saved:
         _save(robot, measured, path)
-    write_json(to_json(_record(robot, measured, path if saved else None)), command.json)
+    write_json(_record(robot, measured, path if saved else None), command)
     if not saved:
         return _leave(console)
     console.print(f"[bold green]saved {escape(str(path))}[/]; check the angles: getup doctor")

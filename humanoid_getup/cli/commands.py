@@ -8,16 +8,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
-from typing import Annotated, Any, Union
+from typing import Annotated, Any, NamedTuple, Union
 
 import tyro
 from tyro.conf import subcommand
 
-from humanoid_getup.cli.checks import find_value_faults, registry
-from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.cli.console import phase
 from humanoid_getup.cli.old_spellings import modernize
-from humanoid_getup.cli.options.shared import CommandOptions
-from humanoid_getup.cli.output import phase
+from humanoid_getup.cli.options.shared import with_json
+from humanoid_getup.cli.parsing import registry
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.values import find_value_faults
 
 DESCRIPTION = "Get a fallen humanoid up: plan, filter through physics, play, judge."
 
@@ -30,117 +32,206 @@ SECTIONS = {
 }
 """Commands in the order of `getup --help`."""
 
-COMMANDS: dict[str, tuple[str, str, str]] = {
-    "rise": ("rise.Rise", "rise.rise", "Get up from a fall by a planned motion or a policy."),
-    "play": ("rise.Play", "rise.play", "Play a rising motion and judge how it ends."),
-    "run": ("rise.RunPolicy", "rise.run_policy", "Run a policy once and judge how it ends."),
-    "plan": ("plan.Plan", "plan.plan", "Plan a path only, without physics."),
-    "sit": ("stand.Sit", "stand.sit", "Sit and lie down from a stand."),
-    "hold": ("stand.Hold", "stand.hold", "Hold a robot in its stand until a key is pressed."),
-    "prior": ("prior.MakePrior", "prior.make_prior", "Make the pose prior of styled policies."),
-    "train": ("policies.Train", "train.train", "Train a policy, or continue a training."),
-    "eval": ("policies.Evaluate", "evaluate.evaluate", "Evaluate a policy on settled falls."),
-    "export": ("policies.Export", "export.export", "Export the policy of a training."),
-    "motions": (
-        "",
-        "",
-        "List, build, retarget, discover, import, record, preview or show motions.",
+
+class Command(NamedTuple):
+    """A command, or a group of commands, which has only a summary."""
+
+    summary: str
+    options: str = ""
+    """Where its options are: below ``cli.options``, or below ``jobs.requests``."""
+    work: str = ""
+    """Where the function is that runs it, below ``cli``."""
+    json: bool = False
+    """Whether results of a request can be written as JSON, too."""
+
+
+COMMANDS = {
+    "rise": Command(
+        "Get up from a fall by a planned motion or a policy.", "options.rise.Rise", "rise.rise"
     ),
-    "motions list": ("motions.ListMotions", "motions.list_motions", "List a robot's motions."),
-    "motions build": ("motions.BuildMotions", "building.build", "Build motions from keyframes."),
-    "motions import": (
-        "own_motions.ImportMotion",
-        "importing.import_motion",
+    "play": Command(
+        "Play a rising motion and judge how it ends.", "options.rise.Play", "rise.play"
+    ),
+    "run": Command(
+        "Run a policy once and judge how it ends.", "options.rise.RunPolicy", "rise.run_policy"
+    ),
+    "plan": Command("Plan a path only, without physics.", "options.plan.Plan", "plan.plan"),
+    "sit": Command("Sit and lie down from a stand.", "options.stand.Sit", "stand.sit"),
+    "hold": Command(
+        "Hold a robot in its stand until a key is pressed.", "options.stand.Hold", "stand.hold"
+    ),
+    "prior": Command(
+        "Make the pose prior of styled policies.",
+        "requests.learning.PriorRequest",
+        "learning.make_prior",
+    ),
+    "train": Command(
+        "Train a policy, or continue a training.",
+        "requests.learning.TrainRequest",
+        "learning.train",
+    ),
+    "eval": Command(
+        "Evaluate a policy on settled falls.",
+        "requests.learning.EvaluateRequest",
+        "evaluate.evaluate",
+        json=True,
+    ),
+    "export": Command(
+        "Export the policy of a training.", "requests.learning.ExportRequest", "learning.export"
+    ),
+    "motions": Command("List, build, retarget, discover, import, record, preview or show motions."),
+    "motions list": Command(
+        "List a robot's motions.", "options.motions.ListMotions", "motions.list_motions"
+    ),
+    "motions build": Command(
+        "Build motions from keyframes.", "requests.motions.BuildRequest", "make_motions.build"
+    ),
+    "motions import": Command(
         "Add keys from another program's file.",
+        "requests.motions.ImportKeysRequest",
+        "make_motions.import_motion",
     ),
-    "motions record": (
-        "own_motions.RecordMotion",
-        "hand_recording.record",
+    "motions record": Command(
         "Record keys from a robot moved by hand.",
+        "options.own_motions.RecordMotion",
+        "hand_recording.record",
     ),
-    "motions preview": (
-        "own_motions.PreviewMotion",
-        "previewing.preview",
+    "motions preview": Command(
         "Draw the keys of a motion and play them once.",
+        "options.own_motions.PreviewMotion",
+        "make_motions.preview",
     ),
-    "motions retarget": (
-        "motions.RetargetMotions",
-        "retarget.retarget",
+    "motions retarget": Command(
         "Take the keyframes of another robot.",
+        "requests.motions.RetargetRequest",
+        "make_motions.retarget",
     ),
-    "motions discover": (
-        "discover.DiscoverMotions",
-        "discover.discover",
+    "motions discover": Command(
         "Make motions from the rises of a policy.",
+        "requests.motions.DiscoverRequest",
+        "make_motions.discover",
     ),
-    "motions show": ("motions.ShowMotion", "motions.show", "Draw a motion as a film strip."),
-    "bench": ("", "", "Run a benchmark on the twin or on the virtual bus."),
-    "bench all": (
-        "bench.BenchAll",
-        "bench_all.bench_all",
+    "motions show": Command(
+        "Draw a motion as a film strip.", "options.motions.ShowMotion", "motions.show"
+    ),
+    "bench": Command("Run a benchmark on the twin or on the virtual bus."),
+    "bench all": Command(
         "Measure a robot as one page that others can repeat.",
+        "requests.bench.BenchAll",
+        "bench.bench_all",
+        json=True,
     ),
-    "bench rise": ("bench.BenchRise", "bench.bench_rise", "Rise from many settled falls."),
-    "bench methods": ("bench.BenchMethods", "bench.bench_methods", "Compare plans and policies."),
-    "bench disturbed": (
-        "bench.BenchDisturbed",
-        "bench.bench_disturbed",
+    "bench rise": Command(
+        "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench_rise", json=True
+    ),
+    "bench methods": Command(
+        "Compare plans and policies.",
+        "requests.bench.BenchMethods",
+        "bench.bench_methods",
+        json=True,
+    ),
+    "bench disturbed": Command(
         "Rise in disturbed worlds.",
+        "requests.bench.BenchDisturbed",
+        "bench.bench_disturbed",
+        json=True,
     ),
-    "bench scenes": ("bench.BenchScenes", "bench.bench_scenes", "Rise in every scene."),
-    "bench motions": ("bench.BenchMotions", "bench.bench_motions", "Play every motion disturbed."),
-    "bench sit": ("bench.BenchSit", "bench.bench_sit", "Sit and lie down from many stands."),
-    "bench filter": ("bench.BenchFilter", "bench.bench_filter", "Time the filter's physics."),
-    "bench faults": ("bench.BenchFaults", "bench.bench_faults", "Inject faults during a rise."),
-    "bench kill": ("bench.BenchKill", "bench.bench_kill", "Kill the program during a rise."),
-    "bench soak": ("bench.BenchSoak", "bench.bench_soak", "Rise and fall for a long time."),
-    "bus": ("hardware.ServeBus", "bus.serve_bus", "Serve a virtual Dynamixel bus until stopped."),
-    "scan": ("hardware.Scan", "scan.scan", "List serial ports and the devices on them."),
-    "doctor": ("hardware.Doctor", "doctor.doctor", "Check a robot on its bus; moves nothing."),
-    "calibrate": (
-        "hardware.Calibrate",
-        "calibrate.calibrate",
+    "bench scenes": Command(
+        "Rise in every scene.", "requests.bench.BenchScenes", "bench.bench_scenes", json=True
+    ),
+    "bench motions": Command(
+        "Play every motion disturbed.",
+        "requests.bench.BenchMotions",
+        "bench.bench_motions",
+        json=True,
+    ),
+    "bench sit": Command(
+        "Sit and lie down from many stands.",
+        "requests.bench.BenchSit",
+        "bench.bench_sit",
+        json=True,
+    ),
+    "bench filter": Command(
+        "Time the filter's physics.", "requests.bench.BenchFilter", "bench.bench_filter", json=True
+    ),
+    "bench faults": Command(
+        "Inject faults during a rise.",
+        "requests.bench.BenchFaults",
+        "bench.bench_faults",
+        json=True,
+    ),
+    "bench kill": Command(
+        "Kill the program during a rise.", "requests.bench.BenchKill", "bench.bench_kill", json=True
+    ),
+    "bench soak": Command(
+        "Rise and fall for a long time.", "requests.bench.BenchSoak", "bench.bench_soak", json=True
+    ),
+    "bus": Command(
+        "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
+    ),
+    "scan": Command(
+        "List serial ports and the devices on them.", "options.hardware.Scan", "scan.scan"
+    ),
+    "doctor": Command(
+        "Check a robot on its bus; moves nothing.", "options.hardware.Doctor", "doctor.doctor"
+    ),
+    "calibrate": Command(
         "Measure the zeros and signs of the servos.",
+        "options.hardware.Calibrate",
+        "calibrate.calibrate",
     ),
-    "plan-cache": (
-        "motions.ListPlanCache",
-        "plan_cache.list_or_clear",
+    "plan-cache": Command(
         "List the solved rises that are kept, or remove them.",
+        "options.motions.ListPlanCache",
+        "plan_cache.list_or_clear",
     ),
-    "preflight": ("motions.Preflight", "preflight.preflight", "Judge if a motion may be played."),
-    "replay": ("motions.Replay", "replay.replay_log", "Replay a flight log and compare."),
-    "style": ("", "", "List, show, edit or extract styles of rising."),
-    "style list": ("style.ListStyles", "style.list_styles", "List the named styles."),
-    "style show": ("style.ShowStyles", "style.show", "Print and draw the curves of styles."),
-    "style edit": ("style.EditStyle", "style.edit", "Raise sooner or later, slower, faster, hold."),
-    "style extract": (
-        "style.ExtractStyle",
-        "style.extract",
+    "preflight": Command(
+        "Judge if a motion may be played.", "options.motions.Preflight", "preflight.preflight"
+    ),
+    "replay": Command(
+        "Replay a flight log and compare.", "options.motions.Replay", "replay.replay_log"
+    ),
+    "style": Command("List, show, edit or extract styles of rising."),
+    "style list": Command(
+        "List the named styles.", "options.style.ListStyles", "style.list_styles"
+    ),
+    "style show": Command(
+        "Print and draw the curves of styles.", "options.style.ShowStyles", "style.show"
+    ),
+    "style edit": Command(
+        "Raise sooner or later, slower, faster, hold.", "options.style.EditStyle", "style.edit"
+    ),
+    "style extract": Command(
         "Extract a style from a motion, a flight log or a clip.",
+        "requests.style.ExtractRequest",
+        "style.extract",
     ),
-    "mocap": ("", "", "Import clips of motion capture."),
-    "mocap import": (
-        "mocap.ImportClip",
-        "mocap.import_clip",
+    "mocap": Command("Import clips of motion capture."),
+    "mocap import": Command(
         "Make a motion of a robot from a clip.",
+        "requests.motions.ClipRequest",
+        "make_motions.import_clip",
+        json=True,
     ),
-    "scenes": ("motions.ListScenes", "scenes.list_scenes", "List or draw the scenes."),
-    "robots": ("", "", "List the robots, import one from a model file, check one."),
-    "robots list": ("motions.ListRobots", "robots.list_robots", "List the installed robots."),
-    "robots import": (
-        "robots.ImportRobot",
-        "import_robot.import_robot",
+    "scenes": Command(
+        "List or draw the scenes.", "options.motions.ListScenes", "scenes.list_scenes"
+    ),
+    "robots": Command("List the robots, import one from a model file, check one."),
+    "robots list": Command(
+        "List the installed robots.", "options.robots.ListRobots", "robots.list_robots"
+    ),
+    "robots import": Command(
         "Make a robot folder from an MJCF or URDF file.",
+        "requests.robots.ImportRequest",
+        "robots.import_robot",
+        json=True,
     ),
-    "robots check": (
-        "robots.CheckRobot",
-        "check_robot.check_robot",
+    "robots check": Command(
         "Check a robot's description, and what its body can do.",
+        "options.robots.CheckRobot",
+        "robots.check_robot",
     ),
 }
-"""Name: options, the function that runs them, summary. A group of commands has only a summary."""
-
-
 DEFAULTS = {"robots": "robots list"}
 """Commands that a group stands for when none of its own is named."""
 HELP = ("-h", "--help")
@@ -151,12 +242,12 @@ class Invocation:
     """A command and its options."""
 
     name: str
-    options: CommandOptions
+    options: Request
 
     def run(self) -> int:
         """Import the function of the command, call it, and return the exit code."""
         with phase("loading"):
-            work = _load("humanoid_getup.cli", COMMANDS[self.name][1])
+            work = _load(f"cli.{COMMANDS[self.name].work}")
         return work(self.options)
 
 
@@ -170,7 +261,7 @@ def parse(arguments: Sequence[str]) -> Invocation:
     if words != list(arguments):
         print(f"getup: an old spelling, now: {shlex.join(['getup', *words])}", file=sys.stderr)
     name, rest = find_command(words)
-    if not COMMANDS.get(name, ("", ""))[0]:
+    if name not in COMMANDS or not COMMANDS[name].options:
         return _explain(name, rest)
     options = _read(load_options(name), f"getup {name}", rest)
     if faults := find_value_faults(options) or options.find_faults():
@@ -212,7 +303,7 @@ def write_help(group: str = "") -> str:
     """Write the commands of a group, or all in their sections, each with a summary."""
     own = [name for name in COMMANDS if name.startswith(f"{group} ")]
     sections = {"commands": own} if group else SECTIONS
-    about = COMMANDS[group][-1] if group else DESCRIPTION
+    about = COMMANDS[group].summary if group else DESCRIPTION
     program = f"getup {group}".rstrip()
     width = max(
         len(name.removeprefix(f"{group} ")) for names in sections.values() for name in names
@@ -223,30 +314,33 @@ def write_help(group: str = "") -> str:
         for name in names:
             default = " The default." if name in DEFAULTS.values() else ""
             lines.append(
-                f"  {name.removeprefix(f'{group} '):{width}}  {COMMANDS[name][-1]}{default}"
+                f"  {name.removeprefix(f'{group} '):{width}}  {COMMANDS[name].summary}{default}"
             )
     return "\n".join([*lines, "", f"{program} COMMAND --help lists the options of a command."])
 
 
-def load_options(name: str) -> Any:
+def load_options(name: str) -> type[Request]:
     """Import the options of a command."""
-    return _load("humanoid_getup.cli.options", COMMANDS[name][0])
+    command = COMMANDS[name]
+    package = "cli" if command.options.startswith("options.") else "jobs"
+    options = _load(f"{package}.{command.options}")
+    return with_json(options) if command.json else options
 
 
-def _load(package: str, target: str) -> Any:
-    module, name = target.split(".")
-    return getattr(import_module(f"{package}.{module}"), name)
+def _load(target: str) -> Any:
+    module, _, name = target.rpartition(".")
+    return getattr(import_module(f"humanoid_getup.{module}"), name)
 
 
 def list_commands(group: str = "") -> Any:
     """Return the commands of a group, or all of them, as a tyro union: for completions."""
     members: list[Any] = []
-    for name, (target, _, summary) in COMMANDS.items():
+    for name, command in COMMANDS.items():
         parent, _, own_name = name.rpartition(" ")
         if parent != group:
             continue
-        kind = load_options(name) if target else _load_group(name)
-        members.append(Annotated[kind, subcommand(own_name, description=summary)])
+        kind = load_options(name) if command.options else _load_group(name)
+        members.append(Annotated[kind, subcommand(own_name, description=command.summary)])
     return Union[tuple(members)]  # noqa: UP007  (as many as there are)
 
 

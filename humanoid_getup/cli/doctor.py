@@ -16,10 +16,11 @@ from drivers.dynamixel.control_table import HardwareError, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
+from humanoid_getup.cli.console import console_for, make_table, phase
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.cli.inputs import load_robot, name_ports
 from humanoid_getup.cli.options.hardware import Doctor
-from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.jobs.inputs import load_robot, name_ports
 
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "error")
@@ -32,8 +33,8 @@ def doctor(command: Doctor) -> int:
     ports = name_ports(robot, command.port)
     with phase("checking"), open_robot_bus(robot, ports) as bus:
         health = examine(bus)
-    write_json(to_json(to_record(health)), command.json)
-    print_health(health, console_for(command.json))
+    write_json(to_record(health), command)
+    print_health(health, console_for(command))
     return HARDWARE_FAULT if health.errors else DID_IT
 
 

@@ -12,13 +12,15 @@ from drivers import SafetyGuard
 from drivers.control_loop import Ending, RunReport, run
 from drivers.safety_limits import GuardLimits
 from humanoid_getup.cli.backends import open_backend
-from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.console import console_for, showing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
-from humanoid_getup.cli.importing import add, find_target
-from humanoid_getup.cli.inputs import load_world
+from humanoid_getup.cli.make_motions import print_added
 from humanoid_getup.cli.options.own_motions import RecordMotion
-from humanoid_getup.cli.output import console_for
 from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, TerminalPresses
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.import_keys import add_keys, find_target
+from humanoid_getup.jobs.inputs import load_world
+from humanoid_getup.long_work.progress import Monitor
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from humanoid_getup.motions.keyframes_file import load_keyframes
@@ -34,7 +36,7 @@ KEYS = "Enter takes the posture, backspace drops the last one, q finishes"
 
 def record(command: RecordMotion) -> int:
     """Record keys and add them to the keyframes; 1 if there are none to add."""
-    world, console = load_world(command), console_for(None)
+    world, console = load_world(command), console_for()
     robot = world.robot
     path = find_target(command, robot)
     with refusing():
@@ -55,7 +57,9 @@ def record(command: RecordMotion) -> int:
         return HARDWARE_FAULT if is_fault else DID_NOT_STAND
     with refusing():
         found = make_keyframes(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
-    add([found], robot, command, path)
+    with showing() as report:
+        added = add_keys([found], robot, command, path, Monitor(report))
+    print_added(added, command)
     return HARDWARE_FAULT if is_fault else DID_IT
 
 

@@ -3,44 +3,89 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from rich.table import Table
+import msgspec
 
-from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.console import console_for, make_table, phase
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.inputs import find_motion, load_robot
 from humanoid_getup.cli.options.motions import ListMotions, ShowMotion
-from humanoid_getup.cli.output import (
-    console_for,
-    find_file_faults,
-    phase,
-    staging,
-    to_json,
-    write_json,
-)
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import find_motion, load_robot
+from humanoid_getup.jobs.output_files import find_file_faults
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting import film_strip
-from humanoid_getup.scenes.scene import FLAT_SCENE
-from humanoid_getup.simulation.world import World
-from robots import Robot
-from robots.kinematics import place
+from humanoid_getup.reporting.motion_strip import draw_motion
+
+
+class ListedMotion(msgspec.Struct, frozen=True, kw_only=True):
+    """A motion of the list."""
+
+    name: str
+    start_class: str
+    end_class: str
+    strategy: str
+    duration: float = msgspec.field(name="duration_s")
+    stand_time: float | None = msgspec.field(name="stand_time_s")
+    robust: str | float | None
+    torque_limit: str | float | None = msgspec.field(name="torque_limit_nm")
+    mirrored: bool
+
+    @classmethod
+    def of(cls, motion: Motion, *, mirrored: bool) -> ListedMotion:
+        """Describe a motion."""
+        return cls(
+            name=motion.name,
+            start_class=motion.start_class,
+            end_class=motion.end_class,
+            strategy=motion.strategy,
+            duration=motion.duration,
+            stand_time=motion.stand_time,
+            robust=motion.provenance.get("disturbed_success"),
+            torque_limit=motion.provenance.get("torque_limit"),
+            mirrored=mirrored,
+        )
 
 
 def list_motions(command: ListMotions) -> int:
     """Print a table, or JSON."""
     robot = load_robot(command)
     with refusing():
-        motions = load_database(robot).motions
-    stored = [motion for motion in motions if not motion.name.endswith(MIRRORED_SUFFIX)]
-    mirrored = {motion.name for motion in motions} - {motion.name for motion in stored}
-    rows = [_describe(m, m.name + MIRRORED_SUFFIX in mirrored) for m in stored]
-    write_json(to_json({"robot": robot.name, "motions": rows}), command.json)
+        names = {motion.name: motion for motion in load_database(robot).motions}
+    rows = [
+        ListedMotion.of(motion, mirrored=name + MIRRORED_SUFFIX in names)
+        for name, motion in names.items()
+        if not name.endswith(MIRRORED_SUFFIX)
+    ]
+    write_json({"robot": robot.name, "motions": rows}, command)
     if command.json is None:
         _print(rows)
     return DID_IT
+
+
+def _print(rows: list[ListedMotion]) -> None:
+    texts = ("motion", "start", "strategy")
+    figures = ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored")
+    table = make_table((*texts, *figures), left=texts)
+    for column in table.columns[:3]:
+        column.no_wrap = True
+    for row in rows:
+        table.add_row(
+            row.name,
+            row.start_class,
+            row.strategy,
+            f"{row.duration:.2f}",
+            _format(row.stand_time, ".2f") if row.end_class == STANDING else "",
+            _format(row.robust, ".0%"),
+            _format(row.torque_limit, ".1f"),
+            "yes" if row.mirrored else "",
+        )
+    console_for().print(table)
+
+
+def _format(value: object, form: str) -> str:
+    return format(value, form) if isinstance(value, int | float) else "?"
 
 
 def show(command: ShowMotion) -> int:
@@ -55,65 +100,5 @@ def show(command: ShowMotion) -> int:
             draw_motion(robot, motion, path)
         except film_strip.NoRendererError as error:
             raise BadInputError(f"no film strip: {error}") from error
-    console_for(None).print(f"film strip in {path}", markup=False)
+    console_for().print(f"film strip in {path}", markup=False)
     return DID_IT
-
-
-def draw_motion(robot: Robot, motion: Motion, path: Path) -> None:
-    """Draw a motion as a film strip into a PNG file.
-
-    Raises:
-        NoRendererError: if there is no OpenGL.
-    """
-    model = World(robot, FLAT_SCENE).model
-    # The frames until the motion stands, or all where that is not known.
-    stands = motion.duration if motion.stand_time is None else motion.stand_time
-    end = motion.time[0] + stands + film_strip.AFTERMATH
-    count = int(np.searchsorted(motion.time, min(end, motion.time[-1]), side="right"))
-    rows = film_strip.pick_frames(count)
-    qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
-    pictures = film_strip.render_frames(robot, model, qpos)
-    with staging(path.parent, (path.name,)) as folder:
-        times = motion.time[rows] - motion.time[0]
-        title = f"{motion.name}: {motion.strategy}"
-        film_strip.save_strip(pictures, times, folder / path.name, title=title)
-
-
-def _describe(motion: Motion, is_mirrored: bool) -> dict[str, Any]:
-    made = motion.provenance
-    return {
-        "name": motion.name,
-        "start_class": motion.start_class,
-        "end_class": motion.end_class,
-        "strategy": motion.strategy,
-        "duration_s": motion.duration,
-        "stand_time_s": motion.stand_time,
-        "robust": made.get("disturbed_success"),
-        "torque_limit_nm": made.get("torque_limit"),
-        "mirrored": is_mirrored,
-    }
-
-
-def _print(rows: list[dict[str, Any]]) -> None:
-    table = Table(box=None, header_style="bold")
-    table.add_column("motion", no_wrap=True)
-    for heading in ("start", "strategy"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored"):
-        table.add_column(heading, justify="right")
-    for row in rows:
-        table.add_row(
-            row["name"],
-            row["start_class"],
-            row["strategy"],
-            f"{row['duration_s']:.2f}",
-            _format(row["stand_time_s"], ".2f") if row["end_class"] == STANDING else "",
-            _format(row["robust"], ".0%"),
-            _format(row["torque_limit_nm"], ".1f"),
-            "yes" if row["mirrored"] else "",
-        )
-    console_for(None).print(table)
-
-
-def _format(value: Any, form: str) -> str:
-    return format(value, form) if isinstance(value, int | float) else "?"

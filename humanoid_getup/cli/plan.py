@@ -9,12 +9,14 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.console import console_for, phase
 from humanoid_getup.cli.exit_codes import DID_IT, NO_PATH
-from humanoid_getup.cli.inputs import find_start, load_keys, load_world
 from humanoid_getup.cli.options.plan import PATH, PLAN_FILES, STRIP, Plan
-from humanoid_getup.cli.output import console_for, phase, staging, to_json, write_json
+from humanoid_getup.cli.output import write_json
 from humanoid_getup.experiments.starts import Fall
+from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.inputs import find_start, load_keys, load_world
+from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
@@ -60,7 +62,7 @@ def plan(command: Plan) -> int:
     record["keys"] = [
         {"name": key.name, "time_s": _time_at(answer, number)} for number, key in enumerate(keys)
     ]
-    write_json(to_json(record), command.json)
+    write_json(record, command)
     _print(record, written, command)
     return DID_IT if answer.found else NO_PATH
 
@@ -138,7 +140,7 @@ def _time_at(answer: PathAnswer, number: int) -> float | None:
 
 def _print(record: dict[str, Any], files: list[str], command: Plan) -> None:
     """Print one line that says how it ended, and the figures."""
-    console = console_for(command.json)
+    console = console_for(command)
     effort = f"{record['checks']} checks in {record['time_s']:.1f} s"
     if not record["found"]:
         where = f"no path to {record['goal']} after {effort}: {record['reason']}"

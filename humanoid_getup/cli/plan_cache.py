@@ -8,11 +8,12 @@ from typing import Any
 
 from rich.markup import escape
 
-from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.console import console_for, make_table
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.options.motions import ListPlanCache
 from humanoid_getup.cli.options.rise import Rise
-from humanoid_getup.cli.output import console_for, make_table, to_json, write_json
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.strategies.cached_rise import CachedRise
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache, now
@@ -47,7 +48,7 @@ def list_or_clear(command: ListPlanCache) -> int:
             return _clear(cache, command)
         _refuse_damage(cache, command.robot, command.cache_folder)
         rows = [_describe(entry) for entry in cache.read(command.robot).entries]
-    write_json(to_json({"folder": str(cache.folder), "entries": rows}), command.json)
+    write_json({"folder": str(cache.folder), "entries": rows}, command)
     if command.json is None:
         _print(rows, cache, command.robot)
     return DID_IT
@@ -55,9 +56,9 @@ def list_or_clear(command: ListPlanCache) -> int:
 
 def _clear(cache: PlanCache, command: ListPlanCache) -> int:
     removed = cache.clear(command.robot)
-    write_json(to_json({"folder": str(cache.folder), "removed": removed}), command.json)
+    write_json({"folder": str(cache.folder), "removed": removed}, command)
     text = f"{removed} {'rise' if removed == 1 else 'rises'} removed from {cache.folder}"
-    console_for(command.json).print(escape(text))
+    console_for(command).print(escape(text))
     return DID_IT
 
 
@@ -112,11 +113,11 @@ def _print(rows: list[dict[str, Any]], cache: PlanCache, robot: str | None) -> N
             f"{row['bytes'] / 1000.0:.0f}",
         )
     if rows:
-        console_for(None).print(table)
+        console_for().print(table)
     of = f" of robot '{robot}'" if robot else ""
     size = sum(row["bytes"] for row in rows) / 1e6
     what = "solved rise" if len(rows) == 1 else "solved rises"
-    console_for(None).print(escape(f"{len(rows)} {what}{of}, {size:.1f} MB, in {cache.folder}"))
+    console_for().print(escape(f"{len(rows)} {what}{of}, {size:.1f} MB, in {cache.folder}"))
 
 
 def _format_age(age: float) -> str:

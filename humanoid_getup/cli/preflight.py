@@ -8,11 +8,12 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.console import console_for, make_table, phase
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.cli.options.motions import Preflight
-from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import describe_end
 from humanoid_getup.playback.preflight import MotionVerdict, Severity
@@ -46,8 +47,8 @@ def preflight(command: Preflight) -> int:
         "limit_by": limit.by,
         "temperature_c": command.temperature,
     }
-    write_json(to_json(about | record_verdict(robot, verdict)), command.json)
-    print_verdict(robot, motion, verdict, console_for(command.json))
+    write_json(about | record_verdict(robot, verdict), command)
+    print_verdict(robot, motion, verdict, console_for(command))
     return DID_IT if verdict.passed else DID_NOT_STAND
 
 

@@ -9,16 +9,19 @@ from rich.table import Table
 
 from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.console import console_for, phase
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.options.motions import REPLAY_FILES, Replay
-from humanoid_getup.cli.output import console_for, phase, staging, to_json, write_json
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.reporting import plots, style_plot
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
+from robots.encoding import to_json
 from robots.servo import LIMIT_MODES, LimitMode
 
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
@@ -40,8 +43,8 @@ def replay_log(command: Replay) -> int:
                 plots.save_flight(record, folder / FLIGHT, title=title)
                 plots.save_difference(report, folder / DIFFERENCE, title=f"{title}: replay")
                 style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")
-    write_json(to_json(figures), command.json)
-    _print(record, report, console_for(command.json))
+    write_json(figures, command)
+    _print(record, report, console_for(command))
     return DID_IT
 
 

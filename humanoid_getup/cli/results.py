@@ -13,29 +13,22 @@ from rich.markup import escape
 
 from drivers import Ending
 from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.cli.console import console_for
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.cli.options.shared import MoveOptions, RunOptions
 from humanoid_getup.cli.options.stand import Hold, Sit
-from humanoid_getup.cli.output import (
-    ARTEFACTS,
-    REPORT,
-    STRIP,
-    STYLE,
-    TORQUE,
-    console_for,
-    staging,
-    to_json,
-    write_json,
-)
+from humanoid_getup.cli.output import ARTEFACTS, REPORT, STRIP, STYLE, TORQUE, write_json
 from humanoid_getup.cli.recording import FLIGHT
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.keys.key_record import find_passes
+from robots.encoding import to_json
 
 NO_ORIENTATION = "without an IMU no one knows how the robot was turned"
 
@@ -69,7 +62,7 @@ def hand_over(
     report["keys"] = _measure_keys(result, world)
     files: list[str] = []
     if options.out is not None:
-        with staging(options.out) as folder:
+        with staging(options.out, ARTEFACTS) as folder:
             report["strip_reason"] = _draw(result, world, options, folder)
             if report["style"] is not None and (options.out / FLIGHT).exists():
                 title = f"{world.robot.name}, {report['start_class']}: style {report['style']}"
@@ -81,8 +74,8 @@ def hand_over(
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
-    write_json(to_json(report), options.json)
-    print_summary(report, files, console_for(options.json))
+    write_json(report, options)
+    print_summary(report, files, console_for(options))
     after = result.after
     if result.stood and (after is None or after.succeeded):
         return DID_IT
@@ -106,17 +99,17 @@ def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> in
     }
     if options.out is not None:
         outcome = result.way_down and result.way_down.outcome
-        with staging(options.out) as folder:
+        with staging(options.out, ARTEFACTS) as folder:
             report["strip_reason"] = "the robot did not lie down"
             if outcome is not None:
                 title = f"{world.robot.name}: sitting and lying down"
                 report["strip_reason"] = draw_run(outcome, world, options, folder, title)
             (folder / REPORT).write_text(to_json(report), "utf-8")
-    write_json(to_json(report), options.json)
+    write_json(report, options)
     color = "green" if result.succeeded else "red"
-    console_for(options.json).print(f"[bold {color}]{escape(result.reason)}")
+    console_for(options).print(f"[bold {color}]{escape(result.reason)}")
     if result.hand_over is not None:
-        console_for(options.json).print(escape(str(result.hand_over)))
+        console_for(options).print(escape(str(result.hand_over)))
     if result.succeeded:
         return DID_IT
     return HARDWARE_FAULT if result.by_fault else DID_NOT_STAND

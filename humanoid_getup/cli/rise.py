@@ -8,22 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.cli.errors import BadInputError, refusing
-from humanoid_getup.cli.inputs import (
-    find_motion,
-    load_keys,
-    load_world,
-    make_torque_limit,
-)
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.plan_cache import use_cache
-from humanoid_getup.cli.policies import load_policy, name_robot
 from humanoid_getup.cli.results import hand_over, reporting_hand_over
 from humanoid_getup.cli.session import run_session
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import (
+    find_motion,
+    load_keys,
+    load_world,
+    make_torque_limit,
+)
+from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World

@@ -20,10 +20,11 @@ from drivers.service.scan import (
     list_serial_ports,
     scan_port,
 )
-from humanoid_getup.cli.errors import refusing
+from humanoid_getup.cli.console import console_for, make_table, phase
 from humanoid_getup.cli.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.options.hardware import Scan
-from humanoid_getup.cli.output import console_for, make_table, phase, to_json, write_json
+from humanoid_getup.cli.output import write_json
+from humanoid_getup.jobs.errors import refusing
 from robots.bus_settings import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
@@ -52,8 +53,8 @@ def scan(command: Scan) -> int:
         "imus": [asdict(imu) for imu in imus],
         "advice": advice,
     }
-    write_json(to_json(record), command.json)
-    console = console_for(command.json)
+    write_json(record, command)
+    console = console_for(command)
     _print(ports if command.port is None else (), scans, advice, console)
     _print_imus(imus, console)
     return DID_IT if found else HARDWARE_FAULT

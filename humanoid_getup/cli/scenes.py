@@ -7,19 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.cli.errors import BadInputError, refusing
+from humanoid_getup.cli.console import console_for, make_table, phase
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.inputs import load_robot
 from humanoid_getup.cli.options.motions import ListScenes
-from humanoid_getup.cli.output import (
-    console_for,
-    find_file_faults,
-    make_table,
-    phase,
-    to_json,
-    write_json,
-)
+from humanoid_getup.cli.output import write_json
 from humanoid_getup.experiments.starts import CLASSES, sample_falls
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.output_files import find_file_faults
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.scenes.named_scenes import list_scenes as list_named
 from humanoid_getup.scenes.named_scenes import load_scene
@@ -45,7 +40,7 @@ def list_scenes(command: ListScenes) -> int:
     ]
     if command.picture is not None:
         _draw(robot, scenes, command.picture, command.seed)
-    write_json(to_json({"robot": robot.name, "scenes": rows}), command.json)
+    write_json({"robot": robot.name, "scenes": rows}, command)
     if command.json is None:
         _print(rows)
     return DID_IT
@@ -69,7 +64,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
         starts = "any" if row["starts"] == list(CLASSES) else ", ".join(row["starts"])
         figures = (str(row["obstacles"]), f"{row['friction']:g}")
         table.add_row(row["name"], starts, row["about"], *figures)
-    console_for(None).print(table)
+    console_for().print(table)
 
 
 def _draw(robot: Robot, scenes: list[Scene], file: Path, seed: int) -> None:

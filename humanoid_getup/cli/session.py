@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.cli.backends import open_backend
-from humanoid_getup.cli.inputs import find_start
+from humanoid_getup.cli.console import phase
 from humanoid_getup.cli.options.shared import RunOptions
-from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.session_hooks import Result, SessionHooks
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.experiments.starts import Fall, settle_posture
+from humanoid_getup.jobs.inputs import find_start
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World

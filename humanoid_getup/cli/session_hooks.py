@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 
 from drivers import SafetyGuard
 from humanoid_getup.cli.backends import BackendChoice
-from humanoid_getup.cli.errors import refusing
 from humanoid_getup.cli.operator_key import OperatorKey
 from humanoid_getup.cli.recording import Recorder
 from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.jobs.errors import refusing
 
 Result = TypeVar("Result")
 

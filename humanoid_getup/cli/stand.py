@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from humanoid_getup.cli.backends import open_backend
-from humanoid_getup.cli.inputs import load_world, make_torque_limit
+from humanoid_getup.cli.console import phase
 from humanoid_getup.cli.options.stand import Hold, Sit
-from humanoid_getup.cli.output import phase
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over_stand, reporting_hand_over
 from humanoid_getup.cli.session_hooks import SessionHooks
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from robots.kinematics import read_posture
 
 

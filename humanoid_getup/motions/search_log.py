@@ -7,16 +7,15 @@ the same as one that was not, bit for bit.
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
 
-from robots.files import write_atomically
+from humanoid_getup.long_work.ledger import STARTS_OVER, Ledger
 from robots.quaternion import Array
-from robots.validation import on_axes, parse_file, read_table
+from robots.validation import on_axes, read_table
 
 POPULATION = 14
 """Candidates of a generation."""
@@ -39,24 +38,38 @@ class SearchTask:
     robot: str
     keyframes: str
     """SHA-256 of those it begins with, as they are written."""
-    seed: Annotated[int, Meta(ge=0, le=2**32)]
+    seed: int
     prefer: str
     """A preference, or "keyframes"."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _File:
-    task: SearchTask
-    generations: tuple[Generation, ...]
-
-
-@dataclass
 class SearchLog:
-    """The generations of a search, kept in a file."""
+    """The generations of a search, kept in a ledger."""
 
-    path: Path
-    task: SearchTask
-    generations: list[Generation] = field(default_factory=list)
+    def __init__(self, ledger: Ledger) -> None:
+        """Read the generations of a ledger.
+
+        Raises:
+            ValueError: if one is damaged.
+        """
+        self._ledger = ledger
+        problems: list[str] = []
+        self.generations = [
+            read_table(Generation, row, f"generation {name}", problems)
+            for name, row in ledger.done.items()
+        ]
+        problems += [
+            f"generation {number} has {len(each.cost)} costs, expected {POPULATION}"
+            for number, each in enumerate(self.generations, start=1)
+            if len(each.cost) != POPULATION and not problems
+        ]
+        if problems:
+            raise ValueError(f"{ledger.path}: {'; '.join(problems)} ({STARTS_OVER})")
+
+    @classmethod
+    def begin(cls, path: Path, task: SearchTask) -> SearchLog:
+        """Begin the log of a task; the file appears with the first generation."""
+        return cls(Ledger(path, task))
 
     @classmethod
     def resume(cls, path: Path, task: SearchTask) -> SearchLog:
@@ -65,33 +78,10 @@ class SearchLog:
         Raises:
             ValueError: if the file is damaged, or that of another task.
         """
-        if not path.exists():
-            return cls(path, task)
-        problems: list[str] = []
-        try:
-            content = parse_file(path, "JSON", json.loads)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
-        file = read_table(_File, content if isinstance(content, dict) else {}, "", problems)
-        problems += [
-            f"generation {number} has {len(each.cost)} costs, expected {POPULATION}"
-            for number, each in enumerate(file.generations, start=1)
-            if len(each.cost) != POPULATION and not problems
-        ]
-        if problems:
-            raise ValueError(f"{path}: {'; '.join(problems)} (without --resume it starts over)")
-        mine, other = asdict(task), asdict(file.task)
-        if changed := [key for key in mine if mine[key] != other[key]]:
-            raise ValueError(
-                f"{path}: made with another {', '.join(changed)}, expected the same "
-                "(without --resume it starts over)"
-            )
-        return cls(path, task, list(file.generations))
+        return cls(Ledger.resume(path, task))
 
     def add(self, cost: Array, stood: float) -> None:
         """Add a generation and write the file."""
-        self.generations.append(Generation(cost=cost, stood=stood))
-        rows = [{"cost": each.cost.tolist(), "stood": each.stood} for each in self.generations]
-        record = {"task": asdict(self.task), "generations": rows}
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(self.path, json.dumps(record, indent=1) + "\n")
+        generation = Generation(cost=cost, stood=stood)
+        self.generations.append(generation)
+        self._ledger.add(str(len(self.generations)), generation)

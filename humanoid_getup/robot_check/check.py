@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from humanoid_getup.robot_check.ability_check import check_arms, check_depth, check_strength
@@ -36,22 +36,28 @@ class RobotCheck:
         return not _has_fault(self.findings)
 
 
-def check_robot(robot: Robot) -> RobotCheck:
+def check_robot(robot: Robot, report: Callable[[str], None] = lambda _: None) -> RobotCheck:
     """Check body, stance, mirror pairs, strength and arms of a robot whose description loads.
+
+    Each part of the check is reported as it begins.
 
     Raises:
         ValueError: if it has no two legs with a knee.
     """
+    report("its description")
     world, limbs, statics = World(robot), Limbs(robot), Statics(robot)
     findings = [*_check_description(world, limbs)]
     squats, unchecked = [], ABILITIES
     if not _has_fault(findings):
+        report("its strength")
         squats = list_squats(limbs, statics)
         findings += _check_ability(limbs, statics, squats)
         unchecked = ABILITIES[-1:]  # a robot whose joints are too weak is sure to sink
     if not _has_fault(findings):
+        report("its stance")
         findings += check_hold(world)
         unchecked = ()
+    report("its motions")
     findings += check_readiness(robot)
     return RobotCheck(findings=tuple(findings), squats=tuple(squats), unchecked=unchecked)
 

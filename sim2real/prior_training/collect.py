@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from humanoid_getup.experiments.starts import CLASSES, sample_fall_set
+from humanoid_getup.long_work.worker_pool import worker_pool
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
@@ -17,7 +18,6 @@ from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.worker_pool import worker_pool
 from robots import Posture, Robot
 from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.physics.training_simulation import TrainingSim

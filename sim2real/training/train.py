@@ -8,7 +8,7 @@ import os
 import random
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,16 +67,26 @@ def build_options(recipe: Recipe, threads: int) -> EnvOptions:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrainingInputs:
+    """What a training begins with, and what it runs on."""
+
+    parent: Path | None = None
+    """Folder of a training, or file of a policy, that gives the initial policy."""
+    prior: Path | None = None
+    """Folder of a pose prior."""
+    device: str = "cpu"
+    """Device of the networks."""
+    threads: int = 0
+    """Threads of physics; 0 are one per processor."""
+
+
 def train(
     robot: Robot,
     recipe: Recipe,
     seed: int,
     folder: Path,
-    *,
-    device: str = "cpu",
-    threads: int = 0,
-    parent: Path | None = None,
-    prior: Path | None = None,
+    inputs: TrainingInputs = TrainingInputs(),
     report: Callable[[TrainReport], None] = lambda _: None,
 ) -> None:
     """Train a policy into a folder; continue from the checkpoint in it, if any.
@@ -84,10 +94,9 @@ def train(
     One seed gives one policy on one machine, interrupted or not. Under torchrun, each process
     has its own robots and GPU, and the first one writes.
 
-    The device is that of the networks; 0 threads of physics are one per processor. The policy of
-    the training in the folder ``parent``, extended to this action space, is the initial one, or
-    the policy in the file ``parent``, with this action space. A training with style curves needs
-    the folder of a pose prior, of which it keeps a copy.
+    The policy of a parent's folder, extended to this action space, is the initial one, or the
+    policy of a parent's file, with this action space. A training with style curves needs a pose
+    prior, of which it keeps a copy.
 
     Raises:
         OSError: if the parent cannot be read.
@@ -95,9 +104,9 @@ def train(
         TrainingFolderError: if the folder holds another training.
         CheckpointError: if its checkpoint is damaged.
     """
-    process = DistributedProcess.from_environment(os.environ)
-    seed, device, common_seed = process.seed(seed), process.device(device), seed
-    source = check_inputs(robot, recipe, folder, parent, prior)
+    parent, process = inputs.parent, DistributedProcess.from_environment(os.environ)
+    seed, device, common_seed = process.seed(seed), process.device(inputs.device), seed
+    source = check_inputs(robot, recipe, folder, parent, inputs.prior)
     folder.mkdir(parents=True, exist_ok=True)
     action = recipe.choose_actions(robot)
     outputs = action.names
@@ -111,7 +120,7 @@ def train(
     random.seed(seed)
     torch.manual_seed(seed)
     env = RslEnv(
-        build_env(robot, recipe, action, common_seed, folder, threads), device, iteration_log
+        build_env(robot, recipe, action, common_seed, folder, inputs.threads), device, iteration_log
     )
     log_file = folder / "rsl_rl.log" if process.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log), numpy_threads(1):
@@ -150,7 +159,7 @@ def check_inputs(
         return None
     if recipe.style.height_map and parent is None:
         raise TrainingFolderError(
-            f"{folder}: a training with a height map goes on from one without, expected --from"
+            f"{folder}: a training with a height map goes on from one without, expected --parent"
         )
     return check_prior(robot, prior, parent, folder)
 

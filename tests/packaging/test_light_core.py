@@ -11,7 +11,7 @@ for package in ("robots", "drivers", "humanoid_getup"):
         importlib.import_module(module.name)
 learning = {"torch", "onnx", "gymnasium", "rsl_rl", "tensordict", "sim2real"}
 print(len(sys.modules.keys() & learning), sorted(sys.modules.keys() & learning))
-print("humanoid_getup.cli.train" in sys.modules, "drivers.dynamixel.backend" in sys.modules)
+print("humanoid_getup.jobs.train_policy" in sys.modules, "drivers.dynamixel.backend" in sys.modules)
 """
 
 

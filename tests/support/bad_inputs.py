@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib.util
 import io
 import json
@@ -25,7 +26,6 @@ from human_clips import write_human_bvh
 from paths import REPOSITORY, TINY
 from small_humanoid import small_humanoid, small_urdf
 
-from humanoid_getup.cli.part_store import PartStore
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache
@@ -673,7 +673,8 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "off.toml").write_text(
         "[ground]\nheights = [[0, 1], [0, 0]]\n[[starts]]\nlying = 'prone'\nx = [2, 3]\n"
     )
-    begun = PartStore(folder / "begun" / "parts").path("plan, stall torque")
+    digest = hashlib.sha256(b"plan, stall torque").hexdigest()[:6]
+    begun = folder / "begun" / "parts" / f"plan_stall_torque_{digest}.json"
     begun.parent.mkdir(parents=True)
     begun.write_text("half a part")
     _make_styles(folder)

@@ -8,15 +8,9 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.checks import between, positive
-from humanoid_getup.cli.options.shared import (
-    PORT_EXAMPLE,
-    BodyOption,
-    JsonOption,
-    Ports,
-    RobotOption,
-    SceneOptions,
-)
+from humanoid_getup.cli.options.shared import PORT_EXAMPLE, JsonOption, Ports
+from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions
+from humanoid_getup.jobs.requests.values import between, positive
 
 
 @dataclass(frozen=True, kw_only=True)

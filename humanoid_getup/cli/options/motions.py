@@ -8,28 +8,18 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.checks import between, positive
-from humanoid_getup.cli.options.shared import (
+from humanoid_getup.cli.options.shared import CacheFolder, JsonOption, WorldOptions
+from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.requests.shared import (
     BodyOption,
-    CacheFolder,
-    Count,
-    JsonOption,
     MotionName,
-    Prefer,
     RobotOption,
     Seed,
     TorqueOptions,
-    WorldOptions,
 )
-from humanoid_getup.cli.output import find_folder_faults
+from humanoid_getup.jobs.requests.values import between, positive
 
-MOST_SEED = 2**31  # that CMA-ES takes
 REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ListRobots(JsonOption):
-    """List the robots that come with the program."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,37 +55,6 @@ class ListPlanCache(JsonOption):
 @dataclass(frozen=True, kw_only=True)
 class ListMotions(BodyOption, JsonOption, RobotOption):
     """List a robot's rising motions."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BuildMotions(RobotOption):
-    """Build rising motions from keyframes into the robot's folder."""
-
-    names: Positional[tuple[str, ...]] = ()
-    """Motions to build; default: all of the robot's keyframes."""
-    generations: Count = 20
-    """Generations of the search that optimizes the keyframes."""
-    seed: Annotated[int, between(0, MOST_SEED), arg(help="Random seed.")] = 0
-    prefer: Prefer | None = None
-    """What a motion should be besides successful; default: what its keyframes say."""
-    jobs: Count = 2
-    """Motions that are built in parallel."""
-    resume: bool = False
-    """Go on with searches that were interrupted, or that need more generations: see the folder
-    unfinished of the robot."""
-    keep_keys: bool = False
-    """Write the optimized keys of motions that are built back into the keyframes."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RetargetMotions(BuildMotions):
-    """Take the keyframes of another robot: point the limbs the same way, keep the motions that
-    stand so, and improve the others as `getup motions build` does."""
-
-    source: Annotated[str, arg(metavar="NAME|DIR")] = "op3"
-    """Robot whose keyframes are taken."""
-    improve: bool = True
-    """Improve the motions that do not stand as they are."""
 
 
 @dataclass(frozen=True, kw_only=True)

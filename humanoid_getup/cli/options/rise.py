@@ -7,20 +7,18 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.checks import positive
-from humanoid_getup.cli.options.shared import (
+from humanoid_getup.cli.options.shared import CacheFolder, RunOptions, StyleOption
+from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
     BodyOption,
-    CacheFolder,
     Count,
     Keys,
     MotionName,
     PolicyName,
     PreferenceOptions,
-    RunOptions,
-    StyleOption,
 )
-from humanoid_getup.cli.output import find_folder_faults
+from humanoid_getup.jobs.requests.values import positive
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,50 +1,33 @@
-"""Options that commands share."""
+"""Options that only the command line has: where results go, and what moves a robot."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.checks import at_least, positive
-from humanoid_getup.cli.output import find_folder_faults, find_json_faults
+from humanoid_getup.cli.output import ARTEFACTS, find_json_faults
+from humanoid_getup.jobs.output_files import find_file_faults, find_folder_faults
+from humanoid_getup.jobs.requests.shared import (
+    NO_ORIGIN,
+    BodyOption,
+    Origin,
+    Request,
+    SceneOptions,
+    TorqueOptions,
+)
 
 CacheFolder = Annotated[
     Path | None,
     arg(metavar="DIR", help="Folder of the plan cache; default: in the user's cache folder."),
 ]
-Count = Annotated[int, at_least(1)]
 JsonTarget = Annotated[
     str | None,
     arg(metavar="FILE|-", help="Write the results as JSON to a file; - prints JSON alone."),
-]
-Keys = Annotated[
-    tuple[str, ...],
-    arg(
-        metavar="FILE|motions:NAME@TIME,...",
-        help="Postures to rise through, in order: posture files, or frames of motions by their "
-        "times [s].",
-    ),
-]
-MotionName = Annotated[
-    str,
-    arg(metavar="MOTION", help="Name of a motion in the robot's database, or an .npz file."),
-]
-Origin = Annotated[
-    str | None,
-    arg(
-        name="from",
-        metavar="supine|prone|left|right|FILE",
-        help="Start of a simulated robot: class of a sampled fall, or a posture file.",
-    ),
-]
-NO_ORIGIN = "--from is missing, expected supine, prone, left, right or a posture file"
-Prefer = Literal["time", "torque", "impact", "robustness"]
-PolicyName = Annotated[
-    str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
 ]
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
 PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
@@ -57,64 +40,11 @@ StyleOption = Annotated[
         "nearest to the robot, the one that turns it least.",
     ),
 ]
-Seed = Annotated[int, at_least(0), arg(help="Random seed.")]
-TorqueLimitValue = Annotated[
-    float | None,
-    positive("N·m"),
-    arg(metavar="N·m", help="Torque limit per servo [N·m]; default: stall torque."),
-]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CommandOptions:
-    """Options of a command."""
-
-    def find_faults(self) -> list[str]:
-        """Report all that is wrong beyond the type and range of single values."""
-        return []
-
-
 A_REAL_ROBOT = "a real robot has the body that it has"
-A_POLICY = "a policy is made for the original body"
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotOption(CommandOptions):
-    """Which robot."""
-
-    robot: str = "op3"
-    """Name of a robot, or a folder with a robot.toml."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodyOption(CommandOptions):
-    """The lengths of a robot's parts."""
-
-    body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
-    """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
-    such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
-
-    def find_faults(self) -> list[str]:
-        """Report a body that cannot be, too."""
-        faults = super().find_faults()
-        if not self.body:
-            return faults
-        from robots import Body, BodyError  # imports numpy, which --help does without
-
-        try:
-            Body.parse(self.body)
-        except BodyError as error:
-            faults.append(f"--{error}")
-        is_real = isinstance(self, BackendOptions) and self.backend == "dynamixel"
-        return faults + (self.refuse_body(A_REAL_ROBOT) if is_real else [])
-
-    def refuse_body(self, reason: str) -> list[str]:
-        """Report a body where only the original one will do."""
-        return [f"--body is {self.body}, expected none: {reason}"] if self.body else []
-
-
-@dataclass(frozen=True, kw_only=True)
-class JsonOption(CommandOptions):
+class JsonOption(Request):
     """Where the results go."""
 
     json: JsonTarget = None
@@ -125,39 +55,21 @@ class JsonOption(CommandOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneOptions(RobotOption):
-    """Robot, scene and seed."""
+class PictureOption(Request):
+    """Whether something is drawn, and where."""
 
-    scene: str = "flat"
-    """Name of a scene, see `getup scenes`, or a scene file (.toml)."""
-    seed: Seed = 0
+    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    """Picture to write."""
+
+    def find_faults(self) -> list[str]:
+        """Report a picture that cannot be written, too."""
+        faults = super().find_faults()
+        return faults if self.picture is None else faults + find_file_faults(self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions(BodyOption, JsonOption, SceneOptions):
     """Robot, body, scene, seed, and where the results go."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TorqueOptions(CommandOptions):
-    """A torque limit, and what it acts on."""
-
-    torque_limit: TorqueLimitValue = None
-    limit_by: Literal["current", "pwm", "ideal"] | None = None
-    """What the torque limit acts on: the motors' current, in current-based position mode; their
-    PWM, in position mode; or, on the twin, ideally the torque; default: the robot's own."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PreferenceOptions(CommandOptions):
-    """What a planned rise should be, and how long it is searched for."""
-
-    prefer: Prefer = "time"
-    """What a planned rise should be besides successful: quick, with low torque, with small jolts
-    (of the neck, not of the head alone), or with a margin against disturbances."""
-    search_budget: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 600.0
-    """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
-    stands or this is spent; one that stands is improved, as --prefer says, for up to half of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,8 +113,10 @@ class MoveOptions(TorqueOptions, JsonOption, BackendOptions):
         faults = super().find_faults()
         if self.backend != "twin" and self.limit_by == "ideal":
             faults.append("--limit-by is ideal, which no servo can, expected current or pwm")
+        if self.backend == "dynamixel" and isinstance(self, BodyOption):
+            faults += self.refuse_body(A_REAL_ROBOT)
         if self.out is not None:
-            faults += find_folder_faults(self.out)
+            faults += find_folder_faults(self.out, ARTEFACTS)
         return faults
 
 
@@ -246,3 +160,12 @@ class RunOptions(MoveOptions):
     def ending(self) -> Literal["hold", "sit", "limp", "hand-over"]:
         """What follows a judged stand."""
         return self.then or ("limp" if self.backend == "twin" else "hold")
+
+
+@cache
+def with_json(request: type[Request]) -> type[Request]:
+    """Return the options of a command: a request, and where its results go."""
+    namespace = {"__doc__": request.__doc__}
+    bases = (JsonOption, request)
+    name = request.__name__
+    return make_dataclass(name, [], bases=bases, namespace=namespace, frozen=True, kw_only=True)

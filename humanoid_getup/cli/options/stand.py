@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from humanoid_getup.cli.options.shared import BodyOption, MoveOptions
+from humanoid_getup.cli.options.shared import MoveOptions
+from humanoid_getup.jobs.requests.shared import BodyOption
 
 
 @dataclass(frozen=True, kw_only=True)

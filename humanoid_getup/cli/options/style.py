@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.checks import positive
-from humanoid_getup.cli.options.shared import BodyOption, JsonOption, RobotOption
-from humanoid_getup.cli.output import find_file_faults
+from humanoid_getup.cli.options.shared import JsonOption
+from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption
+from humanoid_getup.jobs.requests.style import StyleOutput
+from humanoid_getup.jobs.requests.values import positive
 
 StyleName = Annotated[
     str, arg(metavar="STYLE", help="Name of a style, see `getup style list`, or a style file.")
 ]
-StyleOut = Annotated[Path, arg(metavar="FILE.toml")]
-SUFFIX = ".toml"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,21 +44,6 @@ class ShowStyles(BodyOption, JsonOption, RobotOption):
         if self.json is not None and Path(self.json) == self.picture:
             faults.append(f"--json and --picture are both {self.picture}, expected two files")
         return faults + find_file_faults(self.picture)
-
-
-@dataclass(frozen=True, kw_only=True)
-class StyleOutput(BodyOption, RobotOption):
-    """Where a style is written."""
-
-    out: StyleOut
-    """Style file to write; an existing file is replaced."""
-
-    def find_faults(self) -> list[str]:
-        """Report a file that cannot be written, too."""
-        faults = super().find_faults() + find_file_faults(self.out)
-        if self.out.suffix != SUFFIX:
-            faults.append(f"--out is {self.out}, expected a name that ends with {SUFFIX}")
-        return faults
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,31 +80,4 @@ class EditStyle(StyleOutput):
             faults.append(
                 "no edit is given, expected --slower, --faster, --sooner, --later, --hold"
             )
-        return faults
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExtractStyle(StyleOutput):
-    """Extract a style from a motion, a flight log, or a clip of motion capture."""
-
-    source: Annotated[Positional[str], arg(metavar="MOTION|FILE")]
-    """Name of a motion, or a file: .npz motion, .mcap flight log, .bvh or .amc clip."""
-    skeleton: Annotated[Path | None, arg(metavar="FILE.asf")] = None
-    """Skeleton of an .amc clip; default: the .asf file of the same subject beside it."""
-    rate: Annotated[float | None, positive("Hz"), arg(metavar="HZ")] = None
-    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
-    up: Literal["y", "z"] | None = None
-    """Axis of a clip that points up; default: y."""
-    begin: Annotated[float | None, arg(metavar="S")] = None
-    """Time at which the rise begins [s]; default: when something moves first."""
-    end: Annotated[float | None, arg(metavar="S")] = None
-    """Time at which it ends [s]; default: when everything has come to rest."""
-    finish: bool = False
-    """Let the last control point be a stand, whatever the source ends with."""
-
-    def find_faults(self) -> list[str]:
-        """Report times in the wrong order, too."""
-        faults = super().find_faults()
-        if self.begin is not None and self.end is not None and not self.begin < self.end:
-            faults.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
         return faults

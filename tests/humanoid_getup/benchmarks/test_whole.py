@@ -8,10 +8,9 @@ import pytest
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import make_caps
 from humanoid_getup.benchmarks.whole import Whole, sample_by_class, summarize_parts
-from humanoid_getup.cli.output import to_json
-from humanoid_getup.cli.part_store import PartStore
 from humanoid_getup.experiments.starts import CLASSES
 from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.jobs.measure_robot import RESULT, open_part, run_part
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
@@ -19,6 +18,7 @@ from humanoid_getup.reporting.conditions import describe_conditions
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion
+from robots.encoding import to_json
 
 MOTION = "prone_push_up_gentle"
 
@@ -116,12 +116,15 @@ def test_a_part_depends_on_what_changes_its_result(whole):
 
 
 def test_a_run_that_was_interrupted_ends_as_one_that_was_not(whole, results, tmp_path):
-    parts, store = whole.parts(), PartStore(tmp_path / "parts")
+    parts = whole.parts()
     for part in parts[::2]:
-        store.run(part, lambda _: None)
-    later = PartStore(tmp_path / "parts")
-    resumed = {p.name: later.load(p) or later.run(p, lambda _: None) for p in parts}
-    assert resumed == results
+        run_part(part, open_part(tmp_path / "parts", part, resume=True), lambda _: None)
+    ledgers = [open_part(tmp_path / "parts", part, resume=True) for part in parts]
+    for part, ledger in zip(parts, ledgers, strict=True):
+        if not ledger.done:
+            run_part(part, ledger, lambda _: None)
+    resumed = [open_part(tmp_path / "parts", part, resume=True).done[RESULT] for part in parts]
+    assert resumed == list(results.values())
     assert len(list((tmp_path / "parts").iterdir())) == len(parts)
 
 

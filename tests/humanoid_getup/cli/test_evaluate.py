@@ -11,8 +11,8 @@ pytest.importorskip("onnx")
 from tiny_policies import save_policy
 
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.options.policies import Evaluate
 from humanoid_getup.experiments.starts import CLASSES, Fall, FallSet
+from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -84,7 +84,7 @@ def test_a_damaged_set_of_falls_is_refused_in_one_line(
 
 
 def test_the_model_variants_are_the_choices_of_the_option():
-    literal, _ = get_args(get_type_hints(Evaluate)["physics"])
+    literal, _ = get_args(get_type_hints(EvaluateRequest)["physics"])
     assert get_args(literal) == tuple(MODEL_VARIANTS)
 
 

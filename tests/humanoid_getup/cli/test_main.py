@@ -53,7 +53,7 @@ def test_a_missing_or_unknown_command_is_told_in_a_line(run: Run, arguments: str
 
 
 @pytest.mark.parametrize(
-    "group", ["", *(name for name, (target, *_) in COMMANDS.items() if not target)]
+    "group", ["", *(name for name, command in COMMANDS.items() if not command.options)]
 )
 def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as left:
@@ -110,7 +110,7 @@ def test_a_closed_pipe_ends_the_program_quietly(arguments: tuple[str, ...]):
 
 HEAVY = {"cma", "scipy.stats", "matplotlib.pyplot", "torch", "onnxruntime"}
 LIGHT = ["--help", "motions --help"]
-LIGHT += [f"{name} --help" for name, (target, *_) in COMMANDS.items() if target]
+LIGHT += [f"{name} --help" for name, command in COMMANDS.items() if command.options]
 LOADED = """
 import contextlib, io, json, sys
 from humanoid_getup.cli.main import main
@@ -148,7 +148,7 @@ def test_no_command_imports_what_it_does_not_need(command: str, loaded: dict[str
     assert HEAVY & loaded[command] == set()
 
 
-@pytest.mark.parametrize("name", [name for name, (target, *_) in COMMANDS.items() if target])
+@pytest.mark.parametrize("name", [name for name, command in COMMANDS.items() if command.options])
 def test_every_command_of_the_table_explains_itself(name: str, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as left:
         main([*name.split(), "--help"])
@@ -156,7 +156,10 @@ def test_every_command_of_the_table_explains_itself(name: str, capsys: pytest.Ca
     assert capsys.readouterr().out.startswith(f"usage: getup {name} ")
 
 
-@pytest.mark.parametrize("target", sorted({work for _, work, _ in COMMANDS.values() if work}))
+WORKS = sorted({command.work for command in COMMANDS.values() if command.work})
+
+
+@pytest.mark.parametrize("target", WORKS)
 def test_every_command_of_the_table_has_a_function(target: str):
     module, name = target.split(".")
     assert callable(getattr(import_module(f"humanoid_getup.cli.{module}"), name))

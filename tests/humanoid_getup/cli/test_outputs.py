@@ -6,14 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from humanoid_getup.cli.errors import BadInputError
-from humanoid_getup.cli.output import (
-    find_folder_faults,
-    find_json_faults,
-    format_figure,
-    staging,
-    write_json,
-)
+from humanoid_getup.cli.console import format_figure
+from humanoid_getup.cli.options.shared import JsonOption
+from humanoid_getup.cli.output import find_json_faults, write_json
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.output_files import find_folder_faults, staging
 
 NAMES = ("report.json", "strip.png")
 
@@ -59,7 +56,7 @@ def test_trying_a_folder_leaves_nothing_behind(tmp_path: Path):
 
 
 def test_json_goes_to_standard_output_alone(capsys: pytest.CaptureFixture[str]):
-    write_json("{}\n", "-")
+    write_json({}, JsonOption(json="-"))
     assert capsys.readouterr() == ("{}\n", "")
 
 
@@ -68,7 +65,7 @@ def test_a_link_is_followed_and_stays(tmp_path: Path):
     link = tmp_path / "figures.json"
     link.symlink_to(tmp_path / "elsewhere" / "real.json")
     assert find_json_faults(str(link)) == []
-    write_json("{}\n", str(link))
+    write_json({}, JsonOption(json=str(link)))
     assert link.is_symlink()
     assert (tmp_path / "elsewhere" / "real.json").read_text() == "{}\n"
 
@@ -79,17 +76,17 @@ def test_a_fifo_is_written_through(tmp_path: Path):
     assert find_json_faults(str(fifo)) == []
     with ThreadPoolExecutor(1) as pool:
         read = pool.submit(fifo.read_text)
-        write_json("{}\n", str(fifo))
+        write_json({}, JsonOption(json=str(fifo)))
         assert read.result(timeout=10.0) == "{}\n"
     assert fifo.is_fifo()
 
 
 def test_devices_are_written_through():
     assert find_json_faults("/dev/null") == []
-    write_json("{}\n", "/dev/null")
+    write_json({}, JsonOption(json="/dev/null"))
     assert Path("/dev/null").is_char_device()
     with pytest.raises(BadInputError, match="output file /dev/full: No space left on device"):
-        write_json("{}\n", "/dev/full")
+        write_json({}, JsonOption(json="/dev/full"))
     assert Path("/dev/full").is_char_device()
 
 

@@ -12,10 +12,10 @@ from drivers.control_loop import Ending, run
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli.backends import BackendChoice
-from humanoid_getup.cli.errors import BadInputError
 from humanoid_getup.cli.recording import recording
 from humanoid_getup.cli.session_hooks import SessionHooks
 from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.jobs.errors import BadInputError
 from robots import Robot
 
 

@@ -17,8 +17,8 @@ pytest.importorskip("tensorboard")
 
 from run_getup import Run
 
-from humanoid_getup.cli.options.policies import Train
-from humanoid_getup.cli.train import format_time
+from humanoid_getup.jobs.requests.learning import TrainRequest
+from humanoid_getup.jobs.train_policy import format_time
 from sim2real.training.config import RECIPES
 
 pytestmark = pytest.mark.train
@@ -86,7 +86,7 @@ def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: byte
 
 
 def test_the_recipes_are_the_choices_of_the_option():
-    assert get_args(get_type_hints(Train)["recipe"]) == tuple(RECIPES)
+    assert get_args(get_type_hints(TrainRequest)["recipe"]) == tuple(RECIPES)
 
 
 def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch):
@@ -103,7 +103,7 @@ def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeyp
 
     assert run(*TINY)[0] == 0
     before = Path("mine/checkpoint.pt").read_bytes()
-    monkeypatch.setattr("humanoid_getup.cli.train.TrainingProgress.note", interrupt)
+    monkeypatch.setattr("humanoid_getup.cli.console.ProgressDisplay._show_bar", interrupt)
     code, _, error = run(*TINY, "--iterations", "4")
     assert code == 130
     assert "the same command continues from it" in error

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.cli.options.shared import Prefer, PreferenceOptions
 from humanoid_getup.experiments.play import Rollout
 from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
 from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
+from humanoid_getup.jobs.requests.shared import Prefer, PreferenceOptions
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import PREFERENCE_NAMES, Preference

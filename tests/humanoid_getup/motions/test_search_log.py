@@ -1,6 +1,5 @@
 """A search that was interrupted goes on as if it had not been."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -79,7 +78,7 @@ def test_an_interrupted_search_finds_what_another_one_finds(
     whole, share, reports = uninterrupted
     path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
     with pytest.raises(Interrupted):
-        search(world, keyframes, SearchLog(path, task), stop)
+        search(world, keyframes, SearchLog.begin(path, task), stop)
     log = SearchLog.resume(path, task)
     assert len(log.generations) == stop
     resumed, same_share, same_reports = search(world, keyframes, log)
@@ -91,7 +90,7 @@ def test_an_interrupted_search_finds_what_another_one_finds(
 
 def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_path, monkeypatch):
     path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
-    log = SearchLog(path, task)
+    log = SearchLog.begin(path, task)
     search(world, keyframes, log)
     optimizer = TrajectoryOptimizer(world, settle(world, keyframes))
     played = []
@@ -113,13 +112,13 @@ def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_pat
     ],
 )
 def test_the_log_of_another_search_is_refused(change, told, keyframes, tiny, tmp_path: Path):
-    log = SearchLog(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
-    log.add(np.ones(POPULATION), 0.5)
+    path = tmp_path / "bow.json"
+    SearchLog.begin(path, make_task(tiny, keyframes, 7, None)).add(np.ones(POPULATION), 0.5)
     with pytest.raises(ValueError, match=told):
-        SearchLog.resume(log.path, change(tiny, keyframes))
+        SearchLog.resume(path, change(tiny, keyframes))
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"task": 3, "generations": [{"cost": "x"}]}'])
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"recipe": {}, "done": {"1": {"cost": "x"}}}'])
 def test_a_damaged_log_is_refused_in_one_line(text: str, keyframes, tiny, tmp_path: Path):
     (tmp_path / "bow.json").write_text(text)
     with pytest.raises(ValueError, match=r"bow\.json: ") as refusal:
@@ -128,13 +127,10 @@ def test_a_damaged_log_is_refused_in_one_line(text: str, keyframes, tiny, tmp_pa
 
 
 def test_a_log_with_a_wrong_population_is_refused(keyframes, tiny, tmp_path: Path):
-    log = SearchLog(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
-    log.add(np.ones(POPULATION), 0.5)
-    record = json.loads(log.path.read_text())
-    record["generations"][0]["cost"].pop()
-    log.path.write_text(json.dumps(record))
+    path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
+    SearchLog.begin(path, task).add(np.ones(POPULATION - 1), 0.5)
     with pytest.raises(ValueError, match="has 13 costs, expected 14"):
-        SearchLog.resume(log.path, log.task)
+        SearchLog.resume(path, task)
 
 
 def test_what_is_done_is_no_work():

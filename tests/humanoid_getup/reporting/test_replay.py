@@ -12,7 +12,7 @@ from drivers import Command, Cycle, Ending, GuardLimits, SafetyGuard, State, Twi
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli import commands
-from humanoid_getup.cli.errors import BadInputError
+from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.reporting.replay import ReplayReport, choose_supply, replay
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot

@@ -26,7 +26,7 @@ from sim2real.training.checkpoint import (
 )
 from sim2real.training.config import RECIPE, RECIPES, TrainingFolderError, TrainingRecord
 from sim2real.training.ppo import AVERAGE, UPDATES
-from sim2real.training.train import train, write_recipe
+from sim2real.training.train import TrainingInputs, train, write_recipe
 
 NEEDED = {"actor_state_dict": {}, AVERAGE: {}, UPDATES: 0, "iter": 0}
 
@@ -75,7 +75,7 @@ def test_neither_export_nor_training_runs_code_of_a_checkpoint(op3: Robot, tmp_p
         capsys.readouterr().err.split("\n")
     )
     with pytest.raises(CheckpointError, match="holds Python objects"):
-        train(op3, recipe, 0, tmp_path / "child", parent=folder)
+        train(op3, recipe, 0, tmp_path / "child", TrainingInputs(parent=folder))
     assert not target.exists()
 
 

@@ -25,7 +25,7 @@ from sim2real.training.config import RECIPE, RECIPES, Recipe, TrainingFolderErro
 from sim2real.training.export import export_policy
 from sim2real.training.policy_parent import check_decoder
 from sim2real.training.styled_training import PRIOR, RISES
-from sim2real.training.train import POOL, train, write_recipe
+from sim2real.training.train import POOL, TrainingInputs, train, write_recipe
 
 QUICK = replace(RECIPES["styled-quick"], robots=8, iterations=1, hidden=(16, 16))
 
@@ -56,7 +56,7 @@ def learn(op3: Robot, prior: Path, pool: StartPool, tmp_path: Path):
         folder.mkdir(exist_ok=True)
         if not (folder / POOL).exists():
             pool.save(folder / POOL, op3)
-        train(op3, recipe, 3, folder, threads=1, **({"prior": prior} | options))
+        train(op3, recipe, 3, folder, TrainingInputs(threads=1, **({"prior": prior} | options)))
         return folder
 
     return train_into
@@ -164,7 +164,7 @@ def test_a_refused_training_leaves_another_folder_as_it_was(op3, prior, tmp_path
     folder.mkdir()
     write_recipe(op3, RECIPES["quick"], 0, folder / RECIPE)
     with pytest.raises(TrainingFolderError, match="holds another training"):
-        train(op3, QUICK, 0, folder, prior=prior)
+        train(op3, QUICK, 0, folder, TrainingInputs(prior=prior))
     assert [file.name for file in folder.iterdir()] == [RECIPE]
 
 
@@ -184,7 +184,7 @@ def test_a_policy_without_style_cannot_begin_a_styled_training(op3, learn):
 
 def test_a_height_map_is_added_to_what_was_learned(op3, learn, tmp_path):
     sees = replace(QUICK, learning_rate=0.0, style=replace(QUICK.style, height_map=True))
-    with pytest.raises(TrainingFolderError, match="expected --from"):
+    with pytest.raises(TrainingFolderError, match="expected --parent"):
         learn("blank", sees)
     first = learn("first", replace(QUICK, learning_rate=0.0))
     folders = {"blind": first, "seeing": learn("seeing", sees, parent=first)}

@@ -27,7 +27,7 @@ from sim2real.training.config import RECIPE, STEPS, Recipe, TrainingFolderError,
 from sim2real.training.export import export_policy
 from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
 from sim2real.training.runner import TrainingRunner, build_config
-from sim2real.training.train import PROGRESS, train
+from sim2real.training.train import PROGRESS, TrainingInputs, train
 
 TINY = Recipe(
     rewards="quick",
@@ -79,12 +79,12 @@ def what_was_learnt(folder: Path) -> list[dict[str, str]]:
 @pytest.fixture(scope="module")
 def unbroken(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("unbroken")
-    train(op3, TINY, 1, folder, threads=1)
+    train(op3, TINY, 1, folder, TrainingInputs(threads=1))
     return folder
 
 
 def test_one_seed_is_one_policy_on_any_number_of_threads(op3, unbroken, tmp_path):
-    train(op3, TINY, 1, tmp_path, threads=2)
+    train(op3, TINY, 1, tmp_path, TrainingInputs(threads=2))
     assert_same_policy(unbroken, tmp_path)
     assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
 
@@ -96,10 +96,10 @@ def average_and_newest(folder: Path) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def test_the_average_of_a_short_training_is_that_of_all_its_policies(op3, unbroken, tmp_path):
-    train(op3, replace(TINY, iterations=1), 1, tmp_path, threads=1)
+    train(op3, replace(TINY, iterations=1), 1, tmp_path, TrainingInputs(threads=1))
     first, newest = average_and_newest(tmp_path)
     assert torch.equal(first, newest), "the random policy that came before counts nothing"
-    train(op3, replace(TINY, iterations=3), 1, tmp_path, threads=1)
+    train(op3, replace(TINY, iterations=3), 1, tmp_path, TrainingInputs(threads=1))
     before, _ = average_and_newest(tmp_path)
     average, newest = average_and_newest(unbroken)
     assert torch.equal(average, before.lerp(newest, 1.0 / 4.0))
@@ -107,11 +107,11 @@ def test_the_average_of_a_short_training_is_that_of_all_its_policies(op3, unbrok
 
 
 def test_the_average_of_a_long_training_forgets_its_begin(op3, tmp_path):
-    train(op3, replace(TINY, iterations=1), 1, tmp_path, threads=1)
+    train(op3, replace(TINY, iterations=1), 1, tmp_path, TrainingInputs(threads=1))
     before, _ = average_and_newest(tmp_path)
     state = torch.load(tmp_path / CHECKPOINT, weights_only=True)
     torch.save(state | {UPDATES: 1000}, tmp_path / CHECKPOINT)
-    train(op3, replace(TINY, iterations=2), 1, tmp_path, threads=1)
+    train(op3, replace(TINY, iterations=2), 1, tmp_path, TrainingInputs(threads=1))
     average, newest = average_and_newest(tmp_path)
     assert torch.equal(average, before.lerp(newest, SHARE))
 
@@ -123,11 +123,11 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
     record["rewards"]["stands"] = 7.0
     (folder / RECIPE).write_text(json.dumps(record), "utf-8")
     with pytest.raises(TrainingFolderError, match=r"rewards\.stands is 7\.0 there"):
-        train(op3, TINY, 1, folder, threads=1)
+        train(op3, TINY, 1, folder, TrainingInputs(threads=1))
 
 
 def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
-    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1))
     name = "actor_state_dict.mlp.0.weight"
     assert not torch.equal(read_policy(unbroken)[name], read_policy(tmp_path)[name])
 
@@ -135,21 +135,21 @@ def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
 @pytest.mark.parametrize("killed_at", [0, 1, 3])
 def test_a_killed_training_goes_on_as_if_nothing_had_happened(op3, unbroken, tmp_path, killed_at):
     with pytest.raises(KilledError):
-        train(op3, TINY, 1, tmp_path, threads=1, report=kill_at(killed_at))
-    train(op3, TINY, 1, tmp_path, threads=1)
+        train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1), report=kill_at(killed_at))
+    train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1))
     assert_same_policy(unbroken, tmp_path)
     assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
 
 
 def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp_path):
-    train(op3, replace(TINY, iterations=2), 1, tmp_path, threads=1)
-    train(op3, TINY, 1, tmp_path, threads=1)
+    train(op3, replace(TINY, iterations=2), 1, tmp_path, TrainingInputs(threads=1))
+    train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1))
     assert_same_policy(unbroken, tmp_path)
 
 
 def test_a_training_that_is_done_is_left_as_it_is(op3, unbroken):
     before = (unbroken / CHECKPOINT).read_bytes(), (unbroken / PROGRESS).read_bytes()
-    train(op3, TINY, 1, unbroken, threads=1)
+    train(op3, TINY, 1, unbroken, TrainingInputs(threads=1))
     assert ((unbroken / CHECKPOINT).read_bytes(), (unbroken / PROGRESS).read_bytes()) == before
 
 
@@ -173,7 +173,7 @@ def test_progress_tells_the_lift(unbroken):
 def parent(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A training whose policy moves both sides alike."""
     folder = tmp_path_factory.mktemp("parent")
-    train(op3, replace(TINY, wide=False, iterations=2), 1, folder, threads=1)
+    train(op3, replace(TINY, wide=False, iterations=2), 1, folder, TrainingInputs(threads=1))
     return folder
 
 
@@ -193,7 +193,7 @@ def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkey
         self.save("")
 
     monkeypatch.setattr(TrainingRunner, "learn", save_and_stop)  # before the first update
-    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1, parent=parent))
     old = load_actor(op3, parent, replace(TINY, wide=False))
     new = load_actor(op3, tmp_path, TINY)
     k = len(op3.rising_joints)
@@ -210,7 +210,7 @@ def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkey
 
 
 def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, tmp_path):
-    train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1, parent=parent)
+    train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1, parent=parent))
     told = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
     digest = hashlib.sha256((parent / CHECKPOINT).read_bytes()).hexdigest()
     assert told == {"recipe": "quick", "seed": 1, "iterations": 2, "sha256": digest}
@@ -219,14 +219,14 @@ def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, t
     assert about == {"parent.recipe": "quick", "parent.seed": 1, "parent.iterations": 2}
     assert [row["iteration"] for row in read_rows(tmp_path)] == ["0"]
     with pytest.raises(TrainingFolderError, match="parent"):
-        train(op3, replace(TINY, iterations=1), 2, tmp_path, threads=1)
+        train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1))
 
 
 def test_a_policy_file_begins_a_training_on_terrain(op3, unbroken, tmp_path):
     file, folder = tmp_path / "parent.onnx", tmp_path / "rough"
     export_policy(TrainingRecord.load(unbroken), op3, file)
     rough = replace(TINY, terrain=True, falls=2, learning_rate=0.0, iterations=1)
-    train(op3, rough, 2, folder, threads=1, parent=file)
+    train(op3, rough, 2, folder, TrainingInputs(threads=1, parent=file))
     exported = torch.load(unbroken / CHECKPOINT, weights_only=True)[AVERAGE]
     begun = torch.load(folder / CHECKPOINT, weights_only=True)["actor_state_dict"]
     layers = [name for name in exported if name.startswith("mlp.")]
@@ -237,7 +237,13 @@ def test_a_policy_file_begins_a_training_on_terrain(op3, unbroken, tmp_path):
     levels = StartPool.load(folder / "falls.npz", op3, 27).level
     assert np.bincount(levels).tolist() == [4, 4, 4, 4]
     with pytest.raises(TrainingFolderError, match=r"parent.onnx: it has actions .* expected"):
-        train(op3, replace(rough, wide=False), 2, tmp_path / "other", threads=1, parent=file)
+        train(
+            op3,
+            replace(rough, wide=False),
+            2,
+            tmp_path / "other",
+            TrainingInputs(threads=1, parent=file),
+        )
 
 
 def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
@@ -246,7 +252,7 @@ def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
     record = json.loads((other / RECIPE).read_text("utf-8"))
     (other / RECIPE).write_text(json.dumps(record | {"robot": "nao"}), "utf-8")
     with pytest.raises(TrainingFolderError, match="is a training of robot 'nao', expected 'op3'"):
-        train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=other)
+        train(op3, TINY, 2, tmp_path / "mine", TrainingInputs(threads=1, parent=other))
     assert list((tmp_path / "mine").iterdir()) == []
 
 
@@ -254,7 +260,7 @@ def test_a_parent_whose_recipe_is_none_is_refused(op3, tmp_path):
     for text in ("{}", "[]", '{"robot": "op3", "recipe": 3}', "what?"):
         (tmp_path / RECIPE).write_text(text, "utf-8")
         with pytest.raises(TrainingFolderError, match="is not a recipe of a training"):
-            train(op3, TINY, 2, tmp_path / "mine", threads=1, parent=tmp_path)
+            train(op3, TINY, 2, tmp_path / "mine", TrainingInputs(threads=1, parent=tmp_path))
 
 
 def test_a_checkpoint_is_never_half_written(unbroken):

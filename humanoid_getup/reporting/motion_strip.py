@@ -1,48 +1,44 @@
-"""`getup motions preview`: the keys of a motion as they are, drawn and played once."""
+"""A stored motion as a film strip, and the keys of a motion beside how they end."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.markup import escape
 
-from humanoid_getup.cli.errors import BadInputError
-from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import find_keyframes, load_robot
-from humanoid_getup.cli.options.own_motions import PreviewMotion
-from humanoid_getup.cli.output import console_for, find_file_faults, phase
-from humanoid_getup.motions.build import try_out
-from humanoid_getup.motions.trial import Trial
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
-from robots import Posture
+from robots import Posture, Robot
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
 
-
-def preview(command: PreviewMotion) -> int:
-    """Play the keys once and draw them; 0 if that ends as it should."""
-    robot = load_robot(command)
-    (keyframes,) = find_keyframes(robot, [command.name], command.keyframes)
-    path = command.picture or Path(f"{keyframes.name}.png")
-    if faults := find_file_faults(path):
-        raise BadInputError("; ".join(faults))
-    console = console_for(None)
-    with phase("playing the keys"):
-        trial = try_out(World(robot, FLAT_SCENE), keyframes)
-    console.print(f"{keyframes.name}, as it is: {escape(trial.describe())}")
-    try:
-        with phase("drawing"):
-            draw(trial, path)
-        console.print(f"film strip in {path}", markup=False)
-    except film_strip.NoRendererError as error:
-        console.print(f"no film strip: {error}", markup=False)
-    return DID_IT if trial.succeeded else DID_NOT_STAND
+if TYPE_CHECKING:  # it optimizes, and is slow to import
+    from humanoid_getup.motions.trial import Trial
 
 
-def draw(trial: Trial, path: Path) -> None:
+def draw_motion(robot: Robot, motion: Motion, path: Path) -> None:
+    """Draw a motion as a film strip into a PNG file.
+
+    Raises:
+        NoRendererError: if there is no OpenGL.
+    """
+    model = World(robot, FLAT_SCENE).model
+    # The frames until the motion stands, or all where that is not known.
+    stands = motion.duration if motion.stand_time is None else motion.stand_time
+    end = motion.time[0] + stands + film_strip.AFTERMATH
+    count = int(np.searchsorted(motion.time, min(end, motion.time[-1]), side="right"))
+    rows = film_strip.pick_frames(count)
+    qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
+    pictures = film_strip.render_frames(robot, model, qpos)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    times = motion.time[rows] - motion.time[0]
+    film_strip.save_strip(pictures, times, path, title=f"{motion.name}: {motion.strategy}")
+
+
+def draw_trial(trial: Trial, path: Path) -> None:
     """Draw each key upright on the ground, then the rollout, as a PNG file.
 
     Raises:

@@ -1,6 +1,6 @@
-"""Option values, checked by the type of their field: choices by `Literal`, numbers by a `Range`.
+"""Values of requests, checked by the type of their field: choices by `Literal`, numbers by `Range`.
 
-Lists are written with commas between their items: `--ways plan,robust`.
+Faults name fields as the command line does: `--torque-limit`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
-
-import tyro
-from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
-
-registry = ConstructorRegistry()
-"""Tells tyro to hand over what it cannot convert, so that all problems are reported at once."""
 
 
 @dataclass(frozen=True)
@@ -82,12 +76,12 @@ def find_value_faults(options: Any) -> list[str]:
 
 def _find_fault(value: Any, hint: Any) -> str | None:
     """Return a value that does not fit, and what is expected; ``None`` if it fits."""
-    kinds, limits = _split(hint)
+    kinds, limits = split_hint(hint)
     if value is None:
         return None
-    if (items := _find_items(kinds)) and isinstance(value, str):
+    if (items := find_items(kinds)) and isinstance(value, str):
         return f"'{value}', expected {_describe_items(items)} with commas between them"
-    if choices := _list_choices(kinds):
+    if choices := list_choices(kinds):
         return None if value in choices else f"{value!r}, expected {name_choices(choices)}"
     if kinds not in ({int}, {float}):
         return None
@@ -99,7 +93,7 @@ def _find_fault(value: Any, hint: Any) -> str | None:
     return f"{limits.format(value)}, expected {limits}"
 
 
-def _split(hint: Any) -> tuple[set[Any], Range | None]:
+def split_hint(hint: Any) -> tuple[set[Any], Range | None]:
     """Split a field's type into the types of its values without `None`, and their range."""
     limits = None
     if get_origin(hint) is Annotated:
@@ -109,11 +103,12 @@ def _split(hint: Any) -> tuple[set[Any], Range | None]:
     return set(get_args(hint) if is_union else [hint]) - {NoneType}, limits
 
 
-def _list_choices(kinds: set[Any]) -> tuple[str, ...]:
+def list_choices(kinds: set[Any]) -> tuple[str, ...]:
+    """Return the choices among types of values."""
     return tuple(c for kind in kinds if get_origin(kind) is Literal for c in get_args(kind))
 
 
-def _find_items(kinds: set[Any]) -> tuple[Any, ...]:
+def find_items(kinds: set[Any]) -> tuple[Any, ...]:
     """Return the types of a list's items, with an ellipsis for any number; () for no list."""
     return next((get_args(kind) for kind in kinds if get_origin(kind) is tuple), ())
 
@@ -121,55 +116,3 @@ def _find_items(kinds: set[Any]) -> tuple[Any, ...]:
 def _describe_items(items: tuple[Any, ...]) -> str:
     number = "numbers" if items[0] is float else "whole numbers"
     return number if items[-1] is ... else f"{len(items)} {number}"
-
-
-@registry.primitive_rule
-def _split_at_commas(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
-    """Read an option's list; `find_value_faults` reports one whose items cannot be converted."""
-    items = _find_items(_split(info.type)[0])
-    if not items or tyro.conf.Positional in info.markers:
-        return None
-
-    def construct(texts: list[str]) -> Any:
-        words = [word.strip() for word in texts[0].split(",")] if texts[0] else []
-        try:
-            values = tuple(items[0](word) for word in words)
-        except ValueError:
-            return texts[0]
-        return values if items[-1] is ... or len(values) == len(items) else texts[0]
-
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="A,B",
-        instance_from_str=construct,
-        is_instance=lambda value: value is None or isinstance(value, tuple),
-        str_from_instance=lambda value: [",".join(map(str, value or ()))],
-    )
-
-
-@registry.primitive_rule
-def _accept_any_text(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
-    """Convert choices and numbers where possible; `find_value_faults` reports the rest."""
-    kinds, _ = _split(info.type)
-    choices = _list_choices(kinds)
-    if not choices and kinds not in ({int}, {float}):
-        return None
-    convert = str if choices else next(iter(kinds))
-    takes_none = NoneType in get_args(info.type)
-
-    def construct(texts: list[str]) -> Any:
-        (text,) = texts
-        if takes_none and text == "None":
-            return None
-        try:
-            return convert(text)
-        except ValueError:
-            return text
-
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=f"{{{','.join(choices)}}}" if choices else convert.__name__.upper(),
-        instance_from_str=construct,
-        is_instance=lambda value: value is None or isinstance(value, int | float | str),
-        str_from_instance=lambda value: [str(value)],
-    )

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.cli.errors import BadInputError, refusing
-from humanoid_getup.cli.options.shared import BodyOption, RobotOption, SceneOptions, TorqueOptions
-from humanoid_getup.cli.output import phase
 from humanoid_getup.experiments.starts import CLASSES, UNCLASSED, Fall, classify, sample_falls
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.keyframes import Keyframes
@@ -45,7 +44,7 @@ def load_robot_of(options: RobotOption, robot: str, owner: str) -> Robot:
 
 def load_world(options: SceneOptions) -> World:
     """Load the robot of a command into its scene."""
-    with phase("loading"), refusing():
+    with refusing():
         robot = load_robot(options)
         return World(robot, load_scene(options.scene, robot, options.seed))
 

@@ -1,4 +1,4 @@
-"""How a command refuses what it was given."""
+"""How a job refuses what it was given."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class BadInputError(Exception):
+class BadInputError(ValueError):
     """What the user gave cannot be used; the message names it and what is expected."""
 
     def __init__(self, *problems: str) -> None:
@@ -31,7 +31,11 @@ def refusing() -> Iterator[None]:
     """Turn what a loader says about a user's input into a `BadInputError`."""
     try:
         yield
+    except BadInputError:
+        raise
     except ValueError as error:
-        raise BadInputError(str(error)) from error
+        raise BadInputError(*getattr(error, "problems", [str(error)])) from error
     except OSError as error:
+        if error.filename is None:  # not of a file that was named: a full disk
+            raise
         raise BadInputError(f"{error.filename}: {error.strerror}") from error

@@ -1,10 +1,12 @@
-"""`getup bench all`: the whole benchmark of a robot, as one page with pictures."""
+"""Measures a robot: the whole benchmark, as one page with pictures."""
 
 from __future__ import annotations
 
 import hashlib
 import math
+import re
 import shlex
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,10 +22,11 @@ from humanoid_getup.benchmarks.whole import (
     name_rises,
     summarize_parts,
 )
-from humanoid_getup.cli.bench import NEAREST, hand_over
-from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.inputs import load_robot
-from humanoid_getup.cli.options.bench import (
+from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.policies import load_policy
+from humanoid_getup.jobs.requests.bench import (
     FIGURES,
     PAGE,
     PARTS,
@@ -31,9 +34,8 @@ from humanoid_getup.cli.options.bench import (
     WHOLE_ARTEFACTS,
     BenchAll,
 )
-from humanoid_getup.cli.output import console_for, counting, phase, staging, to_json
-from humanoid_getup.cli.part_store import PartStore
-from humanoid_getup.cli.policies import load_policy
+from humanoid_getup.long_work.ledger import Ledger
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, MotionDatabase, load_database
 from humanoid_getup.policy.onnx_policy import list_policies
@@ -48,33 +50,46 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import NearestMotion
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Robot, TorqueLimit
+from robots.encoding import to_json
 
+RESULT = "result"
+"""What the ledger of a part calls its result."""
+NEAREST = "nearest"
 Results = dict[str, dict[str, Any]]
 
 
-def bench_all(command: BenchAll) -> int:
-    """Run the whole benchmark, or go on with it; write its page."""
-    with phase("loading"), refusing():
-        world = World(load_robot(command))
-        whole = _load_whole(command, world)
-    results = _run_parts(command, whole)
+def measure_robot(
+    request: BenchAll, report: Report | None = None, cancel: Cancel | None = None
+) -> dict[str, Any]:
+    """Run the whole benchmark, or go on with it; write its page; return its figures.
+
+    Raises:
+        BadInputError: if robot or folder cannot be used, or finished parts are of another one.
+        CancelledError: if ``cancel`` ended it; the parts that were finished are kept.
+    """
+    request.check()
+    monitor = Monitor(report, cancel)
+    monitor.begin("loading")
+    with refusing():
+        world = World(load_robot(request))
+        whole = _load_whole(request, world)
+    results = _run_parts(request, whole, monitor)
     result = summarize_parts(whole, results)
     result["notes"] = _list_notes(world.robot, whole)
-    result["command"] = _write_command(command)
+    result["command"] = _write_command(request)
     result["conditions"] = describe_conditions(world, whole.caps[0].limit)
-    with phase("drawing") as report, staging(command.out, WHOLE_ARTEFACTS) as folder:
-        result["pictures"] = _draw(whole, results, result, folder, report)
+    monitor.begin("drawing")
+    with staging(request.out, WHOLE_ARTEFACTS) as folder:
+        result["pictures"] = _draw(whole, results, result, folder, monitor.begin)
         (folder / FIGURES).write_text(to_json(result), "utf-8")
         (folder / PAGE).write_text(write_page(result), "utf-8")
-    code = hand_over(result, command)
-    console_for(command.json).print(f"written to {command.out / PAGE}", markup=False)
-    return code
+    return result
 
 
-def _load_whole(command: BenchAll, world: World) -> Whole:
+def _load_whole(request: BenchAll, world: World) -> Whole:
     """Find what the robot can do; whatever it lacks is left out."""
     robot = world.robot
-    caps = make_caps(robot, command.limit_by, QUICK_SHARES if command.quick else SHARES)
+    caps = make_caps(robot, request.limit_by, QUICK_SHARES if request.quick else SHARES)
     has_motions = any((robot.folder / MOTION_FOLDER).glob("*.npz"))
     database = load_database(robot) if has_motions else None
     policies = _find_policies(robot)
@@ -87,9 +102,9 @@ def _load_whole(command: BenchAll, world: World) -> Whole:
         caps=caps,
         planner=PlannedRise(world, database, torque_limit=full) if database else None,
         policies={name: _learn(world, name, full) for name in policies},
-        disturbances=disturbed.select(robot, QUICK_CASES if command.quick else CASES),
-        seed=command.seed,
-        each=command.each,
+        disturbances=disturbed.select(robot, QUICK_CASES if request.quick else CASES),
+        seed=request.seed,
+        each=request.each,
     )
 
 
@@ -135,36 +150,47 @@ def _learn(world: World, name: str, limit: TorqueLimit) -> LearnedRise:
     return LearnedRise(world, policy, torque_limit=limit, name=name)
 
 
-def _run_parts(command: BenchAll, whole: Whole) -> Results:
+def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
+    """Open the ledger of a part: the one that is there if work goes on, else a new one.
+
+    Raises:
+        ValueError: if it is damaged, or that of another benchmark.
+    """
+    short = re.sub(r"[^a-z0-9]+", "_", part.name.lower()).strip("_")[:60]
+    digest = hashlib.sha256(part.name.encode("utf-8", "replace")).hexdigest()[:6]
+    path = folder / f"{short}_{digest}.json"  # names that differ have files that differ
+    return Ledger.resume(path, part.depends) if resume else Ledger(path, part.depends)
+
+
+def _run_parts(request: BenchAll, whole: Whole, monitor: Monitor) -> Results:
     """Run the parts that are not finished; every kept one is checked before any work."""
-    parts, store = whole.parts(), PartStore(command.out / PARTS)
+    parts, folder = whole.parts(), request.out / PARTS
+    if not request.resume:
+        for path in folder.glob("*.json"):
+            path.unlink()
     with refusing():
-        if not command.resume:
-            store.clear()
-        kept = {part.name: store.load(part) for part in parts}
-    results: Results = {name: result for name, result in kept.items() if result is not None}
-    if command.resume:
-        message = f"{len(results)} of {len(parts)} parts are finished"
-        console_for(command.json).print(message, markup=False)
-    try:
-        _run_rest([part for part in parts if part.name not in results], store, results)
-    except KeyboardInterrupt as interrupt:
-        again = f"{_write_command(command)} --out {shlex.quote(str(command.out))} --resume"
-        raise KeyboardInterrupt(f"{again} goes on") from interrupt
-    return {part.name: results[part.name] for part in parts}
+        ledgers = {part.name: open_part(folder, part, resume=request.resume) for part in parts}
+    left = [part for part in parts if RESULT not in ledgers[part.name].done]
+    if request.resume:
+        monitor.tell(f"{len(parts) - len(left)} of {len(parts)} parts are finished")
+    advance = monitor.count("rises", sum(part.count for part in left))
+    for part in left:
+        with refusing():
+            run_part(part, ledgers[part.name], advance)
+    return {name: ledger.done[RESULT] for name, ledger in ledgers.items()}
 
 
-def _run_rest(parts: list[Part], store: PartStore, results: Results) -> None:
-    with counting("rises", sum(part.count for part in parts)) as advance, refusing():
-        for part in parts:
-            done: list[dict[str, Any]] = []
+def run_part(part: Part, ledger: Ledger, advance: Callable[[float], None]) -> None:
+    """Run a part, and keep its result."""
+    steps = 0
 
-            def report(record: dict[str, Any], done: list[dict[str, Any]] = done) -> None:
-                done.append(record)
-                advance(1)
+    def report(_record: dict[str, Any]) -> None:
+        nonlocal steps
+        steps += 1
+        advance(1)
 
-            results[part.name] = store.run(part, report)
-            advance(part.count - len(done))  # of classes in which the robot never lies
+    ledger.add(RESULT, part.run(report))
+    advance(part.count - steps)  # of classes in which the robot never lies
 
 
 def _list_notes(robot: Robot, whole: Whole) -> list[str]:
@@ -219,11 +245,11 @@ def _choose_rises(result: dict[str, Any]) -> dict[str, int]:
     return chosen
 
 
-def _write_command(command: BenchAll) -> str:
+def _write_command(request: BenchAll) -> str:
     """Write the command line that repeats the benchmark."""
-    words = ["getup", "bench", "all", "--robot", command.robot, "--n", str(command.each)]
-    words += ["--seed", str(command.seed)]
-    words += ["--body", command.body] if command.body else []
-    words += ["--limit-by", command.limit_by] if command.limit_by else []
-    words += ["--quick"] if command.quick else []
+    words = ["getup", "bench", "all", "--robot", request.robot, "--n", str(request.each)]
+    words += ["--seed", str(request.seed)]
+    words += ["--body", request.body] if request.body else []
+    words += ["--limit-by", request.limit_by] if request.limit_by else []
+    words += ["--quick"] if request.quick else []
     return shlex.join(words)

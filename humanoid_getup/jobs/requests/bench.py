@@ -1,4 +1,4 @@
-"""Options of `getup bench NAME`."""
+"""Requests for benchmarks."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.checks import at_least, between, positive
-from humanoid_getup.cli.options.shared import (
+from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
-    JsonOption,
     MotionName,
     PreferenceOptions,
     RobotOption,
+    SceneOptions,
     Seed,
     TorqueOptions,
-    WorldOptions,
 )
-from humanoid_getup.cli.output import find_folder_faults
+from humanoid_getup.jobs.requests.values import at_least, between, positive
 
 
 def find_list_faults(**lists: tuple[str, ...]) -> list[str]:
@@ -39,7 +38,7 @@ WHOLE_ARTEFACTS = (PAGE, FIGURES, PLOT, *STRIPS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchAll(BodyOption, JsonOption, RobotOption):
+class BenchAll(BodyOption, RobotOption):
     """Measure a robot as one page: every method under several torque caps, from the same falls."""
 
     n: Annotated[int | None, at_least(1)] = None
@@ -66,7 +65,7 @@ class BenchAll(BodyOption, JsonOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(PreferenceOptions, TorqueOptions, WorldOptions):
+class BenchRise(PreferenceOptions, TorqueOptions, BodyOption, SceneOptions):
     """Rise from many settled falls: success rates, times and faults."""
 
     n: Count = 20
@@ -80,7 +79,7 @@ class BenchRise(PreferenceOptions, TorqueOptions, WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchMethods(TorqueOptions, WorldOptions):
+class BenchMethods(TorqueOptions, BodyOption, SceneOptions):
     """Get up from the same falls by plans and by policies: success, time, load, impact, heat."""
 
     n: Count = 20
@@ -90,7 +89,7 @@ class BenchMethods(TorqueOptions, WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchDisturbed(TorqueOptions, WorldOptions):
+class BenchDisturbed(TorqueOptions, BodyOption, SceneOptions):
     """Get up in worlds that no plan knows of: loads, slopes, a step, weak servos."""
 
     n: Count = 20
@@ -102,7 +101,7 @@ class BenchDisturbed(TorqueOptions, WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchScenes(BodyOption, TorqueOptions, JsonOption, RobotOption):
+class BenchScenes(BodyOption, TorqueOptions, RobotOption):
     """Get up in every scene by plans, policies, stored motions and straight interpolation."""
 
     n: Count = 20
@@ -126,7 +125,7 @@ class BenchScenes(BodyOption, TorqueOptions, JsonOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchMotions(WorldOptions):
+class BenchMotions(BodyOption, SceneOptions):
     """Play every motion of the database: time, load, reserve and robustness."""
 
     n: Count = 50
@@ -134,7 +133,7 @@ class BenchMotions(WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchSit(WorldOptions):
+class BenchSit(BodyOption, SceneOptions):
     """Sit and lie down from disturbed stands, at full torque and under limits by PWM."""
 
     n: Count = 60
@@ -142,7 +141,7 @@ class BenchSit(WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchFilter(WorldOptions):
+class BenchFilter(BodyOption, SceneOptions):
     """Compare the speed of the filter's simulation with bare physics."""
 
     n: Count = 5
@@ -150,7 +149,7 @@ class BenchFilter(WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchFaults(WorldOptions):
+class BenchFaults(BodyOption, SceneOptions):
     """Inject each kind of fault in the middle of a motion; exit code 1 if any was unsafe."""
 
     n: Count = 20
@@ -160,7 +159,7 @@ class BenchFaults(WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchKill(WorldOptions):
+class BenchKill(BodyOption, SceneOptions):
     """Kill the program (SIGKILL) in the middle of a rise, and measure when the servos stop."""
 
     n: Count = 20
@@ -169,7 +168,7 @@ class BenchKill(WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchSoak(WorldOptions):
+class BenchSoak(BodyOption, SceneOptions):
     """Rise, hold, lie down, tumble and rise again on the virtual bus, as long as requested."""
 
     duration: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 1800.0

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from humanoid_getup.cli.errors import refusing
-from humanoid_getup.cli.inputs import load_robot_of
-from humanoid_getup.cli.options.shared import RobotOption
+from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.inputs import load_robot_of
+from humanoid_getup.jobs.requests.shared import RobotOption
 from humanoid_getup.policy.onnx_policy import (
     LONGEST,
     SUFFIX,

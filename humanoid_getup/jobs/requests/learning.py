@@ -1,4 +1,4 @@
-"""Options of `getup train`, `export` and `eval`."""
+"""Requests to make a pose prior, to train, to export and to evaluate a policy."""
 
 from __future__ import annotations
 
@@ -8,20 +8,43 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.checks import at_least, between
-from humanoid_getup.cli.options.shared import (
-    JsonOption,
+from humanoid_getup.jobs.output_files import find_file_faults, find_folder_faults
+from humanoid_getup.jobs.requests.shared import (
+    Count,
     PolicyName,
     RobotOption,
     SceneOptions,
     Seed,
     TorqueOptions,
 )
-from humanoid_getup.cli.output import find_file_faults, find_folder_faults
+from humanoid_getup.jobs.requests.values import at_least, between
 
 
 @dataclass(frozen=True, kw_only=True)
-class Train(RobotOption):
+class PriorRequest(RobotOption):
+    """Plan many rises and fit the pose prior to them, which styled policies are trained with."""
+
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder for prior.npz, rises.npz and the planned motions; the same command continues."""
+    rises: Annotated[int, at_least(4, step=4)] = 1000
+    """Number of rises to plan, equally many of each class; policies add half as many."""
+    policies: Annotated[tuple[str, ...], arg(metavar="POLICY,...")] = ("robust", "gentle")
+    """Policies of the robot that add rises; '' for none."""
+    jobs: Count = 2
+    """Number of processes that plan."""
+    epochs: Annotated[int, at_least(1)] = 100
+    """Passes over the postures."""
+    fitted: Annotated[Path | None, arg(metavar="FILE.npz")] = None
+    """Keep a prior that was fitted before, and only collect rises."""
+    seed: Seed = 0
+
+    def find_faults(self) -> list[str]:
+        """Report a folder that cannot be written, too."""
+        return super().find_faults() + find_folder_faults(self.out, ())
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainRequest(RobotOption):
     """Train a policy that gets the robot up; the same command again continues a training."""
 
     out: Annotated[Path, arg(metavar="DIR")]
@@ -49,7 +72,7 @@ class Train(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export(RobotOption):
+class ExportRequest(RobotOption):
     """Export the policy of a training, as far as it has come, to one ONNX file."""
 
     folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
@@ -65,7 +88,7 @@ class Export(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluate(TorqueOptions, JsonOption, SceneOptions):
+class EvaluateRequest(TorqueOptions, SceneOptions):
     """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
 
     policy: Positional[PolicyName]

@@ -1,17 +1,15 @@
-"""`getup motions discover`: motions of a robot from the rises of its policy."""
+"""Discovers motions of a robot in the rises of its policy."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
-from humanoid_getup.cli.errors import BadInputError
-from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.inputs import load_robot
-from humanoid_getup.cli.options.discover import DiscoverMotions
-from humanoid_getup.cli.output import console_for, counting, find_folder_faults, phase
-from humanoid_getup.cli.policies import load_policy, name_robot
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.jobs.requests.motions import DiscoverRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
 from humanoid_getup.motions.build import SOUND, motion_file
 from humanoid_getup.motions.motion import NAME
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
@@ -23,31 +21,40 @@ if TYPE_CHECKING:  # its evaluation of policies is slow to import
     from sim2real.motion_discovery.discovery import Discovery
 
 
-def discover(command: DiscoverMotions) -> int:
-    """Search from each side; keep the motions, report the sides from which there are none."""
-    command = name_robot(command, command.policy)
-    robot = load_robot(command)
-    policy = load_policy(robot, command.policy, None)
+def discover(
+    request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> tuple[Discovery, ...]:
+    """Search from each side, and keep the motions; return what was found from each.
+
+    Raises:
+        BadInputError: if the policy follows style curves, or its motions are there already.
+        CancelledError: if ``cancel`` ended it; motions of the sides that were finished are kept.
+    """
+    request.check()
+    request, monitor = name_robot(request, request.policy), Monitor(report, cancel)
+    robot = load_robot(request)
+    policy = load_policy(robot, request.policy, None)
     if policy.contract.style is not None:
         raise BadInputError(
-            f"policy '{command.policy}' follows style curves, expected one without, such as that "
+            f"policy '{request.policy}' follows style curves, expected one without, such as that "
             "of recipe quick"
         )
-    name = find_policy(robot, command.policy).stem
+    name = find_policy(robot, request.policy).stem
     _check_names(robot, name)
-    with phase("loading"):
-        from sim2real.motion_discovery.discovery import SIDES, MotionDiscovery
-    discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=command.seed)
-    console, missing = console_for(None), 0
+    monitor.begin("loading")
+    from sim2real.motion_discovery.discovery import SIDES, MotionDiscovery
+
+    discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=request.seed)
+    found: list[Discovery] = []
     for side in SIDES:
-        with counting(f"rises ({side})", command.rises) as count:
-            found = discovery.search(side, command.rises, command.most, count)
-        for motion in found.motions:
+        count = monitor.count(f"rises ({side})", request.rises)
+        found.append(discovery.search(side, request.rises, request.most, count))
+        for motion in found[-1].motions:
             motion_file(robot.folder, motion.name).parent.mkdir(exist_ok=True)
             motion.save(motion_file(robot.folder, motion.name))
-        _report(console, found)
-        missing += not found.motions
-    return DID_NOT_STAND if missing else DID_IT
+        for line in _describe(found[-1]):
+            monitor.tell(line)
+    return tuple(found)
 
 
 def _check_names(robot: Robot, policy: str) -> None:
@@ -68,24 +75,22 @@ def _check_names(robot: Robot, policy: str) -> None:
         )
 
 
-def _report(console: Console, found: Discovery) -> None:
-    """Print how many rises stood, and what was found."""
-    console.print(
+def _describe(found: Discovery) -> list[str]:
+    """Say how many rises stood, and what was found."""
+    lines = [
         f"{found.start_class}: the policy stood in {found.learned} of {found.tried} rises, "
-        f"{found.replayed} stand without it",
-        markup=False,
-    )
+        f"{found.replayed} stand without it"
+    ]
     for motion in found.motions:
         share = float(motion.provenance["disturbed_success"])
-        console.print(
+        lines.append(
             f"motion '{motion.name}' ({motion.strategy}) stands after {motion.stand_time:.2f} s, "
-            f"in {share:.0%} of disturbed worlds",
-            markup=False,
+            f"in {share:.0%} of disturbed worlds"
         )
     if not found.motions:
-        console.print(
+        lines.append(
             f"no motion from {found.start_class}: the best stood in {found.best_share:.0%} of "
             f"disturbed worlds, expected {SOUND:.0%} and a passed preflight (train longer, or try "
-            "more --rises)",
-            markup=False,
+            "more --rises)"
         )
+    return lines

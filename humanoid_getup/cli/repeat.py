@@ -1,0 +1,56 @@
+"""The command line that asks for a request, exactly as it is typed."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import MISSING, Field, fields, replace
+from typing import Any, get_args, get_type_hints
+
+from tyro.conf import Positional
+
+from humanoid_getup.jobs.requests.shared import Request
+
+
+def write_command(name: str, request: Request) -> str:
+    """Write the command line of a request: what differs from the defaults."""
+    hints = get_type_hints(type(request), include_extras=True)
+    words, options = ["getup", *name.split()], list[str]()
+    for field in fields(request):
+        value = getattr(request, field.name)
+        if value == _find_default(field):
+            continue
+        if Positional in get_args(hints[field.name]):
+            words += [str(item) for item in (value if isinstance(value, tuple) else (value,))]
+        else:
+            options += _write_option(_find_name(field.name, hints[field.name]), value)
+    return shlex.join([*words, *options])
+
+
+@contextmanager
+def hinting(name: str, request: Any) -> Iterator[None]:
+    """Say what goes on with work that is interrupted (`KeyboardInterrupt`)."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        again = write_command(name, replace(request, resume=True))
+        raise KeyboardInterrupt(f"{again} goes on") from interrupt
+
+
+def _find_default(field: Field[Any]) -> Any:
+    return None if field.default is MISSING else field.default
+
+
+def _find_name(name: str, hint: Any) -> str:
+    """Return the name of an option: another than its field's if its type says so."""
+    renamed = next((n.name for n in get_args(hint) if getattr(n, "name", None)), None)
+    return (renamed or name).replace("_", "-")
+
+
+def _write_option(name: str, value: object) -> list[str]:
+    if isinstance(value, bool):
+        return [f"--{name}" if value else f"--no-{name}"]
+    if isinstance(value, tuple):
+        return [f"--{name}", ",".join(map(str, value))]
+    return [f"--{name}", str(value)]

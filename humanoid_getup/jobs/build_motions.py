@@ -1,0 +1,225 @@
+"""Builds motions from keyframes into a robot's folder, in parallel processes."""
+
+from __future__ import annotations
+
+import math
+import queue
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from multiprocessing.queues import Queue
+from pathlib import Path
+
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import find_keyframes, load_robot
+from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.requests.motions import BuildRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Progress, Report
+from humanoid_getup.long_work.worker_pool import SPAWN, worker_pool
+from humanoid_getup.motions.build import (
+    UNFINISHED,
+    Build,
+    build_motion,
+    make_task,
+    motion_file,
+    unfinished_file,
+)
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes_file import KEYFRAMES
+from humanoid_getup.motions.keyframes_writer import replace_keyframes, save_keyframes
+from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.motions.optimization import count_work
+from humanoid_getup.motions.search_log import SearchLog
+from humanoid_getup.reporting.film_strip import NoRendererError
+from humanoid_getup.reporting.motion_strip import draw_motion
+from robots import Robot
+
+POLL_TIME = 0.2  # s between two reads of the workers' progress
+LOG, BEST, KEYS, STRIP = ".json", ".npz", ".toml", ".png"
+"""What the folder of unfinished motions keeps of each: its search, its best try, keys, pictures."""
+
+_progress: Queue | None = None
+"""In a worker: the queue of its progress reports."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuiltMotions:
+    """What became of the keyframes that were to be built."""
+
+    folder: Path
+    """Where motions are."""
+    built: tuple[str, ...]
+    failures: tuple[str, ...]
+    """Why others were not built, and where their best try is."""
+
+
+def build_motions(
+    request: BuildRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> BuiltMotions:
+    """Build motions into the robot's folder; searches go on where their ledgers end if asked to.
+
+    Raises:
+        BadInputError: if there are no such keyframes, or the folder cannot be written.
+        CancelledError: if ``cancel`` ended it; motions that were ready are kept.
+    """
+    request.check()
+    robot = load_robot(request)
+    check_folders(robot)
+    return build_all(robot, find_keyframes(robot, request.names), request, Monitor(report, cancel))
+
+
+def check_folders(robot: Robot) -> None:
+    """Refuse a robot in whose folder nothing can be written.
+
+    Raises:
+        BadInputError: naming the folder.
+    """
+    for folder in (MOTION_FOLDER, UNFINISHED):
+        if faults := find_folder_faults(robot.folder / folder, ()):
+            raise BadInputError("; ".join(faults))
+
+
+def build_all(
+    robot: Robot, chosen: Sequence[Keyframes], request: BuildRequest, monitor: Monitor
+) -> BuiltMotions:
+    """Build motions in processes, and keep each when it is ready."""
+    done = _count_done(robot, chosen, request, monitor)
+    reports: Queue = SPAWN.Queue()
+    rounds = math.ceil(len(chosen) / request.jobs)
+    work = rounds * count_work(request.generations, min(done.values()))
+    watch = _Watch(reports, monitor, request.generations, work=work, done=done)
+    failures: dict[str, str] = {}
+    with worker_pool(request.jobs, _start_worker, reports) as pool:
+        waiting = {pool.submit(_build, robot, each, request): each.name for each in chosen}
+        while waiting:
+            watch.show_next()
+            failures |= _collect(waiting, lambda b: keep(b, robot, keep_keys=request.keep_keys))
+            monitor.check()
+    return BuiltMotions(
+        folder=robot.folder / MOTION_FOLDER,
+        built=tuple(each.name for each in chosen if each.name not in failures),
+        failures=tuple(failures.values()),
+    )
+
+
+def open_log(robot: Robot, keyframes: Keyframes, request: BuildRequest) -> SearchLog:
+    """Open the log of a search: the one that is there if work goes on, else a new one."""
+    path = unfinished_file(robot.folder, keyframes.name, LOG)
+    task = make_task(robot, keyframes, request.seed, request.prefer)
+    return SearchLog.resume(path, task) if request.resume else SearchLog.begin(path, task)
+
+
+def keep(build: Build, robot: Robot, *, keep_keys: bool) -> str:
+    """Store a motion, or the best try and why it is none; return why it is none, and where."""
+    name = build.motion.name
+    if build.failure:
+        return f"{build.failure}; its best try: {_keep_best(build, robot)}"
+    motion_file(robot.folder, name).parent.mkdir(exist_ok=True)
+    build.motion.save(motion_file(robot.folder, name))
+    for suffix in (LOG, BEST, KEYS, STRIP):
+        unfinished_file(robot.folder, name, suffix).unlink(missing_ok=True)
+    if keep_keys:
+        replace_keyframes(robot.folder / KEYFRAMES, [build.keyframes], robot)
+    return ""
+
+
+def _keep_best(build: Build, robot: Robot) -> Path:
+    """Keep the best try of a motion that failed; return its file."""
+    files = {s: unfinished_file(robot.folder, build.motion.name, s) for s in (BEST, KEYS, STRIP)}
+    files[BEST].parent.mkdir(exist_ok=True)
+    build.motion.save(files[BEST])
+    save_keyframes(files[KEYS], [build.keyframes], robot)
+    try:
+        draw_motion(robot, build.motion, files[STRIP])
+    except NoRendererError:
+        return files[BEST]  # there is no strip without a GL
+    return files[STRIP]
+
+
+def _count_done(
+    robot: Robot, keyframes: Sequence[Keyframes], request: BuildRequest, monitor: Monitor
+) -> dict[str, int]:
+    """Count the generations in the logs, which are checked before any work; tell what goes on."""
+    with refusing():
+        done = {each.name: len(open_log(robot, each, request).generations) for each in keyframes}
+    for name, count in done.items() if request.resume else ():
+        going_on = f"goes on after generation {count}" if count else "begins: there is no log of it"
+        monitor.tell(f"{name} {going_on}")
+    return done
+
+
+def _collect(waiting: dict[Future[Build], str], keep: Callable[[Build], str]) -> dict[str, str]:
+    """Keep what is ready; return why some failed, by name."""
+    failures = {}
+    for future in [future for future in waiting if future.done()]:
+        name = waiting.pop(future)
+        try:
+            failure = keep(future.result())
+        except (RuntimeError, ValueError, OSError) as error:  # a worker that died, disk full...
+            failure = f"{name}: {error}"
+        if failure:
+            failures[name] = failure
+    return failures
+
+
+class _Watch:
+    """Shows the reports of workers, and after a generation or two how long all will take."""
+
+    def __init__(
+        self,
+        reports: Queue,
+        monitor: Monitor,
+        generations: int,
+        *,
+        work: float,
+        done: dict[str, int],
+    ) -> None:
+        """Prepare for so much work, in generations one after the other, beside those done."""
+        self._reports, self._monitor, self._generations = reports, monitor, generations
+        self._work, self._done = work, done
+        self._last: dict[str, float] = {}
+        self._estimate = ""
+        for name in done:
+            monitor.show(Progress(phase=name, total=generations))
+
+    def show_next(self) -> None:
+        """Wait for a report and show it."""
+        try:
+            name, generation, cost, stood = self._reports.get(timeout=POLL_TIME)
+        except queue.Empty:
+            return
+        self._measure(name, generation)
+        note = f"cost {cost:.2f}, {stood:.0%} stood{self._estimate}"
+        total = self._generations
+        self._monitor.show(Progress(phase=name, done=generation + 1, total=total, note=note))
+
+    def _measure(self, name: str, generation: int) -> None:
+        """Estimate once how long the build will take, from the time since the generation before."""
+        now = time.monotonic()
+        before = self._last.get(name)
+        self._last[name] = now
+        if self._estimate or before is None or generation < self._done[name]:
+            return
+        self._estimate = f"; all take about {math.ceil((now - before) * self._work / 60.0)} min"
+
+
+def _start_worker(reports: Queue) -> None:
+    global _progress
+    _progress = reports
+
+
+def _build(robot: Robot, keyframes: Keyframes, request: BuildRequest) -> Build:
+    def report(generation: int, cost: float, stood: float) -> None:
+        if _progress is not None:
+            _progress.put((keyframes.name, generation, cost, stood))
+
+    return build_motion(
+        robot,
+        keyframes,
+        generations=request.generations,
+        seed=request.seed,
+        prefer=request.prefer,
+        report=report,
+        log=open_log(robot, keyframes, request),
+    )

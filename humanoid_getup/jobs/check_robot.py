@@ -1,0 +1,51 @@
+"""Checks a robot: what is wrong with its description, and what its body can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.requests.robots import CheckRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.robot_check.check import RobotCheck
+from humanoid_getup.robot_check.check import check_robot as check
+from humanoid_getup.robot_check.finding import CheckFinding
+from robots import Robot, RobotError, load_robot
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckedRobot:
+    """A robot, and what its check found."""
+
+    robot: Robot
+    check: RobotCheck
+
+    @property
+    def findings(self) -> tuple[CheckFinding, ...]:
+        """Return the findings, by part of the check."""
+        return self.check.findings
+
+    @property
+    def is_sound(self) -> bool:
+        """Return whether there is no fault."""
+        return self.check.is_sound
+
+
+def check_robot(
+    request: CheckRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> CheckedRobot:
+    """Check whether a robot's description is sound and its body able to get up.
+
+    Raises:
+        BadInputError: if the description does not load.
+        CancelledError: if ``cancel`` ended it before.
+    """
+    request.check()
+    monitor = Monitor(report, cancel)
+    try:
+        robot = load_robot(request.robot)
+        found = check(robot, lambda part: monitor.begin(f"checking {part}"))
+    except ValueError as error:
+        problems = error.problems if isinstance(error, RobotError) else [str(error)]
+        raise BadInputError(*problems) from error
+    return CheckedRobot(robot=robot, check=found)

@@ -1,0 +1,279 @@
+"""Evaluates a policy: how often, how fast and how hard it gets up from settled falls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from humanoid_getup.experiments.starts import CLASSES, FallSet, FallSetError, sample_fall_set
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import load_world, make_torque_limit
+from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.jobs.requests.learning import EvaluateRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.scenes.named_scenes import load_grounds
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.styled_rise import PLANNED, read_curves
+from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.extraction import ExtractionError
+from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_file import load_any_style, load_style
+from robots import Robot
+
+if TYPE_CHECKING:  # torch is slow to import
+    from sim2real.perturbations import Perturbation
+    from sim2real.policy_evaluation import PolicyRollouts, StyleChoice
+
+NEAREST = "nearest"
+"""Style of a policy that gets none: it is chosen among all named ones."""
+Grounds = list[tuple[World, FallSet]]
+"""Each with the falls on it."""
+
+
+class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
+    """How a policy gets up, by scene and style."""
+
+    name: str = "eval"
+    policy: str
+    seed: int
+    n: int
+    """Falls in each scene."""
+    robot: str
+    limit_by: str | None
+    trial: str
+    """What differs from nominal."""
+    height_map: bool
+    cases: dict[str, dict[str, Any]]
+    """Figures by scene and style."""
+
+
+def evaluate(
+    request: EvaluateRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> Evaluation:
+    """Sample falls in each scene, let the policy get up from each in each style, judge.
+
+    Raises:
+        BadInputError: if the policy, a scene, a style or falls cannot be used.
+        CancelledError: if ``cancel`` ended it.
+    """
+    request.check()
+    request, monitor = name_robot(request, request.policy), Monitor(report, cancel)
+    names = _find_scenes(request)
+    monitor.begin("loading")
+    worlds = [load_world(replace(request, scene=name)) for name in names]
+    robot = worlds[0].robot
+    limit = make_torque_limit(request, robot)
+    policy = load_policy(robot, request.policy, limit.value)
+    _check_physics(request, policy)
+    styles = _load_styles(request, policy)
+    _check_height_map(request, policy)
+    perturbation = _make_perturbation(request, limit.value)
+    cases: dict[str, dict[str, Any]] = {}
+    for first in worlds:
+        grounds = _list_grounds(request, first, monitor)
+        for name, given in styles.items():
+            label = ", ".join([first.scene.name, *([name] if name else [])])
+            choices, planned = _choose_curves(grounds, name, given, request.seed, monitor)
+            cases[label] = {
+                "scene": first.scene.name,
+                "style": name,
+                "falls_seed": grounds[0][1].seed,
+                "grounds": len(grounds),
+                **planned,
+                **_roll_out(request, policy, perturbation, grounds, choices, label, monitor),
+            }
+    return Evaluation(
+        policy=find_policy(robot, request.policy).stem,
+        seed=request.seed,
+        n=request.n,
+        robot=robot.name,
+        limit_by=limit.by,
+        trial=perturbation.label,
+        height_map=request.height_map,
+        cases=cases,
+    )
+
+
+def _find_scenes(request: EvaluateRequest) -> list[str]:
+    names = request.scene.split(",")
+    if len(set(names)) < len(names):
+        raise BadInputError(f"--scene is {request.scene}, expected each scene once")
+    if len(names) > 1 and request.falls is not None:
+        raise BadInputError(f"--falls is {request.falls}, expected one --scene with it")
+    return names
+
+
+def _check_height_map(request: EvaluateRequest, policy: OnnxPolicy) -> None:
+    style = policy.contract.style
+    if request.height_map and not (style and style.height_map):
+        raise BadInputError(
+            f"--height-map is given, expected none: policy '{request.policy}' has no height map"
+        )
+
+
+def _make_perturbation(request: EvaluateRequest, torque_limit: float | None) -> Perturbation:
+    """Make what differs from nominal."""
+    from sim2real.perturbations import Perturbation
+
+    return Perturbation(
+        torque_limit=torque_limit,
+        limit_by=request.limit_by,
+        delay=request.delay / 1000.0,
+        voltage=request.voltage,
+        friction=request.friction,
+        mass=request.mass,
+        backlash=math.radians(request.backlash),
+        weak_servo=request.weak_servo,
+        push=request.push,
+        imu_tilt=math.radians(request.imu_tilt),
+        gyro_bias=math.radians(request.gyro_bias),
+        noise=request.noise,
+        physics=request.physics,
+    )
+
+
+def _roll_out(
+    request: EvaluateRequest,
+    policy: OnnxPolicy,
+    perturbation: Perturbation,
+    grounds: Grounds,
+    choices: list[StyleChoice | None],
+    label: str,
+    monitor: Monitor,
+) -> dict[str, Any]:
+    """Let the policy get up from all falls; return the figures."""
+    from sim2real.perturbations import evaluate_policy, summarize_rollouts
+
+    falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
+    rollouts: list[PolicyRollouts] = []
+    count = monitor.count(f"rises ({label})", len(falls))
+    for number, (world, fall_set) in enumerate(grounds):
+        rollouts += evaluate_policy(
+            world.robot,
+            policy.action,
+            policy.act,
+            [fall.posture for fall in fall_set.falls],
+            perturbation,
+            request.seed * len(grounds) + number,
+            scene=world.scene,
+            style=policy.contract.style,
+            choose_style=choices[number],
+            sees_ground=request.height_map,
+            report=count,
+        )
+    return summarize_rollouts(falls, rollouts, CLASSES)
+
+
+def _load_styles(request: EvaluateRequest, policy: OnnxPolicy) -> dict[str | None, Style | None]:
+    """Load the styles to follow by name; one without a name for a policy without style curves.
+
+    That of plans is ``None``: each fall has its own.
+    """
+    if policy.contract.style is None:
+        if request.style is not None:
+            raise BadInputError(
+                f"--style is {request.style}, expected none: policy '{request.policy}' follows no "
+                "style curves"
+            )
+        return {None: None}
+    names = (NEAREST if request.style is None else request.style).split(",")
+    if len(set(names)) < len(names):
+        raise BadInputError(f"--style is {request.style}, expected each style once")
+    with refusing():
+        return {name: _load_style(name, policy.robot) for name in names}
+
+
+def _load_style(name: str, robot: Robot) -> Style | None:
+    if name == PLANNED:
+        return None
+    return load_any_style(robot) if name == NEAREST else load_style(name, robot)
+
+
+def _choose_curves(
+    grounds: Grounds, name: str | None, style: Style | None, seed: int, monitor: Monitor
+) -> tuple[list[StyleChoice | None], dict[str, int]]:
+    """Make what chooses the curves of each rise, for each ground; count rises with a plan's own."""
+    if name is None:
+        return [None] * len(grounds), {}
+    if style is None:
+        plans: list[list[StyleCurves | None]] = []
+        count = monitor.count("plans", sum(len(falls.falls) for _, falls in grounds))
+        for world, falls in grounds:
+            plans.append(_plan_curves(world, falls, seed, count))
+        nearest = load_any_style(grounds[0][0].robot)
+
+        def follow_plans(curves: list[StyleCurves | None]) -> StyleChoice:
+            return lambda row, features: curves[row] or nearest.choose(features)
+
+        found = sum(curves is not None for ground in plans for curves in ground)
+        return [follow_plans(curves) for curves in plans], {"planned": found}
+    return [lambda _row, features: style.choose(features)] * len(grounds), {}
+
+
+def _plan_curves(
+    world: World, falls: FallSet, seed: int, count: Callable[[float], None]
+) -> list[StyleCurves | None]:
+    """Plan a motion for each fall, and read its curves; ``None`` where no plan stands."""
+    planner = PlannedRise(world)
+    found: list[StyleCurves | None] = []
+    for number, fall in enumerate(falls.falls):
+        plan = planner.plan(fall.posture, np.random.default_rng([seed, number]))
+        found.append(None)
+        if isinstance(plan, MotionPlan) and plan.motion.rises:
+            with suppress(ExtractionError):
+                found[-1] = read_curves(world, plan.motion)
+        count(1)
+    return found
+
+
+def _check_physics(request: EvaluateRequest, policy: OnnxPolicy) -> None:
+    """Refuse limits of servos that are position actuators without a motor model."""
+    has_limits = request.torque_limit or request.voltage or request.weak_servo < 1.0
+    if request.physics == "menagerie servos" and (has_limits or policy.action.pwm_limit < 1.0):
+        raise BadInputError(
+            f"--physics is '{request.physics}', expected without torque limit, voltage, weak "
+            "servo and a policy's own limit of the supply: its servos are not motors"
+        )
+
+
+def _list_grounds(request: EvaluateRequest, world: World, monitor: Monitor) -> Grounds:
+    """List the falls of a scene; where a seed makes the ground, every four on one of their own."""
+    name, robot = world.scene.name, world.robot
+    grounds = load_grounds(name, robot, request.n // len(CLASSES), request.seed)
+    if request.falls is not None or len(grounds) == 1:
+        monitor.begin("sampling falls")
+        return [(world, _find_falls(request, world))]
+    found: Grounds = []
+    count = monitor.count(f"falls ({name})", request.n)
+    with refusing():
+        for scene, seed in grounds:
+            own = World(robot, scene)
+            found.append((own, sample_fall_set(own, dict.fromkeys(CLASSES, 1), seed)))
+            count(len(CLASSES))
+    return found
+
+
+def _find_falls(request: EvaluateRequest, world: World) -> FallSet:
+    """Read the falls from their file, or sample them."""
+    each = request.n // len(CLASSES)
+    with refusing():
+        if request.falls is not None and request.falls.exists():
+            falls = FallSet.load(request.falls, world.robot)
+            if falls.scene != world.scene.name:
+                raise FallSetError(
+                    request.falls, f"they are of scene '{falls.scene}', not '{world.scene.name}'"
+                )
+            return falls.choose(each)
+        falls = sample_fall_set(world, dict.fromkeys(CLASSES, each), request.seed)
+        if request.falls is not None:
+            falls.save(request.falls)
+    return falls

@@ -1,0 +1,120 @@
+"""Extracts a style of rising from a motion, a flight log or a clip of motion capture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import find_motion, load_robot
+from humanoid_getup.jobs.requests.style import ExtractRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.strategies.styled_rise import measure_motion
+from humanoid_getup.style.curves import UPRIGHT_STAND, is_stand
+from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_clip, trim
+from humanoid_getup.style.features import FeatureSense
+from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_file import write_style
+from robots import Robot
+from robots.body.lengths import leg_length
+from robots.kinematics import GravitySense, imu_in_torso
+from robots.quaternion import Array
+
+MOTION, LOG = ".npz", ".mcap"
+
+
+def extract_style(
+    request: ExtractRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> Style:
+    """Extract the curves of the neck's height and the torso's angles, and write the style's file.
+
+    Raises:
+        BadInputError: if the source cannot be used.
+        CancelledError: if ``cancel`` ended it; then nothing is written.
+    """
+    request.check()
+    robot, monitor = load_robot(request), Monitor(report, cancel)
+    monitor.begin("reading")
+    with refusing():
+        time, features, scale = _read_source(request, robot)
+        time, features = _choose(time, features, request)
+        if request.finish:
+            features[-1] = UPRIGHT_STAND
+        try:
+            curves = extract_curves(time, features)
+        except ValueError as error:
+            hint = "" if is_stand(features[-1]) else " (--finish lets the last point be a stand)"
+            raise BadInputError(f"{request.source}: {error}{hint}") from error
+        curves = curves.lasting(curves.duration * scale)
+        about = f"from {Path(request.source).name}, {time[0]:.2f} to {time[-1]:.2f} s"
+        style = Style(name=request.out.stem, about=about, curves=(curves,))
+        monitor.check()
+        write_style(style, robot, request.out)
+    return style
+
+
+def _choose(time: Array, features: Array, request: ExtractRequest) -> tuple[Array, Array]:
+    """Choose the frames of the rise, from times [s] (T,) and features (T, 3)."""
+    begin = -np.inf if request.begin is None else request.begin
+    end = np.inf if request.end is None else request.end
+    chosen = (time >= begin - 1e-9) & (time <= end + 1e-9)
+    if chosen.sum() < 2:
+        raise ExtractionError(
+            f"{request.source} lasts from {time[0]:.2f} to {time[-1]:.2f} s, expected --begin and "
+            "--end within it"
+        )
+    time, features = time[chosen], features[chosen]
+    moving = trim(features)
+    first = 0 if request.begin is not None else moving.start
+    last = len(time) if request.end is not None else moving.stop
+    return time[first:last], features[first:last].copy()
+
+
+def _read_source(request: ExtractRequest, robot: Robot) -> tuple[Array, Array, float]:
+    """Read times [s], features (T, 3), and the factor on durations for this robot."""
+    file = Path(request.source)
+    kind = file.suffix.lower()
+    of_clips = {"--up": request.up, "--rate": request.rate, "--skeleton": request.skeleton}
+    used = {BVH: ("--up",), ACCLAIM: tuple(of_clips)}.get(kind, ())
+    unused = [name for name, value in of_clips.items() if value is not None and name not in used]
+    if unused:
+        raise BadInputError(
+            f"{unused[0]} is given, expected none with {request.source}: it is of clips "
+            f"({ACCLAIM}{f', {BVH}' if unused[0] == '--up' else ''})"
+        )
+    if kind == LOG:
+        return *_read_log(file, robot), 1.0
+    if used:
+        clip = read_clip(file, request.skeleton, request.rate, request.up)
+        scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
+        return clip.time, measure_clip(clip), scale
+    if kind and kind != MOTION and file.is_file():
+        raise BadInputError(
+            f"{request.source} is a file of another kind, expected {MOTION}, {LOG}, {BVH}, "
+            f"{ACCLAIM}, or the name of a motion"
+        )
+    motion = find_motion(robot, request.source)
+    return motion.time, measure_motion(robot, motion), 1.0
+
+
+def _read_log(file: Path, robot: Robot) -> tuple[Array, Array]:
+    """Estimate the features of a flight from its measurements."""
+    from drivers.flight_log.reader import FlightRecord
+
+    record = FlightRecord.load(file)
+    record.check_robot(robot)
+    if not record.cycles:
+        raise ValueError(f"flight log {file}: contains no cycle, expected at least one")
+    state = record.tracks["state"]
+    known = np.isfinite(state["orientation"]).all(axis=1)
+    known &= np.isfinite(state["joint_pos"]).all(axis=1)
+    if not known.any():
+        raise ValueError(f"flight log {file}: measures no posture, expected one or more")
+    time, orientation, joint_pos = (
+        state[name][known] for name in ("time", "orientation", "joint_pos")
+    )
+    gravity = GravitySense(imu_in_torso(robot, robot.spec().compile()))
+    down = np.array([gravity(row) for row in orientation])
+    return time - time[0], FeatureSense(robot, len(down))(down, joint_pos)

@@ -1,0 +1,74 @@
+"""Makes the pose prior of styled policies: plans rises, and fits the prior to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from humanoid_getup.jobs.errors import needing, refusing
+from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.requests.learning import PriorRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadePrior:
+    """What a pose prior was made of."""
+
+    rises: int
+    postures: int
+    size: int
+    """Latent parameters."""
+    unexplained: float | None
+    """Share of the variance that the decoder leaves; None for a prior that was fitted before."""
+
+
+def make_prior(
+    request: PriorRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> MadePrior:
+    """Collect rises and fit the prior; both are written to the request's folder.
+
+    Raises:
+        BadInputError: if a policy or file cannot be used, or torch is missing.
+        CancelledError: if ``cancel`` ended it; rises that were planned are kept.
+    """
+    request.check()
+    robot, monitor = load_robot(request), Monitor(report, cancel)
+    monitor.begin("loading torch")
+    with needing("train"):
+        from sim2real.pose_prior.pose_prior import PosePrior
+        from sim2real.pose_prior.rise_set import RiseSet
+        from sim2real.prior_training.collect import collect_rises, load_policy
+        from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
+        from sim2real.training.styled_training import PRIOR, RISES
+    with refusing():
+        policies = {name: load_policy(robot, name) for name in request.policies}
+        prior = PosePrior.load(request.fitted, robot) if request.fitted else None
+        count = monitor.count("rises", request.rises)
+        found = collect_rises(
+            robot,
+            request.rises,
+            request.seed,
+            request.out,
+            policies,
+            jobs=request.jobs,
+            report=count,
+        )
+        rises = RiseSet.join(robot, found)
+        errors: list[float] = []
+        if prior is None:
+            advance = monitor.count("epochs", request.epochs)
+
+            def note(_epoch: int, error: float) -> None:
+                errors.append(error)
+                advance(1)
+
+            options = FitOptions(epochs=request.epochs)
+            prior = fit_prior(Postures.of(rises), request.seed, options, note)
+        rises.save(request.out / RISES)
+        prior.save(request.out / PRIOR)
+    return MadePrior(
+        rises=len(rises),
+        postures=len(rises.qpos),
+        size=prior.size,
+        unexplained=errors[-1] if errors else None,
+    )

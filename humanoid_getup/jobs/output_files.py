@@ -1,0 +1,84 @@
+"""Output files: checked before the work, written after it, complete or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from humanoid_getup.jobs.errors import BadInputError
+
+SCRATCH = ".getup-"
+
+
+def find_folder_faults(folder: Path, names: Sequence[str], owner: str | None = None) -> list[str]:
+    """Report why files could not be written into a folder, by trying; leave nothing behind.
+
+    ``owner`` is what the messages call the folder.
+    """
+    owner = owner or f"output folder {folder}"
+    try:
+        existing = _find_existing(folder)
+        if not existing.is_dir():
+            return [f"{owner}: {existing} is not a folder, expected a folder that can be written"]
+        with tempfile.TemporaryDirectory(dir=existing, prefix=SCRATCH) as scratch:
+            missing = _absolute(folder).relative_to(existing)
+            Path(scratch, missing).mkdir(parents=True, exist_ok=True)
+        in_the_way = [folder / name for name in names if (folder / name).is_dir()]
+    except OSError as error:
+        return [f"{owner}: {error.strerror}, expected a folder that can be written"]
+    return [f"output file {path}: is a folder, expected a file" for path in in_the_way]
+
+
+def find_file_faults(file: Path) -> list[str]:
+    """Report why a file could not be written."""
+    if not file.name:
+        return [f"output file '{file}': expected the name of a file"]
+    target = _absolute(file)
+    try:
+        target = target.resolve() if target.is_symlink() else target
+        if target.exists() and not target.is_file() and not target.is_dir():  # a device, a FIFO
+            writable = os.access(target, os.W_OK)
+            return [] if writable else [f"output file {file}: Permission denied"]
+    except (OSError, RuntimeError) as error:  # a name too long, links in a circle
+        return [f"output file {file}: {getattr(error, 'strerror', error)}"]
+    if target.is_dir():
+        return [f"output file {file}: is a folder, expected a file"]
+    return find_folder_faults(file.parent if target == _absolute(file) else target.parent, ())
+
+
+@contextmanager
+def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
+    """Yield an empty folder; move what was written there into ``folder`` at the end.
+
+    A file of ``names`` that was not written is removed: it was an earlier run's.
+    """
+    from robots.files import atomic_path
+
+    try:
+        with tempfile.TemporaryDirectory(dir=_find_existing(folder), prefix=SCRATCH) as scratch:
+            yield Path(scratch)
+            folder.mkdir(parents=True, exist_ok=True)
+            for name in names:
+                if Path(scratch, name).exists():
+                    with atomic_path(folder / name) as partial:
+                        shutil.move(Path(scratch, name), partial)
+                elif (folder / name).is_file():
+                    (folder / name).unlink()
+    except OSError as error:
+        raise BadInputError(f"output folder {folder}: {error.strerror}") from error
+
+
+def _absolute(path: Path) -> Path:
+    return Path(os.path.abspath(path))  # noqa: PTH100  (resolve would follow links)
+
+
+def _find_existing(path: Path) -> Path:
+    """Return a path, or the part of it that exists."""
+    path = _absolute(path)
+    while not os.path.lexists(path):
+        path = path.parent
+    return path

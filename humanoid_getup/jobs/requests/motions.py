@@ -1,0 +1,183 @@
+"""Requests to make motions: from keyframes, other robots, policies, files and motion capture."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.requests.shared import (
+    Count,
+    PolicyName,
+    Prefer,
+    Request,
+    RobotOption,
+    Seed,
+)
+from humanoid_getup.jobs.requests.values import at_least, between, positive
+
+MOST_SEED = 2**31  # that CMA-ES takes
+MOST_PAGE = 255  # of an action file
+CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
+NOT_OF_NAMES = re.compile(r"[^\w.-]+")
+SUFFIX = ".npz"
+KeyframesFile = Annotated[Path | None, arg(metavar="FILE")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildRequest(RobotOption):
+    """Build rising motions from keyframes into the robot's folder."""
+
+    names: Positional[tuple[str, ...]] = ()
+    """Motions to build; default: all of the robot's keyframes."""
+    generations: Count = 20
+    """Generations of the search that optimizes the keyframes."""
+    seed: Annotated[int, between(0, MOST_SEED), arg(help="Random seed.")] = 0
+    prefer: Prefer | None = None
+    """What a motion should be besides successful; default: what its keyframes say."""
+    jobs: Count = 2
+    """Motions that are built in parallel."""
+    resume: bool = False
+    """Go on with searches that were interrupted, or that need more generations: see the folder
+    unfinished of the robot."""
+    keep_keys: bool = False
+    """Write the optimized keys of motions that are built back into the keyframes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetargetRequest(BuildRequest):
+    """Take the keyframes of another robot: point the limbs the same way, keep the motions that
+    stand so, and improve the others as `getup motions build` does."""
+
+    source: Annotated[str, arg(metavar="NAME|DIR")] = "op3"
+    """Robot whose keyframes are taken."""
+    improve: bool = True
+    """Improve the motions that do not stand as they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscoverRequest(RobotOption):
+    """Make motions from what a learned policy does: its rises are played without it, as smooth as
+    they bear, in disturbed worlds; the best of each strategy is kept."""
+
+    policy: Positional[PolicyName]
+    robot: str = ""
+    """Name of a robot, or a folder with a robot.toml; default: the policy file's robot."""
+    rises: Annotated[int, at_least(2)] = 48
+    """Rises from each side: supine, prone and left."""
+    most: Count = 3
+    """Motions from each side, of different strategies."""
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewKeysOptions(Request):
+    """What becomes of new keys."""
+
+    start: Literal["supine", "prone", "left", "right", "squat", "standing"] | None = None
+    """Posture class from which the keys start; default: the one from which they come nearest to a
+    stand in simulation."""
+    out: KeyframesFile = None
+    """Keyframes file (.toml) to which the keys are added; default: the robot's keyframes.toml."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportKeysRequest(NewKeysOptions, RobotOption):
+    """Add the keys of another program's file to the robot's keyframes.
+
+    The file is a ROBOTIS action file (.bin), a JSON animation (.json) with keyframes of goals in
+    degrees, or a table (.csv) with a column time and one for each joint.
+    """
+
+    file: Annotated[Positional[Path], arg(metavar="FILE")]
+    """File of another program: .bin, .json or .csv."""
+    page: Annotated[tuple[int, ...], arg(metavar="N,...")] = ()
+    """Pages of an action file; those that follow one are played with it."""
+    name: str = ""
+    """Name of the motion; default: as in the file."""
+    end: Literal["standing", "supine", "prone", "left", "right"] = "standing"
+    """What the keys end in: a stand, or the side on which the robot lies."""
+    clip: bool = False
+    """Take the nearest angle where one is out of the joint's range, instead of refusing it."""
+
+    def find_faults(self) -> list[str]:
+        """Report pages that cannot be, too."""
+        faults = super().find_faults()
+        faults += [
+            f"--page is {page}, expected 1 to {MOST_PAGE}"
+            for page in self.page
+            if not 1 <= page <= MOST_PAGE
+        ]
+        if len(set(self.page)) < len(self.page):
+            faults.append("--page has a page twice, expected each once")
+        if self.name and len(self.page) > 1:
+            faults.append(f"--name is given with {len(self.page)} pages, expected one")
+        return faults
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipRequest(RobotOption):
+    """Make a motion of a robot from a clip: its limbs point where those of the body do.
+
+    The motion is kinematic: `getup play` tells what physics makes of it.
+    """
+
+    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILE.bvh|FILE.asf FILE.amc")]
+    """Clip of motion capture: a .bvh file, or an .amc file and its skeleton."""
+    begin: Annotated[float | None, arg(metavar="S")] = None
+    """Time of the clip at which the motion begins [s]; default: its beginning."""
+    end: Annotated[float | None, arg(metavar="S")] = None
+    """Time at which it ends [s]; default: its end."""
+    finish: bool = False
+    """Go on to the robot's stance at the end, whatever the clip ends with."""
+    rate: Annotated[float | None, positive("Hz"), arg(metavar="HZ")] = None
+    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
+    up: Literal["y", "z"] | None = None
+    """Axis of the clip that points up; default: y."""
+    name: str = ""
+    """Name of the motion; default: that of the clip's file."""
+    out: Annotated[Path | None, arg(metavar="FILE.npz")] = None
+    """Motion file to write; default: the motion's name in the working folder."""
+
+    @property
+    def clip(self) -> Path:
+        """Return the file of the movement."""
+        return self.files[-1]
+
+    @property
+    def skeleton(self) -> Path | None:
+        """Return the file of the skeleton, if it is one of its own."""
+        return self.files[0] if len(self.files) > 1 else None
+
+    @property
+    def motion_name(self) -> str:
+        """Return the name of the motion."""
+        return self.name or NOT_OF_NAMES.sub("_", self.clip.stem)
+
+    @property
+    def target(self) -> Path:
+        """Return the file to write."""
+        return self.out or Path(f"{self.motion_name}{SUFFIX}")
+
+    def find_faults(self) -> list[str]:
+        """Report files of other kinds, times in the wrong order, and an output, too."""
+        faults = super().find_faults()
+        kinds = [file.suffix.lower() for file in self.files]
+        if kinds not in ([".bvh"], [".amc"], [".asf", ".amc"]):
+            given = " ".join(map(str, self.files)) or "missing"
+            return [*faults, f"the clip is {given}, expected {CLIPS}"]
+        if self.rate is not None and kinds == [".bvh"]:
+            faults.append("--rate is given, expected none with a .bvh file: it says its own")
+        begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
+        if not 0.0 <= begin < math.inf or math.isnan(end):
+            faults.append(f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on")
+        elif not begin < end:
+            faults.append(f"--begin is {begin:g} s, expected before --end, {end:g} s")
+        if self.target.suffix != SUFFIX:
+            faults.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
+        return faults + find_file_faults(self.target)

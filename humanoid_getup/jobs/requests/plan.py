@@ -1,0 +1,36 @@
+"""Request to plan a path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from tyro.conf import arg
+
+from humanoid_getup.jobs.requests.shared import (
+    NO_ORIGIN,
+    BodyOption,
+    Count,
+    Keys,
+    Origin,
+    SceneOptions,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest(BodyOption, SceneOptions):
+    """A path to plan, from a lying posture to a stored motion or to any posture."""
+
+    origin: Origin = None
+    key: Keys = ()
+    to: Annotated[str | None, arg(metavar="FILE|motions:NAME@TIME")] = None
+    """Where the path ends: a posture file, or a frame of a motion by its time [s]; default: the
+    nearest postures at which stored motions are joined, in turn."""
+    max_checks: Count = 300_000
+    """Postures that may be checked for collisions, for each path between two postures."""
+    refinement: bool = True
+    """Where there is no path, loosen the constraints and tighten them step by step."""
+
+    def find_faults(self) -> list[str]:
+        """Report a start that is missing, too."""
+        return super().find_faults() + ([] if self.origin else [NO_ORIGIN])

@@ -1,0 +1,39 @@
+"""Requests to import a robot from a model file, and to check one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from humanoid_getup.jobs.requests.shared import Request
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportRequest(Request):
+    """Make a robot folder from a model file: its own model, and a robot.toml whose guesses are
+    marked."""
+
+    model: Annotated[Positional[Path], arg(metavar="MODEL.xml|MODEL.urdf")]
+    """MJCF or URDF file of a humanoid that stands upright, z up."""
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder to make; it must not exist or be empty."""
+    name: str = ""
+    """Name of the robot; default: that of the folder."""
+    servo: Annotated[tuple[str, ...], arg(metavar="TYPE[=PATTERN],...")] = ()
+    """Servo types of all joints, or of those whose names match a pattern such as '*knee*'; the last
+    that matches counts. Default: the types nearest to what the model states."""
+    fix: Annotated[tuple[str, ...], arg(metavar="JOINT,...")] = ()
+    """Joints without servo, which are fixed where they stand."""
+    meshes: bool = False
+    """Keep meshes as convex hulls, instead of fitting boxes and capsules to them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckRequest(Request):
+    """A robot to check."""
+
+    robot: Annotated[Positional[str], arg(metavar="NAME|DIR")]
+    """Name of a robot, or a folder with a robot.toml."""

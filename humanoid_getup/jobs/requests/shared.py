@@ -1,0 +1,130 @@
+"""What requests share: robot, body, scene, seed, torque limit, preference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.requests.values import at_least, find_value_faults, positive
+
+Count = Annotated[int, at_least(1)]
+Keys = Annotated[
+    tuple[str, ...],
+    arg(
+        metavar="FILE|motions:NAME@TIME,...",
+        help="Postures to rise through, in order: posture files, or frames of motions by their "
+        "times [s].",
+    ),
+]
+MotionName = Annotated[
+    str,
+    arg(metavar="MOTION", help="Name of a motion in the robot's database, or an .npz file."),
+]
+Origin = Annotated[
+    str | None,
+    arg(
+        name="from",
+        metavar="supine|prone|left|right|FILE",
+        help="Start of a simulated robot: class of a sampled fall, or a posture file.",
+    ),
+]
+NO_ORIGIN = "--from is missing, expected supine, prone, left, right or a posture file"
+Prefer = Literal["time", "torque", "impact", "robustness"]
+PolicyName = Annotated[
+    str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
+]
+Seed = Annotated[int, at_least(0), arg(help="Random seed.")]
+TorqueLimitValue = Annotated[
+    float | None,
+    positive("N·m"),
+    arg(metavar="N·m", help="Torque limit per servo [N·m]; default: stall torque."),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What a job is asked for."""
+
+    def find_faults(self) -> list[str]:
+        """Report all that is wrong beyond the type and range of single values."""
+        return []
+
+    def check(self) -> None:
+        """Refuse what cannot be done.
+
+        Raises:
+            BadInputError: naming every field whose value does not fit.
+        """
+        if faults := find_value_faults(self) or self.find_faults():
+            raise BadInputError("; ".join(faults))
+
+
+A_POLICY = "a policy is made for the original body"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotOption(Request):
+    """Which robot."""
+
+    robot: str = "op3"
+    """Name of a robot, or a folder with a robot.toml."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyOption(Request):
+    """The lengths of a robot's parts."""
+
+    body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
+    """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
+    such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
+
+    def find_faults(self) -> list[str]:
+        """Report a body that cannot be, too."""
+        faults = super().find_faults()
+        if not self.body:
+            return faults
+        from robots import Body, BodyError  # imports numpy, which --help does without
+
+        try:
+            Body.parse(self.body)
+        except BodyError as error:
+            faults.append(f"--{error}")
+        return faults
+
+    def refuse_body(self, reason: str) -> list[str]:
+        """Report a body where only the original one will do."""
+        return [f"--body is {self.body}, expected none: {reason}"] if self.body else []
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneOptions(RobotOption):
+    """Robot, scene and seed."""
+
+    scene: str = "flat"
+    """Name of a scene, see `getup scenes`, or a scene file (.toml)."""
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueOptions(Request):
+    """A torque limit, and what it acts on."""
+
+    torque_limit: TorqueLimitValue = None
+    limit_by: Literal["current", "pwm", "ideal"] | None = None
+    """What the torque limit acts on: the motors' current, in current-based position mode; their
+    PWM, in position mode; or, on the twin, ideally the torque; default: the robot's own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreferenceOptions(Request):
+    """What a planned rise should be, and how long it is searched for."""
+
+    prefer: Prefer = "time"
+    """What a planned rise should be besides successful: quick, with low torque, with small jolts
+    (of the neck, not of the head alone), or with a margin against disturbances."""
+    search_budget: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 600.0
+    """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
+    stands or this is spent; one that stands is improved, as --prefer says, for up to half of it."""

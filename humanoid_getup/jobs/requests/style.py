@@ -1,0 +1,58 @@
+"""Requests for styles of rising."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption
+from humanoid_getup.jobs.requests.values import positive
+
+StyleOut = Annotated[Path, arg(metavar="FILE.toml")]
+SUFFIX = ".toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StyleOutput(BodyOption, RobotOption):
+    """Where a style is written."""
+
+    out: StyleOut
+    """Style file to write; an existing file is replaced."""
+
+    def find_faults(self) -> list[str]:
+        """Report a file that cannot be written, too."""
+        faults = super().find_faults() + find_file_faults(self.out)
+        if self.out.suffix != SUFFIX:
+            faults.append(f"--out is {self.out}, expected a name that ends with {SUFFIX}")
+        return faults
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExtractRequest(StyleOutput):
+    """Extract a style from a motion, a flight log, or a clip of motion capture."""
+
+    source: Annotated[Positional[str], arg(metavar="MOTION|FILE")]
+    """Name of a motion, or a file: .npz motion, .mcap flight log, .bvh or .amc clip."""
+    skeleton: Annotated[Path | None, arg(metavar="FILE.asf")] = None
+    """Skeleton of an .amc clip; default: the .asf file of the same subject beside it."""
+    rate: Annotated[float | None, positive("Hz"), arg(metavar="HZ")] = None
+    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
+    up: Literal["y", "z"] | None = None
+    """Axis of a clip that points up; default: y."""
+    begin: Annotated[float | None, arg(metavar="S")] = None
+    """Time at which the rise begins [s]; default: when something moves first."""
+    end: Annotated[float | None, arg(metavar="S")] = None
+    """Time at which it ends [s]; default: when everything has come to rest."""
+    finish: bool = False
+    """Let the last control point be a stand, whatever the source ends with."""
+
+    def find_faults(self) -> list[str]:
+        """Report times in the wrong order, too."""
+        faults = super().find_faults()
+        if self.begin is not None and self.end is not None and not self.begin < self.end:
+            faults.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
+        return faults

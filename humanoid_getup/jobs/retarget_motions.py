@@ -1,0 +1,108 @@
+"""Retargets motions: the keys of another robot's motions, tried and improved on a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from humanoid_getup.jobs.build_motions import BuiltMotions, build_all, check_folders, keep
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import find_keyframes, load_robot
+from humanoid_getup.jobs.requests.motions import RetargetRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.motions.build import build_unimproved, motion_file
+from humanoid_getup.motions.key_transfer import KeyTransfer
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes_file import KEYFRAMES
+from humanoid_getup.motions.keyframes_writer import append_keyframes
+from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from robots import Robot
+from robots import load_robot as load
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetargetedMotions:
+    """What became of another robot's keyframes."""
+
+    known: tuple[str, ...]
+    """Motions that the robot had already."""
+    sound: tuple[str, ...]
+    """Motions that stand as they are."""
+    rest: tuple[str, ...]
+    """Motions that do not."""
+    improved: BuiltMotions | None
+    """What became of the rest; None if it was not improved."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Return whether every motion stands."""
+        return not self.rest or (self.improved is not None and not self.improved.failures)
+
+
+def retarget(
+    request: RetargetRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> RetargetedMotions:
+    """Transfer the keys, keep the motions that stand as they are, and improve the others.
+
+    Motions that the robot has already stay as they are.
+
+    Raises:
+        BadInputError: if a robot or its keyframes are missing, or its folder cannot be written.
+        CancelledError: if ``cancel`` ended it; keys and motions that were ready are kept.
+    """
+    request.check()
+    monitor, robot = Monitor(report, cancel), load_robot(request)
+    with refusing():
+        source = load(request.source)
+    if source.folder.resolve() == robot.folder.resolve():
+        raise BadInputError(f"--source is {source.name}, the robot itself, expected another robot")
+    check_folders(robot)
+    wanted = _transfer(source, robot, request, monitor)
+    known = [each.name for each in wanted if motion_file(robot.folder, each.name).exists()]
+    if known:
+        monitor.tell(f"kept as they are: {', '.join(known)}")
+    new = [each for each in wanted if each.name not in known]
+    rest = [each for each in new if not _keep_if_sound(robot, each, request.seed, monitor)]
+    improves = bool(rest) and request.improve
+    if new:
+        monitor.tell(f"{len(new) - len(rest)} of {len(new)} stand as they are")
+    return RetargetedMotions(
+        known=tuple(known),
+        sound=tuple(each.name for each in new if each not in rest),
+        rest=tuple(each.name for each in rest),
+        improved=build_all(robot, rest, request, monitor) if improves else None,
+    )
+
+
+def _transfer(
+    source: Robot, robot: Robot, request: RetargetRequest, monitor: Monitor
+) -> Sequence[Keyframes]:
+    """Write the keys that the robot does not have yet; return all that were asked for."""
+    path = robot.folder / KEYFRAMES
+    wanted = find_keyframes(source, request.names)
+    known = {each.name for each in find_keyframes(robot, ())} if path.exists() else set()
+    new = [each for each in wanted if each.name not in known]
+    if new:
+        monitor.begin("pointing the limbs")
+        with refusing():
+            transfer = KeyTransfer.between(source, robot)
+            append_keyframes(path, [transfer.transfer(each) for each in new], robot)
+    monitor.tell(f"keys of {len(new)} motions of {source.name} written to {path}")
+    return find_keyframes(robot, tuple(each.name for each in wanted))
+
+
+def _keep_if_sound(robot: Robot, keyframes: Keyframes, seed: int, monitor: Monitor) -> bool:
+    """Keep a motion that stands in most disturbed worlds as it is; tell how it ended."""
+    monitor.begin(f"playing {keyframes.name}")
+    build = build_unimproved(robot, keyframes, seed)
+    if build.failure:
+        monitor.tell(build.failure)
+        return False
+    keep(build, robot, keep_keys=False)
+    share = float(build.motion.provenance["disturbed_success"])
+    monitor.tell(
+        f"motion '{keyframes.name}' stands, in {share:.0%} of disturbed worlds: "
+        f"{Path(MOTION_FOLDER) / keyframes.name}.npz"
+    )
+    return True

@@ -1,0 +1,135 @@
+"""Trains a get-up policy, and exports it to one ONNX file."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import deque
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from humanoid_getup.jobs.errors import BadInputError, needing, refusing
+from humanoid_getup.jobs.inputs import load_robot, load_robot_of
+from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
+from humanoid_getup.long_work.progress import Cancel, Monitor, Progress, Report
+
+if TYPE_CHECKING:
+    from sim2real.training.export import Exported
+    from sim2real.training.iteration_log import TrainReport
+
+RECENT = 20  # iterations whose falls are counted: enough for a steady share
+
+
+class TrainedPolicy:
+    """How a training stands, from the reports of its iterations."""
+
+    def __init__(self, *, leads: bool) -> None:
+        """Begin without a report; of several processes, one leads and speaks."""
+        self.leads = leads
+        self.recent: deque[TrainReport] = deque(maxlen=RECENT)
+        """Reports of the last iterations; none if the training had as many as requested."""
+
+    @property
+    def share(self) -> float:
+        """Return the share of recent falls that ended standing; nan for none."""
+        falls = sum(report.falls for report in self.recent)
+        return sum(report.stood for report in self.recent) / falls if falls else math.nan
+
+    def __str__(self) -> str:
+        """Summarize how the training ended."""
+        if not self.recent:
+            return "trained already, for the requested number of iterations"
+        last = self.recent[-1]
+        return (
+            f"{last.iteration + 1} iterations, {last.steps / 1e6:.2f} million steps in "
+            f"{format_time(last.seconds)}; recently {self.share:.0%} of falls ended standing"
+        )
+
+
+def train(
+    request: TrainRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> TrainedPolicy:
+    """Train into the request's folder, or continue the training in it.
+
+    Raises:
+        BadInputError: if the folder, a parent or a prior cannot be used, or torch is missing.
+        CancelledError: if ``cancel`` ended it; the last checkpoint is kept.
+    """
+    request.check()
+    parent, prior = request.parent, request.prior
+    if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
+        raise BadInputError(
+            f"--parent is {parent}, expected the folder of a training, or a policy file"
+        )
+    if prior is not None and not prior.is_dir():
+        raise BadInputError(f"--prior is {prior}, expected the folder of a pose prior")
+    robot, monitor = load_robot(request), Monitor(report, cancel)
+    monitor.begin("loading torch")
+    with needing("train"):
+        import torch
+
+        from sim2real.training.config import RECIPES
+        from sim2real.training.distributed import DistributedProcess
+        from sim2real.training.train import TrainingInputs, check_inputs, train
+    _check_device(request.device, has_gpu=torch.cuda.is_available())
+    recipe = RECIPES[request.recipe]
+    recipe = replace(
+        recipe,
+        iterations=request.iterations or recipe.iterations,
+        robots=request.robots or recipe.robots,
+    )
+    trained = TrainedPolicy(leads=DistributedProcess.from_environment(os.environ).leads)
+
+    def note(each: TrainReport) -> None:
+        trained.recent.append(each)
+        text = f"{trained.share:.0%} stand, {each.steps / max(each.seconds, 1e-9):,.0f} steps/s"
+        done = each.iteration + 1
+        monitor.show(Progress(phase="training", done=done, total=recipe.iterations, note=text))
+
+    inputs = TrainingInputs(
+        parent=parent, prior=prior, device=request.device, threads=request.threads
+    )
+    with refusing():
+        robot.require_imu_site()
+        check_inputs(robot, recipe, request.out, parent, prior)
+        train(robot, recipe, request.seed, request.out, inputs, note)
+    return trained
+
+
+def export(
+    request: ExportRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> Exported:
+    """Export the policy of a training, as far as it has come, to one ONNX file.
+
+    Raises:
+        BadInputError: if the folder is of no training, or torch is missing.
+        CancelledError: if ``cancel`` ended it; then nothing is written.
+    """
+    request.check()
+    monitor = Monitor(report, cancel)
+    monitor.begin("loading torch")
+    with needing("train"):
+        from sim2real.training.config import TrainingRecord
+        from sim2real.training.export import export_policy
+    monitor.begin("exporting")
+    with refusing():
+        training = TrainingRecord.load(request.folder)
+        robot = load_robot_of(request, training.robot, f"training {request.folder}")
+        return export_policy(training, robot, request.out)
+
+
+def _check_device(device: str, *, has_gpu: bool) -> None:
+    name, _, number = device.partition(":")
+    is_numbered = number.isdecimal() or device == name
+    if is_numbered and (name == "cpu" or (name == "cuda" and has_gpu)):
+        return
+    expected = "cpu or cuda" if has_gpu else "cpu: torch finds no GPU here"
+    raise BadInputError(f"--device is '{device}', expected {expected}")
+
+
+def format_time(seconds: float) -> str:
+    """Write a duration for people: 42 s, 7 min, 1 h 05 min."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"

@@ -1,0 +1,70 @@
+"""What is done of long work is kept as it is, and never taken for that of another recipe."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.long_work.ledger import Ledger
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-9, 9) | st.floats(allow_nan=False, width=32),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=6,
+)
+RECIPE: dict[str, Any] = {"seed": 0, "world": "a" * 64}
+
+
+@given(parts=st.dictionaries(st.text(max_size=9), JSON, min_size=1, max_size=4))
+def test_what_is_loaded_is_what_was_kept(tmp_path_factory, parts):
+    path = tmp_path_factory.mktemp("work") / "new" / "ledger.json"
+    ledger = Ledger.resume(path, RECIPE)
+    assert ledger.done == {}
+    kept = {name: ledger.add(name, result) for name, result in parts.items()}
+    again = Ledger.resume(path, RECIPE)
+    assert again.done == kept
+    assert list(again.done) == list(parts)
+
+
+def test_a_new_ledger_replaces_the_one_that_is_there_with_its_first_part(tmp_path: Path):
+    path = tmp_path / "ledger.json"
+    Ledger(path, RECIPE).add("one", 1)
+    ledger = Ledger(path, {"seed": 7})
+    assert Ledger.resume(path, RECIPE).done == {"one": 1}
+    ledger.add("two", 2)
+    assert Ledger.resume(path, {"seed": 7}).done == {"two": 2}
+
+
+@pytest.mark.parametrize(
+    ("recipe", "told"),
+    [
+        (RECIPE | {"seed": 1}, r"made with another seed \(0, now 1\), expected the same"),
+        (RECIPE | {"world": "b" * 64}, "made with another world, expected the same"),
+        (RECIPE | {"more": 2}, r"made with another more \(None, now 2\)"),
+        ({"seed": 0}, "made with another world, expected the same"),
+    ],
+)
+def test_the_work_of_another_recipe_is_refused_by_what_differs(tmp_path: Path, recipe, told):
+    Ledger(tmp_path / "ledger.json", RECIPE).add("one", 1)
+    with pytest.raises(ValueError, match=told):
+        Ledger.resume(tmp_path / "ledger.json", recipe)
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"recipe": 3}', '{"recipe": {}}'])
+def test_a_damaged_ledger_is_refused_in_one_line(tmp_path: Path, damage: str):
+    path = tmp_path / "ledger.json"
+    path.write_text(damage)
+    with pytest.raises(ValueError, match="without --resume it starts over") as told:
+        Ledger.resume(path, RECIPE)
+    assert str(told.value).isprintable()
+
+
+def test_a_result_that_was_changed_is_refused(tmp_path: Path):
+    path = tmp_path / "ledger.json"
+    Ledger(path, RECIPE).add("one", {"rises": 3})
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"done": {"one": {"rises": 4}}}))
+    with pytest.raises(ValueError, match="its checksum differs"):
+        Ledger.resume(path, RECIPE)

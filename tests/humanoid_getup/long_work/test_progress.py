@@ -1,0 +1,39 @@
+"""Long work tells how far it is, and ends between two pieces once it is cancelled."""
+
+import threading
+
+import pytest
+
+from humanoid_getup.long_work.progress import CancelledError, Monitor, Progress
+
+
+def test_what_is_counted_adds_up():
+    seen: list[Progress] = []
+    advance = Monitor(seen.append).count("rises", 3)
+    advance(1)
+    advance(2)
+    assert [each.done for each in seen] == [0, 1, 3]
+    assert {(each.phase, each.total) for each in seen} == {("rises", 3)}
+
+
+def test_work_that_is_cancelled_ends_with_the_next_piece():
+    cancel = threading.Event()
+    seen: list[Progress] = []
+    monitor = Monitor(seen.append, cancel.is_set)
+    monitor.begin("reading")
+    cancel.set()
+    for go_on in (lambda: monitor.tell("found"), monitor.check, lambda: monitor.begin("more")):
+        with pytest.raises(CancelledError):
+            go_on()
+    assert [each.message for each in seen] == [
+        "",
+        "found",
+        "",
+    ]
+
+
+def test_work_needs_no_one_who_watches():
+    monitor = Monitor()
+    monitor.begin("reading")
+    monitor.count("rises", 2)(2)
+    monitor.check()

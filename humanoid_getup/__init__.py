@@ -28,6 +28,34 @@ if TYPE_CHECKING:
     from humanoid_getup.execution.keep_stand import keep_stand
     from humanoid_getup.execution.session import SessionOptions
     from humanoid_getup.experiments.starts import sample_fall
+    from humanoid_getup.jobs.build_motions import build_motions
+    from humanoid_getup.jobs.check_robot import check_robot
+    from humanoid_getup.jobs.discover_motions import discover
+    from humanoid_getup.jobs.evaluate_policy import evaluate
+    from humanoid_getup.jobs.extract_style import extract_style
+    from humanoid_getup.jobs.import_clip import import_clip
+    from humanoid_getup.jobs.import_keys import import_keys
+    from humanoid_getup.jobs.import_robot import import_robot
+    from humanoid_getup.jobs.make_prior import make_prior
+    from humanoid_getup.jobs.measure_robot import measure_robot
+    from humanoid_getup.jobs.requests.learning import (
+        EvaluateRequest,
+        ExportRequest,
+        PriorRequest,
+        TrainRequest,
+    )
+    from humanoid_getup.jobs.requests.motions import (
+        BuildRequest,
+        ClipRequest,
+        DiscoverRequest,
+        ImportKeysRequest,
+        RetargetRequest,
+    )
+    from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
+    from humanoid_getup.jobs.requests.style import ExtractRequest
+    from humanoid_getup.jobs.retarget_motions import retarget
+    from humanoid_getup.jobs.train_policy import export, train
+    from humanoid_getup.long_work.progress import CancelledError, Progress
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
     from humanoid_getup.simulation.world import World
@@ -46,13 +74,26 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Body": "robots.proportions",
+    "BuildRequest": "humanoid_getup.jobs.requests.motions",
     "CachedRise": "humanoid_getup.strategies.cached_rise",
+    "CancelledError": "humanoid_getup.long_work.progress",
+    "CheckRequest": "humanoid_getup.jobs.requests.robots",
+    "ClipRequest": "humanoid_getup.jobs.requests.motions",
+    "DiscoverRequest": "humanoid_getup.jobs.requests.motions",
     "DynamixelBackend": "drivers.dynamixel.backend",
+    "EvaluateRequest": "humanoid_getup.jobs.requests.learning",
+    "ExportRequest": "humanoid_getup.jobs.requests.learning",
+    "ExtractRequest": "humanoid_getup.jobs.requests.style",
+    "ImportKeysRequest": "humanoid_getup.jobs.requests.motions",
+    "ImportRequest": "humanoid_getup.jobs.requests.robots",
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
     "Motion": "humanoid_getup.motions.motion",
     "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
     "PlanCache": "humanoid_getup.strategies.plan_cache",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
+    "PriorRequest": "humanoid_getup.jobs.requests.learning",
+    "Progress": "humanoid_getup.long_work.progress",
+    "RetargetRequest": "humanoid_getup.jobs.requests.motions",
     "SafetyGuard": "drivers.safety_guard",
     "SessionOptions": "humanoid_getup.execution.session",
     "StoredMotion": "humanoid_getup.strategies.stored_motion",
@@ -60,24 +101,51 @@ _HOMES = {
     "StyleCurves": "humanoid_getup.style.curves",
     "StyledRise": "humanoid_getup.strategies.styled_rise",
     "TorqueLimit": "robots.torque_limit",
+    "TrainRequest": "humanoid_getup.jobs.requests.learning",
     "Twin": "drivers.twin.backend",
     "World": "humanoid_getup.simulation.world",
+    "build_motions": "humanoid_getup.jobs.build_motions",
+    "check_robot": "humanoid_getup.jobs.check_robot",
+    "discover": "humanoid_getup.jobs.discover_motions",
+    "evaluate": "humanoid_getup.jobs.evaluate_policy",
+    "export": "humanoid_getup.jobs.train_policy",
+    "extract_style": "humanoid_getup.jobs.extract_style",
     "get_up": "humanoid_getup.execution.get_up",
+    "import_clip": "humanoid_getup.jobs.import_clip",
+    "import_keys": "humanoid_getup.jobs.import_keys",
+    "import_robot": "humanoid_getup.jobs.import_robot",
     "keep_stand": "humanoid_getup.execution.keep_stand",
     "load_robot": "robots.loading",
     "load_style": "humanoid_getup.style.style_file",
+    "make_prior": "humanoid_getup.jobs.make_prior",
+    "measure_robot": "humanoid_getup.jobs.measure_robot",
+    "retarget": "humanoid_getup.jobs.retarget_motions",
     "sample_fall": "humanoid_getup.experiments.starts",
+    "train": "humanoid_getup.jobs.train_policy",
 }
 
 __all__ = [
     "Body",
+    "BuildRequest",
     "CachedRise",
+    "CancelledError",
+    "CheckRequest",
+    "ClipRequest",
+    "DiscoverRequest",
     "DynamixelBackend",
+    "EvaluateRequest",
+    "ExportRequest",
+    "ExtractRequest",
+    "ImportKeysRequest",
+    "ImportRequest",
     "LearnedRise",
     "Motion",
     "OnnxPolicy",
     "PlanCache",
     "PlannedRise",
+    "PriorRequest",
+    "Progress",
+    "RetargetRequest",
     "SafetyGuard",
     "SessionOptions",
     "StoredMotion",
@@ -85,13 +153,27 @@ __all__ = [
     "StyleCurves",
     "StyledRise",
     "TorqueLimit",
+    "TrainRequest",
     "Twin",
     "World",
+    "build_motions",
+    "check_robot",
+    "discover",
+    "evaluate",
+    "export",
+    "extract_style",
     "get_up",
+    "import_clip",
+    "import_keys",
+    "import_robot",
     "keep_stand",
     "load_robot",
     "load_style",
+    "make_prior",
+    "measure_robot",
+    "retarget",
     "sample_fall",
+    "train",
 ]
 
 

@@ -18,6 +18,7 @@ from robots.kinematics import read_posture
 BODY_TEXT = "shoulders=1.2"
 
 
+@pytest.mark.usefixtures("no_film")
 def test_a_flight_with_another_body_is_replayed_with_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -95,9 +95,9 @@ def test_falls_of_another_scene_are_refused(policy: str, falls: str, op3: Robot,
     assert "they are of scene 'moon', not 'flat'" in capsys.readouterr().err
 
 
-def test_every_four_falls_on_rough_ground_have_a_ground_of_their_own(tmp_path):
+def test_every_four_falls_on_rough_ground_have_a_ground_of_their_own(policy, tmp_path):
     file = tmp_path / "rough.json"
-    command = ("eval", "quick", "--n", "8", "--scene", "flat,rough:easy", "--json", str(file))
+    command = ("eval", policy, "--n", "8", "--scene", "flat,rough:easy", "--json", str(file))
     assert main(command) == 0
     flat, rough = json.loads(file.read_text())["cases"].values()
     assert (flat["grounds"], rough["grounds"]) == (1, 2)

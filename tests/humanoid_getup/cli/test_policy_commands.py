@@ -42,6 +42,7 @@ def run(*arguments: str, out: Path, code: int = 1) -> dict:
     return json.loads(out.read_text())
 
 
+@pytest.mark.usefixtures("no_film")
 def test_a_policy_is_run_the_same_way_on_the_twin_and_on_the_bus(
     policy: str, op3: Robot, tmp_path: Path
 ):

@@ -29,6 +29,7 @@ def run(*arguments: str, out: Path) -> tuple[int, dict]:
 
 
 @pytest.mark.parametrize("backend", ["twin", pytest.param("virtual", marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("no_film")
 def test_a_robot_sits_and_lies_down(backend: str, tmp_path: Path, op3: Robot):
     arguments = ("sit", "--backend", backend, "--torque-limit", "2.5", "--out", str(tmp_path))
     code, report = run(*arguments, out=tmp_path)

@@ -68,6 +68,7 @@ def test_the_style_of_a_motion_is_that_of_its_frames(op3, tmp_path):
     assert curve.neck_height[-1] == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.usefixtures("no_film")
 def test_a_flight_shows_the_style_that_was_followed(op3, policy, tmp_path):
     out, replayed = tmp_path / "run", tmp_path / "replayed"
     assert main(("run", policy, "--from", "left", "--style", "side-sit", *SHORT, "--out", str(out)))
@@ -87,7 +88,7 @@ def test_a_flight_shows_the_style_that_was_followed(op3, policy, tmp_path):
 
 
 @pytest.mark.parametrize("backend", ["twin", pytest.param("virtual", marks=pytest.mark.slow)])
-@pytest.mark.usefixtures("stored_plans")
+@pytest.mark.usefixtures("stored_plans", "no_film")
 def test_a_plan_commands_the_policy_by_its_curves(op3, policy, lying, tmp_path, backend):
     arguments = ("rise", "--from", lying, "--method", "policy", "--policy", policy)
     options = ("--style", "planned", "--attempts", "1", "--backend", backend)

@@ -145,6 +145,8 @@ def test_targets_are_held_from_two_and_a_half_periods_without_a_measurement(
     sent = turn(guard, backend, 0.02, joint_age=np.array([age * PERIOD, 0.0]))
     assert guard.holds == holds
     assert sent.joint_pos == pytest.approx(0.01 if holds else 0.02)
+    guard.connect()
+    assert guard.holds == 0, "each connection counts its own"
 
 
 def test_only_silent_or_faulty_joints_are_named(guard, backend):

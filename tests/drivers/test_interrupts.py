@@ -35,6 +35,20 @@ def test_a_signal_is_handled_after_the_block():
         interrupt()
 
 
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_every_signal_that_ends_a_program_waits(name: str):
+    """A terminal that is closed sends SIGHUP, a service that is stopped SIGTERM."""
+    number, steps = signal.Signals[name], list[str]()
+    before = signal.signal(number, lambda *_: steps.append("handled"))
+    try:
+        with deferred_interrupts():
+            os.kill(os.getpid(), number)
+            steps.append("block")
+    finally:
+        signal.signal(number, before)
+    assert steps == ["block", "handled"]
+
+
 def test_an_error_of_the_block_is_not_hidden():
     with pytest.raises(ValueError, match="mine"), deferred_interrupts():
         interrupt()

@@ -5,23 +5,45 @@ import sys
 from pathlib import Path
 
 import pytest
+from paths import REPOSITORY
 
 from humanoid_getup.library_environment import prepare
 
 PROGRAM = """
+import sys
+from pathlib import Path
+import numpy as np
 from humanoid_getup.cli.main import main
-assert main(["run", "robust", "--from", "supine", "--seed", "1", "--out", "policy"]) == 0
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.reporting.film_strip import NoRendererError, render_frames, save_strip
+from humanoid_getup.simulation.world import World
+from robots import load_robot
+from robots.kinematics import place
+sys.path.append(sys.argv[1])
+from tiny_policies import state_of
+
+robot = load_robot("op3")
+policy, model = OnnxPolicy.load(find_policy(robot, "robust"), robot), World(robot).model
+policy.reset(state_of(robot))
+for cycle in range(100):
+    policy.step(state_of(robot, cycle * robot.control_period))
+try:
+    pictures = render_frames(robot, model, place(robot, model, robot.standing)[None])
+except NoRendererError:  # without OpenGL the figure alone is tried
+    pictures = np.zeros((1, 8, 8, 3))
+save_strip(pictures, [0.0], Path("strip.png"))
 assert main(["plan", "--from", "prone", "--json", "plan.json"]) == 0
 """
 
 
-def test_a_policy_and_a_plan_write_into_their_folders_alone(tmp_path: Path):
+def test_a_policy_a_picture_and_a_plan_write_what_is_named_alone(tmp_path: Path):
+    pytest.importorskip("onnx")
     home, work, temporary = (tmp_path / name for name in ("home", "work", "tmp"))
     for folder in (home, work, temporary):
         folder.mkdir()
     places = {f"XDG_{name}_HOME": str(home / name) for name in ("CACHE", "CONFIG", "DATA", "STATE")}
     subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", PROGRAM, str(REPOSITORY / "tests" / "support")],
         check=True,
         cwd=work,
         env={
@@ -33,7 +55,7 @@ def test_a_policy_and_a_plan_write_into_their_folders_alone(tmp_path: Path):
         },
         capture_output=True,
     )
-    assert {path.name for path in work.iterdir()} == {"policy", "plan.json"}
+    assert {path.name for path in work.iterdir()} == {"strip.png", "plan.json"}
     assert list(home.rglob("*")) == []
     assert list(temporary.rglob("*")) == []
 

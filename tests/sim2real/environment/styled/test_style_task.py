@@ -10,9 +10,9 @@ from nonempty import nonempty
 pytest.importorskip("torch")
 
 from made_up_rises import make_prior
+from styled_env import make_library, make_styled_env
 
 from humanoid_getup.policy.action import build_posture_spec
-from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
 from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
@@ -25,17 +25,6 @@ from sim2real.environment.styled.style_task import GRACE, HEAD_UP, TERMINATION_T
 
 RIGHT = np.pi / 2
 STEP = 0.048  # s
-SAMPLES = 5
-
-
-def make_library(robot: Robot, states: np.ndarray) -> CurveLibrary:
-    """Make a library of the named styles and, of the first two, known rises."""
-    curves = list(load_any_style(robot).curves)
-    target = np.full((len(curves), SAMPLES, robot.n), np.nan)
-    target[:2] = robot.standing.joint_pos
-    sources = ["planned: one", "policy: two", *[""] * (len(curves) - 2)]
-    row, share = np.zeros(len(states), dtype=int), np.linspace(0.0, 1.0, len(states))
-    return CurveLibrary.of(curves, target, sources, 0.5, (states, row, share))
 
 
 @pytest.fixture
@@ -45,19 +34,7 @@ def head(op3: Robot) -> PriorHead:
 
 @pytest.fixture
 def env(op3: Robot, pool: StartPool, head: PriorHead) -> GetUpEnv:
-    robots = 12
-    options = EnvOptions(
-        robots=robots,
-        rewards=REWARDS["styled"],
-        falls=0.5,
-        motions=0.25,
-        ends_early=0.0,
-        threads=1,
-    )
-    task = StyleTask(op3, robots, make_library(op3, pool.qpos[:4]), head, threads=1)
-    made = GetUpEnv(op3, head._action, pool, options, task)
-    made.reset(seed=0)
-    return made
+    return make_styled_env(op3, pool, head)
 
 
 def step_on(task: StyleTask) -> None:

@@ -116,7 +116,7 @@ def test_a_part_depends_on_what_changes_its_result(whole):
 
 
 def test_a_run_that_was_interrupted_ends_as_one_that_was_not(whole, results, tmp_path):
-    parts = whole.parts()
+    parts = replace(whole, methods=whole.methods[1:]).parts()
     for part in parts[::2]:
         run_part(part, open_part(tmp_path / "parts", part, resume=True), lambda _: None)
     ledgers = [open_part(tmp_path / "parts", part, resume=True) for part in parts]
@@ -124,7 +124,8 @@ def test_a_run_that_was_interrupted_ends_as_one_that_was_not(whole, results, tmp
         if not ledger.done:
             run_part(part, ledger, lambda _: None)
     resumed = [open_part(tmp_path / "parts", part, resume=True).done[RESULT] for part in parts]
-    assert resumed == list(results.values())
+    assert len(parts) >= 3
+    assert resumed == [results[part.name] for part in parts]
     assert len(list((tmp_path / "parts").iterdir())) == len(parts)
 
 

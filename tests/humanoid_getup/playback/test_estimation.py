@@ -168,7 +168,8 @@ def test_a_start_in_an_obstacle_is_refused_by_its_name(op3: Robot, lateral: Post
 
 
 @pytest.mark.parametrize(
-    "scene", ["soft-bed", "table", pytest.param("wall", marks=pytest.mark.slow)]
+    "scene",
+    ["soft-bed", *(pytest.param(name, marks=pytest.mark.slow) for name in ("table", "wall"))],
 )
 def test_a_robot_that_rests_against_what_is_around_it_may_start(op3: Robot, scene: str):
     """It sinks into a soft bed, and touches walls and table legs."""

@@ -1,6 +1,7 @@
 """A port works, or says in one line why it does not; it never hangs."""
 
 import errno
+import fcntl
 import os
 import threading
 import time
@@ -214,3 +215,20 @@ def test_no_descriptor_is_left_behind(wire):
         with pytest.raises(PortError):
             SerialPort(os.devnull + "x", 1_000_000).open()
     assert count() == before
+
+
+TIOCGEXCL = 0x80045440  # Linux' asm-generic/ioctls.h
+
+
+def test_programs_that_ignore_locks_are_kept_out_while_it_is_open():
+    """An administrator's programs may open it all the same, so that the flag itself is read."""
+    master, slave = os.openpty()
+    try:
+        port = SerialPort(os.ttyname(slave), 1_000_000)
+        port.open()
+        assert any(fcntl.ioctl(slave, TIOCGEXCL, bytes(4)))
+        port.close()
+        assert not any(fcntl.ioctl(slave, TIOCGEXCL, bytes(4)))
+    finally:
+        os.close(master)
+        os.close(slave)

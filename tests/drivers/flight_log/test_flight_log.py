@@ -22,7 +22,8 @@ from recording_backend import still_state
 
 from drivers import ClipCounts, Command, Cycle, Guidance
 from drivers.control_loop import Timing
-from drivers.flight_log.reader import Event, FlightRecord
+from drivers.flight_log.content import Event
+from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
 from robots import Posture, Robot, load_robot
 

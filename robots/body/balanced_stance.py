@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from robots.body.body_plan import BodyPlan
-from robots.body.flat_soles import CLOSE, HABIT, MARGIN, FlatSoles, Foot, fit_angles
+from robots.body.flat_soles import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
 from robots.quaternion import Array
 
 EXTENSION = 0.94  # of the longest leg
@@ -21,7 +21,6 @@ SPREADS = (0.1, 0.25, 0.4, 0.6, 0.8, 1.0)
 """Slopes at which arms hang outwards, tried in turn until they are free."""
 LONG_PART = 0.2  # share of an arm from which it has a direction of its own
 SOLVED = 0.03  # largest residual of a stance, in leg lengths and unit vectors
-EVALUATIONS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,15 +76,12 @@ class StanceSolver:
     def _solve_from(self, start: Array, extension: float, spread: float) -> BalancedStance:
         free, reach = self._free, extension * self.leg_length
 
-        def residuals(values: Array) -> Array:
-            self._look(values)
-            habit = HABIT * (values - self._before[free])
-            return np.concatenate(
-                [CLOSE * self._measure_errors(reach), LOOSE * self._arm_errors(spread), habit]
-            )
+        def measure() -> Array:
+            errors = self._measure_errors(reach), self._arm_errors(spread)
+            return np.concatenate([CLOSE * errors[0], LOOSE * errors[1]])
 
         bounds = (self._lower[free], self._upper[free])
-        angles = self._look(fit_angles(residuals, start[free], bounds, EVALUATIONS))
+        angles = fit_posture(self._look, measure, start[free], self._before[free], bounds)
         return BalancedStance(angles, float(np.abs(self._measure_errors(reach)).max()))
 
     def _measure_errors(self, reach: float) -> Array:

@@ -14,6 +14,7 @@ from robots.quaternion import Array
 
 CLOSE, HABIT = 5.0, 0.02
 """Weights: of the feet's place, of the angles' distance from before."""
+EVALUATIONS = 200
 MARGIN = 0.02  # rad from the end of a joint's range
 
 
@@ -72,12 +73,26 @@ class FlatSoles:
         return axes[:, 0, 2], np.concatenate([*errors, stride, [balance]])
 
 
-def fit_angles(
-    residuals: Callable[[Array], Array],
+def fit_posture(
+    look: Callable[[Array], Array],
+    measure: Callable[[], Array],
     start: Array,
+    before: Array,
     bounds: tuple[Array, Array],
-    evaluations: int,
 ) -> Array:
-    """Fit angles (j,) within bounds to make residuals small, from a start that is clipped [rad]."""
+    """Fit some joint angles (j,) within bounds [rad]; return all angles (n,), looked at last.
+
+    Args:
+        look: Looks at a posture with these angles, and returns all of its angles.
+        measure: Measures the weighed errors of the posture that was looked at last.
+        start: Angles from which the search begins, clipped.
+        before: Angles from which the way should be short.
+        bounds: Least and greatest angles.
+    """
+
+    def residuals(values: Array) -> Array:
+        look(values)
+        return np.concatenate([measure(), HABIT * (values - before)])
+
     start = np.clip(start, *bounds)
-    return least_squares(residuals, start, bounds=bounds, max_nfev=evaluations).x
+    return look(least_squares(residuals, start, bounds=bounds, max_nfev=EVALUATIONS).x)

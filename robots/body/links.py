@@ -78,3 +78,29 @@ def gather_links(model: mujoco.MjModel, body: int) -> Link:
             else:
                 link.bodies.append(child)
     return link
+
+
+@dataclass(eq=False)
+class LinkFrames:
+    """Frames of links, those of their first bodies, where `data` has them."""
+
+    data: mujoco.MjData
+
+    def pose(self, body: int, link: Link) -> tuple[Array, Array]:
+        """Return position [m], (3,), and axes, (3, 3), of a body in a link's frame."""
+        axes = self.axes(link)
+        away = self.data.xpos[body] - self.data.xpos[link.root]
+        return axes.T @ away, axes.T @ self.data.xmat[body].reshape(3, 3)
+
+    def axes(self, link: Link) -> Array:
+        """Return the axes of a link's frame in the world, in columns, (3, 3)."""
+        return self.data.xmat[link.root].reshape(3, 3)
+
+    def turn(self, direction: Array, source: Link, target: Link) -> Array:
+        """Convert a direction (3,) from one link's frame to another's."""
+        return self.axes(target).T @ (self.axes(source) @ direction)
+
+    def anchor_in(self, link: Link, frame: Link) -> Array:
+        """Return where a link's first joint is in the frame of another [m], (3,)."""
+        position, axes = self.pose(link.root, frame)
+        return position + axes @ link.anchor()

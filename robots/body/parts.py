@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from robots.body.links import Link, gather_links
-from robots.quaternion import Array
+from robots.body.links import Link, LinkFrames, gather_links
 from robots.robot import Robot
 
 BESIDE = 1e-3  # m from the middle of the torso, where a limb is on one side
@@ -78,14 +77,14 @@ def find_parts(
     """Find the parts of a model by its soles and the joints of its head, all joints at zero."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    body = model.body(torso).id
+    frames, root = LinkFrames(data), gather_links(model, model.body(torso).id)
     soles = {model.site(name).id for name in sole_sites}
     head = {model.joint(name).id for name in head_joints}
     return sort_parts(
-        gather_links(model, body),
+        root,
         is_foot=lambda link: not soles.isdisjoint(link.sites),
         is_head=lambda link: {j for part in link.walk() for j in part.joints} <= head,
-        aside=lambda link: float(_locate_joint(data, link, body)[1]),
+        aside=lambda link: float(frames.anchor_in(link, root)[1]),
     )
 
 
@@ -126,12 +125,6 @@ def _carries_limbs(link: Link, aside: Callable[[Link], float]) -> bool:
         link = link.children[0]
     places = [aside(child) for child in link.children]
     return min(places, default=0.0) < -BESIDE and max(places, default=0.0) > BESIDE
-
-
-def _locate_joint(data: mujoco.MjData, link: Link, frame: int) -> Array:
-    """Locate a link's first joint in the frame of a body [m], (3,)."""
-    turn, own = (data.xmat[body].reshape(3, 3) for body in (frame, link.root))
-    return turn.T @ (data.xpos[link.root] - data.xpos[frame]) + turn.T @ own @ link.anchor()
 
 
 def _find_way(link: Link, body: int) -> list[Link]:

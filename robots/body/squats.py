@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.body.flat_soles import CLOSE, HABIT, MARGIN, FlatSoles, Foot, fit_angles
+from robots.body.flat_soles import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
 from robots.body.limb import ARMS, LEGS
 from robots.body.limbs import Limbs
 from robots.body.overlap import find_overlaps
@@ -20,7 +20,6 @@ LEAN = 0.2  # weight of a torso that may lean
 SOLVED = 0.02  # largest residual, in leg lengths and unit vectors
 MOST_LEAN = np.radians(50.0)  # of the torso; beyond, a robot folds rather than crouches
 GAP = 3  # extensions in a row without a balanced posture: deeper ones are another way to crouch
-EVALUATIONS = 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,14 +116,12 @@ class _SquatSearch:
         return None
 
     def _solve_from(self, start: Array, reach: float) -> Array | None:
-        before = self._before[self._joints]
-
-        def residuals(values: Array) -> Array:
-            self._look(values)
+        def measure() -> Array:
             lean, errors = self._soles.measure(reach)
-            return np.concatenate([LEAN * lean, CLOSE * errors, HABIT * (values - before)])
+            return np.concatenate([LEAN * lean, CLOSE * errors])
 
-        angles = self._look(fit_angles(residuals, start, self._bounds, EVALUATIONS))
+        before = self._before[self._joints]
+        angles = fit_posture(self._look, measure, start, before, self._bounds)
         return angles if np.abs(self._soles.measure(reach)[1]).max() < SOLVED else None
 
     def _look(self, values: Array) -> Array:

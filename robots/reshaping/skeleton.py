@@ -7,12 +7,12 @@ from collections.abc import Collection
 import mujoco
 import numpy as np
 
-from robots.body.links import Link
+from robots.body.links import Link, LinkFrames
 from robots.body.parts import find_parts
 from robots.quaternion import Array
 
 
-class Skeleton:
+class Skeleton(LinkFrames):
     """Parts of a specification that is compiled, its joints all at their zeros."""
 
     def __init__(
@@ -24,7 +24,7 @@ class Skeleton:
         head_joints: Collection[str],
     ) -> None:
         self.spec, self.model = spec, spec.compile()
-        self.data = mujoco.MjData(self.model)
+        super().__init__(mujoco.MjData(self.model))
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         self._soles = {self.model.site(name).id for name in sole_sites}
@@ -55,25 +55,6 @@ class Skeleton:
         )
         away = [self.data.site_xpos[sole] - self.data.xpos[link.root] for sole in soles]
         return self.axes(link).T @ np.mean(away, axis=0)
-
-    def pose(self, body: int, link: Link) -> tuple[Array, Array]:
-        """Return position [m], (3,), and axes, (3, 3), of a body in a link's frame."""
-        axes = self.axes(link)
-        away = self.data.xpos[body] - self.data.xpos[link.root]
-        return axes.T @ away, axes.T @ self.data.xmat[body].reshape(3, 3)
-
-    def axes(self, link: Link) -> Array:
-        """Return the axes of a link's frame in the world, in columns, (3, 3)."""
-        return self.data.xmat[link.root].reshape(3, 3)
-
-    def turn(self, direction: Array, source: Link, target: Link) -> Array:
-        """Convert a direction (3,) from one link's frame to another's."""
-        return self.axes(target).T @ (self.axes(source) @ direction)
-
-    def anchor_in(self, link: Link, parent: Link) -> Array:
-        """Return where a link's first joint is in the frame of another [m], (3,)."""
-        position, axes = self.pose(link.root, parent)
-        return position + axes @ link.anchor()
 
     def bounds(self, link: Link, frame: Link) -> Array | None:
         """Return the box that holds a link's shapes, in the frame of another, (2, 3) [m]."""

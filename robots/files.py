@@ -60,6 +60,11 @@ def describe(error: Exception) -> str:
     return " ".join((reason or str(error) or type(error).__name__).split())
 
 
+def readable(name: str) -> str:
+    r"""Write what is not UTF-8 in the name of a file as \xff: all can print and store that."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def write_atomically(path: Path, content: str | bytes) -> None:
     """Write a file, text as UTF-8; see :func:`atomic_path`."""
     with atomic_path(path) as partial:

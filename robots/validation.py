@@ -9,6 +9,7 @@ if there is no problem.
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 import sys
 import tomllib
@@ -36,6 +37,9 @@ from msgspec import Meta
 from robots.files import describe, read_bounded
 
 MAX_TEXT = 4 * 2**20  # bytes; far above what such a file needs
+MOST_PARTS = 50  # of a dotted key
+_PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
 MANY = 3  # names that one message still lists
 
 T = TypeVar("T")
@@ -123,7 +127,13 @@ def find_unknown_keys(kind: type, table: dict[str, Any], place: str = "") -> lis
 
 def load_toml(file: Path) -> dict[str, Any]:
     """Load a TOML file; raises as `parse_file`."""
-    return parse_file(file, "TOML", tomllib.loads)
+    return parse_file(file, "TOML", _parse_toml)
+
+
+def _parse_toml(text: str) -> dict[str, Any]:
+    if LONG_KEY.search(text):  # tomllib's time grows with the square of the parts
+        raise ValueError(f"a key has {MOST_PARTS} parts or more")
+    return tomllib.loads(text)
 
 
 def parse_file(file: Path, language: str, parse: Callable[[str], T]) -> T:

@@ -17,6 +17,7 @@ from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.scenes.surface import Surface
 from robots import Robot, quaternion
 from robots.body.lengths import leg_length
+from robots.files import readable
 from robots.ground import GROUND_FRICTION
 from robots.quaternion import Array
 from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
@@ -186,7 +187,7 @@ def read_scene(file: Path, robot: Robot, name: str | None = None) -> Scene:
     """
     table = read_scene_table(file)
     try:
-        return build_scene(table, robot, name or file.stem)
+        return build_scene(table, robot, name or readable(file.stem))
     except ValueError as error:
         raise ValueError(f"scene {file}: {error}") from error
 

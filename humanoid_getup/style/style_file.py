@@ -15,7 +15,7 @@ from humanoid_getup.style.curves import POINTS, StyleCurves
 from humanoid_getup.style.style import Style
 from robots import Robot
 from robots.body.lengths import leg_length
-from robots.files import write_atomically
+from robots.files import readable, write_atomically
 from robots.quaternion import Array
 from robots.toml_document import Value, commented, plain, rounded, tables_of
 from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
@@ -113,14 +113,14 @@ def read_style(file: Path, robot: Robot) -> Style:
                 problems.append(f"curves {number}: {error}")
     if problems:
         raise StyleError(f"style file {file}: {'; '.join(problems)}")
-    return Style(name=file.stem, about=table.about, curves=tuple(curves))
+    return Style(name=readable(file.stem), about=table.about, curves=tuple(curves))
 
 
 def write_style(style: Style, robot: Robot, file: Path) -> None:
     """Write a style file whose durations are those of a robot."""
     document = tomlkit.document()
     if style.about:
-        document.add("about", tomlkit.item(style.about))
+        document.add("about", tomlkit.item(readable(style.about)))
     length = commented(rounded(leg_length(robot), DIGITS), f"m; of {robot.name}, as the durations")
     document.add("leg_length", length)
     document.add("curves", tables_of(map(_describe, style.curves)))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from robots.files import atomic_path, read_bounded, write_atomically
+from robots.files import atomic_path, describe, read_bounded, readable, write_atomically
 
 NOT_ROOT = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 
@@ -187,3 +187,19 @@ def test_a_full_disk_is_reported_with_the_name_of_the_file(tmp_path: Path):
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert caught.value.filename == str(tmp_path / "report.json")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "name", [b"plain", "\u00e4".encode(), b"n\xff.toml", b"\xc3", b"a\xf0\x9f"]
+)
+def test_any_name_of_a_file_can_be_printed(name: bytes):
+    text = readable(os.fsdecode(name))
+    assert text.encode("utf-8")
+    assert text == name.decode("utf-8", "backslashreplace")
+
+
+def test_an_error_is_described_in_one_line_without_the_name_of_the_file():
+    assert describe(FileNotFoundError(2, "No such file", "a")) == "No such file"
+    assert describe(OSError("broken")) == "broken"
+    assert describe(ValueError("a\n  b")) == "a b"
+    assert describe(MemoryError()) == "MemoryError"

@@ -1,6 +1,8 @@
 """`getup style`, and rises by a policy that follows a style."""
 
+import io
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +42,15 @@ def test_styles_are_listed_and_shown_with_their_curves(op3, tmp_path, capsys):
     first = styles[3]["curves"][0]
     assert first["front_deg"][:3] == pytest.approx([15.0, 20.0, 45.0])
     assert first["duration_s"] == pytest.approx(load_style("sit-up", op3).curves[0].duration)
+
+
+def test_a_name_that_is_not_utf8_is_printed(tmp_path, monkeypatch):
+    stdout = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
+    monkeypatch.setattr("sys.stdout", stdout)
+    out = tmp_path / os.fsdecode(b"n\xff.toml")
+    assert main(("style", "edit", "sit-up", "--slower", "1.2", "--out", str(out))) == 0
+    stdout.flush()
+    assert rb"n\udcff.toml" in stdout.detach().getvalue().replace(b"\n", b"")
 
 
 def test_an_edit_moves_the_rise_as_asked_and_says_so(op3, tmp_path, capsys):

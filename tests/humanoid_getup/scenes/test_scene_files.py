@@ -1,6 +1,7 @@
 """Scene files and scenes by name."""
 
 import math
+import os
 from pathlib import Path
 
 import mujoco
@@ -140,6 +141,18 @@ def test_a_wrong_file_is_refused_in_one_line(op3: Robot, tmp_path: Path, text: s
         load_scene(str(write(tmp_path, text)), op3)
     assert "\n" not in str(raised.value)
     assert "mine.toml" in str(raised.value)
+
+
+def test_a_file_whose_name_is_not_utf8_has_a_name_that_can_be_stored(op3: Robot, tmp_path: Path):
+    file = tmp_path / os.fsdecode(b"n\xff.toml")
+    file.write_text(FULL)
+    assert read_scene(file, op3).name == r"n\xff"
+
+
+def test_a_fifo_is_refused(op3: Robot, tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(ValueError, match="it is a FIFO, expected a file"):
+        load_scene(str(tmp_path / "pipe.toml"), op3)
 
 
 def test_a_missing_file_is_refused(op3: Robot):

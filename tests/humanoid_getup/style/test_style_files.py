@@ -1,6 +1,8 @@
 """Style files survive the trip, fit other bodies, and say all that is wrong with them."""
 
 import math
+import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,6 +75,13 @@ def test_a_written_style_reads_back(op3, tmp_path):
         assert one.start == other.start
         assert one.points == pytest.approx(other.points, abs=1e-3)
         assert one.duration == pytest.approx(other.duration, abs=1e-3)
+
+
+def test_a_style_from_a_file_whose_name_is_not_utf8_is_written(op3, tmp_path):
+    style, file = load_style("sit-up", op3), tmp_path / os.fsdecode(b"n\xff.toml")
+    write_style(replace(style, about=f"from {file.name}"), op3, file)
+    again = read_style(file, op3)
+    assert (again.name, again.about) == (r"n\xff", r"from n\xff.toml")
 
 
 def test_a_style_without_a_word_about_it_reads_back(op3, tmp_path):

@@ -37,9 +37,12 @@ from msgspec import Meta
 from robots.files import describe, read_bounded
 
 MAX_TEXT = 4 * 2**20  # bytes; far above what such a file needs
+MAX_TOML = 2**20  # bytes
+MOST_ROWS = 2000  # tables of one list
 MOST_PARTS = 50  # of a dotted key
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
+MOST_UNKNOWN = 20  # keys that are named
 MANY = 3  # names that one message still lists
 
 T = TypeVar("T")
@@ -107,27 +110,30 @@ def read_table(
 def find_unknown_keys(kind: type, table: dict[str, Any], place: str = "") -> list[str]:
     """Report keys that no field of a dataclass has, in this table and in those within."""
     names = {field.metadata.get("key", field.name): field.name for field in fields(kind)}
-    problems = []
+    problems, unknown = [], []
     for key, value in table.items():
         name = f"{place}{_as_key(key)}"
         if key not in names:
-            problems.append(f"unknown key {name}, expected {', '.join(names)}")
+            unknown.append(name)
             continue
         base = _split(_hints(kind)[names[key]])[0]
         item = _item_type(base)
         if is_dataclass(base) and isinstance(value, dict):
             problems += find_unknown_keys(base, value, f"{name}.")  # type: ignore[arg-type]
         elif is_dataclass(item) and isinstance(value, list):
-            for number, row in enumerate(value, start=1):
+            for number, row in enumerate(value[:MOST_ROWS], start=1):
                 if isinstance(row, dict):
                     where = _row_place(name, row, number)
                     problems += find_unknown_keys(item, row, where)  # type: ignore[arg-type]
-    return problems
+    told = [f"unknown key {name}, expected {', '.join(names)}" for name in unknown[:MOST_UNKNOWN]]
+    if more := len(unknown) - len(told):
+        told.append(f"{more} more unknown keys")
+    return problems + told
 
 
 def load_toml(file: Path) -> dict[str, Any]:
     """Load a TOML file; raises as `parse_file`."""
-    return parse_file(file, "TOML", _parse_toml)
+    return parse_file(file, "TOML", _parse_toml, MAX_TOML)
 
 
 def _parse_toml(text: str) -> dict[str, Any]:
@@ -136,14 +142,16 @@ def _parse_toml(text: str) -> dict[str, Any]:
     return tomllib.loads(text)
 
 
-def parse_file(file: Path, language: str, parse: Callable[[str], T]) -> T:
+def parse_file(
+    file: Path, language: str, parse: Callable[[str], T], max_bytes: int = MAX_TEXT
+) -> T:
     """Read and parse a text file in a language such as "TOML".
 
     Raises:
         ValueError: if that fails; the message is the reason, in one line.
     """
     try:
-        content = read_bounded(file, MAX_TEXT)
+        content = read_bounded(file, max_bytes)
     except OSError as error:
         raise ValueError(describe(error)) from error
     try:
@@ -193,6 +201,9 @@ def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
             _read(element, x, f"{place}[{i}]", problems) for i, (element, x) in enumerate(elements)
         )
     if is_dataclass(item):
+        if isinstance(value, list) and len(value) > MOST_ROWS:
+            problems.append(f"{place} has {len(value)} tables, expected at most {MOST_ROWS}")
+            return ()
         if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
             return tuple(
                 read_table(item, row, _row_place(place, row, i), problems)  # type: ignore[arg-type]

@@ -1,6 +1,8 @@
 """Tables are read by the types of a dataclass; every problem is reported with its place."""
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -8,7 +10,19 @@ import pytest
 from msgspec import Meta
 
 from robots.quaternion import Array
-from robots.validation import Names, Sign, on_axes, positive, read_table, whole
+from robots.validation import (
+    MAX_TOML,
+    MOST_ROWS,
+    MOST_UNKNOWN,
+    Names,
+    Sign,
+    find_unknown_keys,
+    load_toml,
+    on_axes,
+    positive,
+    read_table,
+    whole,
+)
 
 
 @dataclass(frozen=True)
@@ -119,3 +133,46 @@ def test_every_wrong_key_is_reported_once():
     read_table(Whole, wrong, "", problems)
     places = {problem.split(" ")[0].split(".")[0].split("[")[0] for problem in problems}
     assert places == (RIGHT.keys() | {"loud", "spare"}) - {"parts"} | {"parts"}
+
+
+def test_a_list_of_very_many_tables_is_one_problem():
+    problems: list[str] = []
+    rows = [{"name": 3, "extra": 1}] * (MOST_ROWS + 1)
+    read_table(Whole, RIGHT | {"parts": rows}, "", problems)
+    assert problems == [f"parts has {MOST_ROWS + 1} tables, expected at most {MOST_ROWS}"]
+
+
+def test_of_very_many_unknown_keys_some_are_named():
+    problems = find_unknown_keys(Whole, {f"key{number}": 1 for number in range(1000)})
+    assert len(problems) == MOST_UNKNOWN + 1
+    assert problems[-1] == f"{1000 - MOST_UNKNOWN} more unknown keys"
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"a." * 100_000 + b"b = 1", r"not TOML \(a key has 50 parts or more\)"),
+        (b"[" + b'"x" . ' * 100_000 + b"b]", "a key has 50 parts or more"),
+        (b"x = {" + b"'a'." * 100_000 + b"b = 1}", "a key has 50 parts or more"),
+        (b"x = " + b"[" * 100_000, "nested too deep"),
+        (b"a = 1\xff", r"not UTF-8 text \(byte 5\)"),
+        ("a = 1".encode("utf-16"), "not UTF-8 text"),
+        (b"#" * (MAX_TOML + 1), f"more than {MAX_TOML} bytes"),
+    ],
+)
+def test_a_file_that_is_no_plain_toml_is_refused(tmp_path: Path, content: bytes, told: str):
+    (tmp_path / "a.toml").write_bytes(content)
+    with pytest.raises(ValueError, match=told):
+        load_toml(tmp_path / "a.toml")
+
+
+def test_dots_in_texts_and_numbers_are_no_long_key(tmp_path: Path):
+    text = f'a = "{"word. " * 40}"\nb = [{"0.5, " * 200}]\nc.d.e = "{"." * 200}"'
+    (tmp_path / "a.toml").write_text(text)
+    assert load_toml(tmp_path / "a.toml")["c"] == {"d": {"e": "." * 200}}
+
+
+def test_a_fifo_is_refused(tmp_path: Path):
+    os.mkfifo(tmp_path / "a.toml")
+    with pytest.raises(ValueError, match="it is a FIFO, expected a file"):
+        load_toml(tmp_path / "a.toml")
